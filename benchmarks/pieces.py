@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from qlvbayes import read_study
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.record import with_zeros
@@ -20,7 +20,7 @@ TOGETHER = (("friction", "viscous_drag"), ("channel_lag", "frame_compliance"))
 
 def rows(file="data/hidden.csv"):
     """(hypothesis, first call s, us a set in pieces, us a set by itself)."""
-    space = search_of(prepare(read_study(file).pads[0])).density.space
+    space = build_search(prepare(read_study(file).pads[0])).density.space
     found = []
     for hypothesis in _hypotheses(space):
         own = space.parameters(hypothesis)

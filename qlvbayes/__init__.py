@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from qlvbayes.app.bench.model import ByHand
     from qlvbayes.comparison.compare import compare
     from qlvbayes.comparison.contrast import Comparison
+    from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
     from qlvbayes.diagnosis.result import DiagnosisResult
-    from qlvbayes.diagnosis.telling.verdict import Diagnosis
+    from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
     from qlvbayes.fitting.ensemble import Settings
     from qlvbayes.fitting.fit import Fit
     from qlvbayes.fitting.prediction import Prediction
@@ -61,7 +62,7 @@ _HOMES = {
     "CheckResult": "fitting.residuals.CheckResult",
     "Choices": "model.choices.Choices",
     "Comparison": "comparison.contrast.Comparison",
-    "Diagnosis": "diagnosis.telling.verdict.Diagnosis",
+    "Diagnosis": "diagnosis.summary.diagnosis.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
     "Experiment": "motion.experiment.Experiment",
     "FirstLook": "motion.firstlook.result.FirstLook",
@@ -74,9 +75,11 @@ _HOMES = {
     "Pad": "io.data.Pad",
     "Prediction": "fitting.prediction.Prediction",
     "RelaxationReport": "fitting.relaxation.RelaxationReport",
+    "SearchProgress": "diagnosis.progress.SearchProgress",
     "Settings": "fitting.ensemble.Settings",
     "Specimen": "pipeline.specimen.Specimen",
     "Stepper": "use.stepper.Stepper",
+    "StopSearch": "diagnosis.progress.StopSearch",
     "Study": "pipeline.specimen.Study",
     "Test": "io.data.Test",
     "compare": "comparison.compare.compare",
@@ -117,9 +120,11 @@ __all__ = [
     "Pad",
     "Prediction",
     "RelaxationReport",
+    "SearchProgress",
     "Settings",
     "Specimen",
     "Stepper",
+    "StopSearch",
     "Study",
     "Test",
     "compare",

@@ -8,7 +8,7 @@ from support.hidden_pads import FEW, hidden_pad, said_otherwise
 from qlvbayes.diagnosis.checks.outcome import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Estimate
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.model.choices import Choices
 from qlvbayes.simulate import HIDDEN
@@ -59,8 +59,8 @@ def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(eithe
 def test_one_of_the_group_is_there_by_the_posterior(either):
     told = either.result
     held = [r.inclusion for r in told.ranking if r.effect in told.group]
-    assert sum(held) >= Settings().covered
-    assert max(held) < Settings().named
+    assert sum(held) >= DiagnosisSettings().covered
+    assert max(held) < DiagnosisSettings().named
 
 
 @pytest.mark.slow

@@ -10,14 +10,14 @@ import pytest
 from qlvbayes.app import job
 from qlvbayes.app.job import ProgressReporter, _choices
 from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.standing import Enough, Standing
+from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 DATA = Path(__file__).parents[1] / "data" / "pads.csv"
-STANDING = Standing(
+STANDING = SearchProgress(
     "effects",
     3,
     Hypothesis("hertz", "prony:2"),
@@ -59,7 +59,7 @@ def test_a_search_tells_the_probabilities_so_far(told):
     inclusion = {"friction": 0.2, "viscous_drag": 0.7}
     decision = Decision("ambiguous", (), (), inclusion, base, 0.0, 0)
     best = Hypothesis("hertz", "prony:2")
-    watcher.searched("B", Standing("effects", 3, best, decision))
+    watcher.searched("B", SearchProgress("effects", 3, best, decision))
     found = next(line["standing"] for line in lines if "standing" in line)
     assert found["pad"] == "B"
     assert [(one["effect"], one["probability"]) for one in found["ranking"]] == [
@@ -79,7 +79,7 @@ def test_a_search_that_has_told_enough_ends_once(told):
     watcher, lines = told
     watcher.searched("B", STANDING)
     watcher.enough()
-    with pytest.raises(Enough):
+    with pytest.raises(StopSearch):
         watcher.searched("B", STANDING)
     assert sum("standing" in line for line in lines) == 2
     watcher.searched("B", STANDING)
@@ -104,8 +104,11 @@ def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
     job.diagnosed(spec, None)
     job.sampled(spec, None)
     runs = Runs.read(tmp_path / "run.json").runs
-    assert runs["diagnose"].settings == {"evidence": "laplace", "thresholds": asdict(Thresholds())}
-    assert told["diagnose_into"]["thresholds"] == Thresholds()
+    assert runs["diagnose"].settings == {
+        "evidence": "laplace",
+        "thresholds": asdict(DiagnosisSettings()),
+    }
+    assert told["diagnose_into"]["thresholds"] == DiagnosisSettings()
     sampler = asdict(Settings())
     assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
     assert told["fit_into"]["settings"] == Settings()

@@ -6,7 +6,7 @@ from budget import by_fit, least_squares, paired, rises
 from budget_page import MOST, budget_page
 from page import Origin
 
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.study import make_study
 from qlvbayes.inference.modes import rough_mode
@@ -30,8 +30,8 @@ def test_the_fall_is_paired_over_the_tests():
 
 def test_least_squares_leaves_least_whatever_it_begins_from():
     """From a fit that is far off, the same as from the fit under coarse noise."""
-    search = search_of(prepare(make_study(Population(416), 283).pad))
-    density, plain = search.density, search.usual
+    search = build_search(prepare(make_study(Population(416), 283).pad))
+    density, plain = search.density, search.baseline
     observed, real = np.asarray(density.space.record.blocks.force), density.space.real
 
     def rms(point):

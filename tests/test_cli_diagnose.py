@@ -12,7 +12,7 @@ from support.endtoend import call, keeps_check_contract, keeps_summary_contract,
 from qlvbayes import read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects import check_effect
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
 from qlvbayes.fitting.pad_check import Curves
@@ -106,7 +106,7 @@ def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
 
 def test_what_was_tried_travels_in_the_verdict(study):
     used = DiagnosisResult.read(study[0] / "diagnosis.json").settings
-    assert used.thresholds == Settings()
+    assert used.thresholds == DiagnosisSettings()
     assert {"exponential", "hertz"} <= set(used.elastic)
     assert "prony:2" in used.relaxation
     assert set(used.effects) == {kind.name for kind in EVERY}

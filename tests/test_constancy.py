@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from support.hidden_pads import FEW, hidden_pad
 
+from qlvbayes.diagnosis.candidate import candidate_at
 from qlvbayes.diagnosis.checks.constancy import log_bayes_factor, log_odds_of_varying
 from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Imitation
-from qlvbayes.diagnosis.weighed import weigh
-from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad
@@ -34,13 +34,13 @@ def pad_with_drags(etas, seed=0):
 
 def log_odds(etas, seed=0):
     experiment = pad_with_drags(etas, seed)
-    search = search_of(experiment, kinds=FEW)
+    search = build_search(experiment, kinds=FEW)
     density, space = search.density, search.density.space
     start = np.median(space.prior_draws(DRAG), axis=0)
     mode = find_mode(density, DRAG, start)
-    found = weigh(density, DRAG, mode, search.settings.tolerance)
+    found = candidate_at(density, DRAG, mode, search.settings.tolerance)
     return log_odds_of_varying(
-        density, Samples.of(experiment, space), found, "viscous_drag", IMITATION
+        density, Samples.from_experiment(experiment, space), found, "viscous_drag", IMITATION
     )
 
 

@@ -7,17 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, of_effects, unless_sound
+from qlvbayes.diagnosis.decision import (
+    Weight,
+    apply_adequacy,
+    decide,
+    ignore_unmodelled,
+    restrict_to,
+)
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.summing_up import unlikely_over_all
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
+from qlvbayes.diagnosis.verdict import Verdict
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
 
 
-def weight(effects, probability, *, base=EXP, outside=0.0):
-    return Weight(base, frozenset(effects.split()), float(np.log(probability)), outside)
+def weight(effects, probability, *, base=EXP, unmodelled=0.0):
+    return Weight(base, frozenset(effects.split()), float(np.log(probability)), unmodelled)
 
 
 def test_nothing_is_missing_where_the_plain_model_is_likeliest():
@@ -53,77 +60,77 @@ def test_a_group_may_stand_beside_a_named_effect():
 
 
 def test_what_is_named_beside_something_outside_is_part_of_the_truth():
-    found = decide([weight("drag", 0.98, outside=0.99), weight("", 0.02, outside=1.0)])
+    found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
     assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
 
 
 def test_what_stands_for_the_answer_has_just_the_effects_named():
     weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
-    assert weights[decide(weights).told].effects == {"drag"}
+    assert weights[decide(weights).selected].effects == {"drag"}
 
 
 def test_what_is_left_and_unnamed_is_unexplained():
     weights = [weight("", 0.6), weight("drag", 0.4)]
-    found = unless_sound(decide(weights), weights, sound=False)
+    found = apply_adequacy(decide(weights), weights, adequate=False)
     assert (found.verdict, found.effects, found.group) == ("unexplained", (), ())
 
 
 def test_what_is_named_stays_named_beside_structure():
     weights = [weight("drag", 0.99), weight("", 0.01)]
-    found = unless_sound(decide(weights), weights, sound=False)
+    found = apply_adequacy(decide(weights), weights, adequate=False)
     assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
 
 
 def test_what_passes_as_noise_is_not_outside():
-    weights = [weight("drag", 0.98, outside=0.7), weight("", 0.02, outside=0.9)]
-    assert decide(weights).outside == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
-    found = decide(listed(weights))
+    weights = [weight("drag", 0.98, unmodelled=0.7), weight("", 0.02, unmodelled=0.9)]
+    assert decide(weights).unmodelled == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+    found = decide(ignore_unmodelled(weights))
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
-    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, listed=False)
+    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, nameable=False)
     weights = [free, weight("drag", 1e-9), weight("", 1e-12)]
     found = decide(weights)
     assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
-    assert found.outside == pytest.approx(1.0)
-    found = decide(listed(weights))
+    assert found.unmodelled == pytest.approx(1.0)
+    found = decide(ignore_unmodelled(weights))
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
-    assert weights[found.told].base == EXP
+    assert weights[found.selected].base == EXP
 
 
 def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
-    found = decide(of_effects(weights, {"inertia"}))
+    found = decide(restrict_to(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
-    assert weights[found.told].effects == {"inertia"}
+    assert weights[found.selected].effects == {"inertia"}
 
 
 def test_what_is_likely_only_beside_a_refused_effect_is_not_named():
     weights = [weight("drag film lag", 0.98), weight("drag", 0.0195), weight("drag lag", 0.0005)]
     assert set(decide(weights).effects) == {"drag", "film", "lag"}
-    found = decide(of_effects(weights, {"drag", "lag"}))
+    found = decide(restrict_to(weights, {"drag", "lag"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_what_takes_the_place_of_a_refused_effect_is_not_named():
     weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
-    found = decide(of_effects(weights, {"drag"}))
+    found = decide(restrict_to(weights, {"drag"}))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
-    assert weights[found.told].effects == {"drag"}
+    assert weights[found.selected].effects == {"drag"}
     none = [weight("film", 0.9), weight("lag", 0.06), weight("", 0.04)]
-    assert decide(of_effects(none, ())).verdict == "adequate"
+    assert decide(restrict_to(none, ())).verdict == "adequate"
 
 
 def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
-    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, listed=False)
+    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, nameable=False)
     weights = [free, weight("drag film", 1e-9), weight("drag", 1e-13)]
     over_all = decide(weights).inclusion
     outcome = SimpleNamespace(
         experiment=SimpleNamespace(pad="C"), inclusion=over_all.__getitem__,
-        search=SimpleNamespace(settings=Settings()),
+        search=SimpleNamespace(settings=DiagnosisSettings()),
     )  # fmt: skip
-    (said,) = unlikely_over_all(outcome, decide(listed(weights)))
+    (said,) = unlikely_over_all(outcome, decide(ignore_unmodelled(weights)))
     assert "pad C: film is named" in said
     assert "(probability > 99.9 %)" in said
     assert "over all hypotheses its probability is < 0.1 %" in said
@@ -137,8 +144,8 @@ def test_the_base_told_is_likely_without_what_is_refused():
         weight("film", 0.0004),
         weight("film", 0.0001, base=HERTZ),
     ]
-    found = decide(of_effects(weights, {"film"}))
-    assert weights[found.told].base == EXP
+    found = decide(restrict_to(weights, {"film"}))
+    assert weights[found.selected].base == EXP
     assert found.base[EXP] == pytest.approx(0.8)
 
 
@@ -170,7 +177,7 @@ def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
     found = decide(weights)
     assert (found.verdict, found.effects) == ("missing_effect", ("friction",))
     assert found.inclusion == pytest.approx({"friction": 0.95, "lag": 0.25})
-    assert weights[found.told].forms == {"friction": "coulomb"}
+    assert weights[found.selected].forms == {"friction": "coulomb"}
 
 
 def test_forms_of_one_effect_are_no_group():
@@ -184,19 +191,19 @@ def test_what_names_nothing_is_outside_and_never_named():
     weights = within(weight("wander", 0.98), weight("", 0.02))
     found = decide(weights)
     assert (found.verdict, found.effects, found.inclusion) == ("unexplained", (), {})
-    assert found.outside == pytest.approx(0.98)
+    assert found.unmodelled == pytest.approx(0.98)
     weights = within(weight("wander coulomb", 0.6), weight("coulomb", 0.38), weight("", 0.02))
     found = decide(weights)
     assert (found.verdict, found.effects) == ("partly_explained", ("friction",))
-    assert found.outside == pytest.approx(0.6)
-    inside = decide(listed(weights))
-    assert (inside.verdict, inside.told) == ("missing_effect", 1)
+    assert found.unmodelled == pytest.approx(0.6)
+    inside = decide(ignore_unmodelled(weights))
+    assert (inside.verdict, inside.selected) == ("missing_effect", 1)
 
 
 def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
     weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
-    found = decide(of_effects(weights, {"lag"}))
-    assert (found.verdict, found.effects, found.told) == ("missing_effect", ("lag",), 1)
+    found = decide(restrict_to(weights, {"lag"}))
+    assert (found.verdict, found.effects, found.selected) == ("missing_effect", ("lag",), 1)
 
 
 PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)
@@ -206,11 +213,11 @@ PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)
 def test_probabilities_are_probabilities(values, data):
     names = st.sets(st.sampled_from(["drag", "film", "leak"]))
     weights = [
-        weight(" ".join(data.draw(names)), value, outside=data.draw(st.floats(0.0, 1.0)))
+        weight(" ".join(data.draw(names)), value, unmodelled=data.draw(st.floats(0.0, 1.0)))
         for value in values
     ]
     found = decide(weights)
-    assert found.verdict in VERDICTS
+    assert found.verdict in list(Verdict)
     assert sum(found.base.values()) == pytest.approx(1.0)
     assert all(0.0 <= p <= 1.0 + 1e-9 for p in found.inclusion.values())
     assert set(found.effects).isdisjoint(found.group)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.checks.decisive import decisive, fewest, log_densities
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import find
 from qlvbayes.inference.modes import find_modes
 from qlvbayes.simulate.hidden import ViscousDrag
@@ -30,16 +30,16 @@ def test_no_smaller_set_carries_half(values):
 def searched():
     """A pad with drag, seen without it and with it, and a lag of next to nothing."""
     experiment = hidden_pad(ViscousDrag(eta=0.004), rates=(1.0, 20.0))
-    search = search_of(experiment, kinds=[find("viscous_drag")])
+    search = build_search(experiment, kinds=[find("viscous_drag")])
     search.begin()
-    with_drag = search.usual.plus("viscous_drag")
+    with_drag = search.baseline.plus("viscous_drag")
     theta = search.density.space.parameters(with_drag)
     start = np.zeros(theta.size)
-    point = search.modes[search.usual][0].point
+    point = search.modes[search.baseline][0].point
     start[theta.positions_of(point.own)] = point.theta
     start[-1] = 0.1
     found = find_modes(search.density, with_drag, start)
-    search._keep(with_drag, search._weighed(with_drag, found))
+    search.keep(with_drag, search.candidates_from(with_drag, found))
     return experiment, search, with_drag
 
 
@@ -47,7 +47,7 @@ def searched():
 def test_the_block_means_log_densities_add_up_to_the_likelihood(searched, effects):
     _, search, _ = searched
     density = search.density
-    found = search.modes[replace(search.usual, effects=effects)][0]
+    found = search.modes[replace(search.baseline, effects=effects)][0]
     terms = density.terms(found.point, found.mode.size)
     expected = density.log_constant - (terms.loss - found.point.prior.loss)
     assert log_densities(density, found).sum() == pytest.approx(float(expected), rel=1e-9)
@@ -56,7 +56,7 @@ def test_the_block_means_log_densities_add_up_to_the_likelihood(searched, effect
 def test_a_drag_is_carried_by_many_and_one_reading_is_told_as_one(searched):
     experiment, search, with_drag = searched
     density = search.density
-    found, without = search.modes[with_drag][0], search.modes[search.usual][0]
+    found, without = search.modes[with_drag][0], search.modes[search.baseline][0]
     drag = decisive(density, experiment.trials, found, without)
     assert drag.blocks > 4  # of two coarsely sampled tests
     assert drag.phase in ("ramp", "unload")

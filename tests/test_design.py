@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from qlvbayes.diagnosis.candidate import candidate_at
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.suggest import believed, promised, suggest
-from qlvbayes.diagnosis.weighed import weigh
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence, suggest
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.evaluation.study import measured
@@ -46,16 +46,16 @@ def fitted(tests):
     """Experiment, density, and the modes with an offset and with a drift."""
     white = Choices(noise="white")
     experiment = as_chosen(prepare(Pad("B", tests, PAD)), white)
-    search = search_of(experiment, white, kinds=EFFECTS)
-    search.see(search.usual)
-    plain = search.modes[search.usual][0]
+    search = build_search(experiment, white, kinds=EFFECTS)
+    search.evaluate(search.baseline)
+    plain = search.modes[search.baseline][0]
     found = []
     for effect in EFFECTS:
-        hypothesis = search.usual.plus(effect.name)
+        hypothesis = search.baseline.plus(effect.name)
         own = search.density.space.parameters(hypothesis)
         start = shapes(search.density.space, plain.point, own, effect.name)[0]
         mode = find_mode(search.density, hypothesis, start)
-        found.append(weigh(search.density, hypothesis, mode, 0.0))
+        found.append(candidate_at(search.density, hypothesis, mode, 0.0))
     return experiment, search.density, found
 
 
@@ -91,8 +91,8 @@ def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""
     experiment, density, found = present
     again = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0, wait=HOUR)
-    rig = Rig.of_tests(experiment)
-    (promise,) = promised(experiment, rig, believed(density, found), [again], 0.0)
+    rig = Rig.from_tests(experiment)
+    (promise,) = expected_evidence(experiment, rig, equal_belief(density, found), [again], 0.0)
     first, later = ramps(0, ("one",)), experiment.scales.clock + HOUR
     gains = []
     for seed in range(1, AGAIN + 1):

@@ -14,11 +14,11 @@ from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.progress import StopSearch
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import ParameterBias
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.standing import Enough
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.modes import find_mode
@@ -83,7 +83,7 @@ def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
     def watch(standing):
         standings.append(standing)
         if standing.decision.inclusion.get("viscous_drag", 0.0) > 0.9:
-            raise Enough
+            raise StopSearch
 
     pad = measured([HIDDEN["viscous_drag"](eta=0.004)])
     found = diagnose(pad, kinds=FEW, watch=watch)
@@ -170,9 +170,9 @@ def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
 
 def _not_seen(experiment):
     """Effects that the tests cannot show, and why; no search is run for it."""
-    search = search_of(experiment, kinds=OF_UNLOADING)
-    search.see(search.usual)
-    found = responses(search, search.modes[search.usual][0])
+    search = build_search(experiment, kinds=OF_UNLOADING)
+    search.evaluate(search.baseline)
+    found = responses(search, search.modes[search.baseline][0])
     return {
         u.effect: u.reason for u in unseen(found, search, protocol_of(experiment, bonded=False))
     }
@@ -222,28 +222,30 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     for seed in range(20):
         experiment = measured(seed=100 + seed)
         found = _plain_point(experiment, work)
-        below += adequacy(experiment, found[0], found[1], Settings().cells).p_value < 0.1
+        below += adequacy(experiment, found[0], found[1], DiagnosisSettings().cells).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
 def _plain_point(experiment, work):
     """Record and mode of the plain model of the same pad under other noise."""
-    search = search_of(experiment, kinds=())
+    search = build_search(experiment, kinds=())
     start = work.path[0].point.theta
-    return search.density.space.record, find_mode(search.density, search.usual, start).point
+    return search.density.space.record, find_mode(search.density, search.baseline, start).point
 
 
 @pytest.mark.slow
 def test_left_out_is_predicted_from_the_others_only(drag):
     """What a test's own readings are has no part in what is predicted of it."""
     work = drag.work
-    search, told = work.search, work.told
+    search, told = work.search, work.selected
     expected = held_out(search.density, work.samples, told).by_part[0]
     trials = work.experiment.trials
     other = replace(trials[0], test=replace(trials[0].test, force=trials[0].test.force + 0.5))
     shifted = replace(work.experiment, trials=(other, *trials[1:]))
-    moved = search_of(shifted, kinds=(type(search.density.space.effects["viscous_drag"]),))
-    found = held_out(moved.density, Samples.of(shifted, moved.density.space), told).by_part[0]
+    moved = build_search(shifted, kinds=(type(search.density.space.effects["viscous_drag"]),))
+    found = held_out(
+        moved.density, Samples.from_experiment(shifted, moved.density.space), told
+    ).by_part[0]
     assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
 
@@ -254,7 +256,7 @@ def test_samples_are_predicted_as_by_the_model_itself(drag):
     Their grids differ; each is within a quarter of an encoder step of the motion.
     """
     work = drag.work
-    told, samples = work.told, work.samples
+    told, samples = work.selected, work.samples
     model, _ = told.point.own.posterior.with_constants(jnp.asarray(told.point.constants))
     predicted = samples.predict(told.hypothesis, told.point.constants[None])
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
@@ -270,7 +272,7 @@ def test_of_one_test_alone_phases_are_left_out():
     """What is told as left out is never the error of the fit."""
     found = diagnose(measured(rates=(20.0,)), kinds=FEW)
     work = found.work
-    left_out = held_out(work.search.density, work.samples, work.told)
+    left_out = held_out(work.search.density, work.samples, work.selected)
     assert len(left_out.by_part) == len(work.experiment.trials[0].phases)
     assert left_out.rmse > found.result.stages[-1].rmse
     assert found.result.stages[-1].heldout_rmse == pytest.approx(left_out.rmse, rel=1e-12)

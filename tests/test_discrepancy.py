@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.checks.samples import Samples
-from qlvbayes.diagnosis.telling.discrepancy import discrepancy
-from qlvbayes.diagnosis.telling.work import Work
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.summary.discrepancy import discrepancy
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Locations, covariance
 from qlvbayes.simulate import OUTSIDE
 
@@ -68,7 +68,7 @@ def test_correlations_fall_over_the_lengths_of_the_prior():
 
 def test_a_pads_blocks_are_covered():
     experiment = hidden_pad(rates=(1.0, 20.0))
-    search = search_of(experiment, kinds=())
+    search = build_search(experiment, kinds=())
     blocks = search.density.space.record.blocks
     features = Features.from_locations(Locations.from_blocks(experiment, experiment.trials, blocks))
     assert len(search.density.discrepancy.features) == features.factor.shape[0]
@@ -77,17 +77,17 @@ def test_a_pads_blocks_are_covered():
 
 def left_by_the_plain_model(experiment):
     """The plain model alone at its mode, and what it leaves of every sample (N)."""
-    search = search_of(experiment, kinds=())
-    search.see(search.usual)
-    told = search.modes[search.usual][0]
-    samples = Samples.of(experiment, search.density.space)
+    search = build_search(experiment, kinds=())
+    search.evaluate(search.baseline)
+    told = search.modes[search.baseline][0]
+    samples = Samples.from_experiment(experiment, search.density.space)
     residuals = samples.residuals(told.hypothesis, told.point.constants)
-    return Work(experiment, search, samples, (told,), ()), residuals
+    return DiagnosisWork(experiment, search, samples, (told,), ()), residuals
 
 
 def test_where_nothing_is_left_the_discrepancy_is_nothing():
     work, residuals = left_by_the_plain_model(hidden_pad(rates=(1.0, 20.0)))
-    assert work.told.mode.size == 0.0
+    assert work.selected.mode.size == 0.0
     for band, residual in zip(discrepancy(work), residuals, strict=True):
         assert band.mean.shape == band.sd.shape == residual.shape
         assert not band.mean.any()
@@ -113,4 +113,4 @@ def test_what_is_left_is_the_discrepancy_and_noise():
     assert chi_square(work, residuals) > 1.5
     assert chi_square(work, rest) == pytest.approx(1.0, abs=0.2)
     sds = np.concatenate([band.sd for band in bands])
-    assert np.all((sds > 0.0) & (sds < work.told.mode.size))  # surer than without the tests
+    assert np.all((sds > 0.0) & (sds < work.selected.mode.size))  # surer than without the tests

@@ -116,11 +116,11 @@ def test_every_command_stands_on_the_page_of_commands(site, building):
 
 
 def test_the_computation_quotes_the_thresholds_of_the_code(site):
-    from qlvbayes.diagnosis.settings import Settings
+    from qlvbayes.diagnosis.settings import DiagnosisSettings
 
     text = re.sub(r"<[^>]+>", "", (site / "computation.html").read_text(encoding="utf-8"))
     settings: dict[str, object] = {}
-    for name, value in vars(Settings()).items():
+    for name, value in vars(DiagnosisSettings()).items():
         several = (
             {f"{name}.{key}": own for key, own in vars(value).items()}
             if is_dataclass(value)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchrun import run_search
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -19,7 +20,7 @@ RATES = (1.0, 20.0, 100.0)
 @pytest.fixture(scope="module")
 def plain():
     """A search over all effects that knows the plain model's mode, of tests that lose contact."""
-    search = search_of(hidden_pad(rates=RATES, protocol=full_retraction_protocol))
+    search = build_search(hidden_pad(rates=RATES, protocol=full_retraction_protocol))
     search.begin()
     return search
 
@@ -62,11 +63,11 @@ def test_hidden_adhesion_is_found():
     """Where the gap it leaves could be taken for an offset of the force."""
     hidden = HIDDEN["adhesion"](strength=0.03)
     kinds = tuple(map(find, ("adhesion", "force_offset", "contact_offset")))
-    search = search_of(
+    search = build_search(
         hidden_pad(hidden, rates=RATES, protocol=full_retraction_protocol), kinds=kinds
     )
-    search.run()
+    run_search(search)
     assert "adhesion" in search.best.effects
-    point = search.seen[search.best].point
+    point = search.candidates[search.best].point
     strength = point.constants[point.own.names.index("adhesion.strength")]
     assert strength == pytest.approx(0.03, rel=0.2)

@@ -10,14 +10,14 @@ from support.posteriors import drawn, vectors, written
 from support.savedfit import REACH, draws
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.diagnosis.result import Laws
+from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.fitting.results import load, save
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.prescribed.hypotheses import FILE, DrawnHypothesis, Hypotheses
 
 PROGRAM = "ramp 1.6 mm at 20 mm/s, hold 5 s"
-LAWS = Laws("exponential", "prony:2")
+LAWS = LawPair("exponential", "prony:2")
 
 
 def hypothesis(probability, count, *effects, stiffer=1.0, **constants):

@@ -12,7 +12,7 @@ from scipy.stats import kstest, multivariate_normal
 from support.endtoend import experiment
 
 from qlvbayes.diagnosis.diagnose import nested_audit
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.inference.nested_sampling import nested_evidence
 from qlvbayes.model.choices import Choices
@@ -102,8 +102,8 @@ def test_nested_sampling_agrees_with_laplace_on_a_real_pad():
     """One relaxation mode over one test: few numbers, a quick run."""
     one = experiment()
     alone = replace(one, trials=one.with_role("fit"))
-    search = search_of(alone, Choices(modes=1), kinds=())
-    search.see(search.usual)
+    search = build_search(alone, Choices(modes=1), kinds=())
+    search.evaluate(search.baseline)
     (found,) = nested_audit(search)
     assert found.effect == "exponential, prony:1"
     assert found.error < 1.0  # more would agree with anything

@@ -13,20 +13,26 @@ from support.endtoend import PADS, call, one_line
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.diagnosis.nexttest.belief import Explanation, normalised
-from qlvbayes.diagnosis.nexttest.design import FORGOTTEN, LEAST_WAIT, Design, Recovery, drawn
+from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
+from qlvbayes.diagnosis.nexttest.design import (
+    FORGOTTEN,
+    LEAST_WAIT,
+    Design,
+    RecoveryTime,
+    draw_designs,
+)
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.judging import Trial, judged
+from qlvbayes.diagnosis.nexttest.montecarlo import WhitenedTests, monte_carlo_bits
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screened
-from qlvbayes.diagnosis.nexttest.series import Wish, bits_for_constants, planned_series
+from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.diagnosis.nexttest.series import Goal, bits_for_constants, plan_series
 from qlvbayes.diagnosis.nexttest.setpoints import PAUSE, as_csv, set_points
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.result import Alternative, Laws
+from qlvbayes.diagnosis.result import Alternative, LawPair
 from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
@@ -34,10 +40,10 @@ from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.pipeline.designing import design_into, likely
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
-ERRORS = Errors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
+ERRORS = ReadingErrors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
 PRESS = Design(1.5, 10.0, 1000.0, hold=5.0, share=1.0, rest=5.0, wait=40.0)
 SLOW = replace(PRESS, speed=1.0)
-RECOVERY = Recovery(((np.array([0.63, 0.07]), np.array([6.2, 0.14])),))
+RECOVERY = RecoveryTime(((np.array([0.63, 0.07]), np.array([6.2, 0.14])),))
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +51,11 @@ def pad():
     """The belief in a fit whose constants are known to 3 %."""
     fit = saved()
     one = explanation_of_draws(fit.choices, fit.names, fit.draws, REACH.depth)
-    return normalised([one])
+    return Belief.from_explanations([one])
 
 
 def bits(belief, errors, names=("m", "b"), designs=(PRESS,)):
-    products, _ = screened(belief, designs, RIG, errors, 0.0)
+    products, _ = screen(belief, designs, RIG, errors, 0.0)
     return bits_for_constants(belief, products, names)
 
 
@@ -181,24 +187,26 @@ def test_bits_for_a_cause_of_several_explanations_lie_between_their_bounds(seed)
 def test_laws_of_one_cause_are_one_answer():
     """Two explanations far apart tell nothing of a cause that both have."""
     far = replace(law([0.001], 0.4, force=0.1), cause="drag")
-    one = normalised([replace(law([0.001], 0.6), cause="drag"), far])
-    found, _ = screened(one, [PRESS], RIG, ERRORS, 0.0)
+    one = Belief.from_explanations([replace(law([0.001], 0.6), cause="drag"), far])
+    found, _ = screen(one, [PRESS], RIG, ERRORS, 0.0)
     assert one.causes == {"drag": pytest.approx(1.0)}
     assert one.entropy == 0.0
     assert found.bits_for_cause(one.probabilities)[0][0] > 0.9
     assert [x[0] for x in found.bits_for_cause(one.probabilities, one.groups)] == [0.0, 0.0]
     assert evidence(found, one.groups)[0] == 0.0
-    assert judged(one, [PRESS], RIG, ERRORS, ()).cause == pytest.approx(0.0, abs=1e-12)
-    two = normalised([*one.explanations, replace(law([0.001], 1.0, force=0.2), cause="leak")])
-    told = judged(two, [PRESS], RIG, ERRORS, ())
+    assert monte_carlo_bits(one, [PRESS], RIG, ERRORS, ()).cause == pytest.approx(0.0, abs=1e-12)
+    two = Belief.from_explanations(
+        [*one.explanations, replace(law([0.001], 1.0, force=0.2), cause="leak")]
+    )
+    told = monte_carlo_bits(two, [PRESS], RIG, ERRORS, ())
     assert told.cause == pytest.approx(two.entropy, abs=0.01)
     assert two.entropy == pytest.approx(1.0)
 
 
 def test_a_cause_counts_by_all_its_laws_and_forms():
     """Four percent on each of two laws are a cause; so are the forms of one family together."""
-    usual, other = Laws("exponential", "prony:2"), Laws("hertz", "prony:2")
-    families = Families.of_kinds(EVERY)
+    usual, other = LawPair("exponential", "prony:2"), LawPair("hertz", "prony:2")
+    families = Families.from_kinds(EVERY)
     found = likely(
         [
             Alternative(usual, ("viscous_drag",), 0.5),
@@ -222,12 +230,10 @@ def test_a_cause_counts_by_all_its_laws_and_forms():
 
 def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
     """No design that fits tells clearly more than the proposed one."""
-    belief = normalised([law([0.002]), law([0.002], force=0.004)])
-    plan = planned_series(
-        belief, RIG, ERRORS, Wish((), True), minutes=6.0, tests=1, count=64, best=0
-    )
-    designs = drawn(RIG, belief.recovery, 360.0, 64, 0)
-    found, _ = screened(belief, designs, RIG, ERRORS, 0.0)
+    belief = Belief.from_explanations([law([0.002]), law([0.002], force=0.004)])
+    plan = plan_series(belief, RIG, ERRORS, Goal((), True), minutes=6.0, tests=1, count=64, best=0)
+    designs = draw_designs(RIG, belief.recovery, 360.0, 64, 0)
+    found, _ = screen(belief, designs, RIG, ERRORS, 0.0)
     low = found.bits_for_cause(belief.probabilities, belief.groups)[0]
     (best,) = plan.tests
     assert best.cause > low.max() - 0.011
@@ -240,10 +246,10 @@ def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
 
 def test_marginals_of_a_linear_law_are_exact():
     """Judged bits are those of the closed form, for one of two constants and for the cause."""
-    belief = normalised([law([0.02, 0.01], 0.6), law([0.02], 0.4, force=0.01)])
-    found, _ = screened(belief, [PRESS], RIG, ERRORS, 0.0)
+    belief = Belief.from_explanations([law([0.02, 0.01], 0.6), law([0.02], 0.4, force=0.01)])
+    found, _ = screen(belief, [PRESS], RIG, ERRORS, 0.0)
     expected = bits_for_constants(belief, found, ("a0",))[0]
-    told = judged(belief, [PRESS], RIG, ERRORS, ("a0",))
+    told = monte_carlo_bits(belief, [PRESS], RIG, ERRORS, ("a0",))
     assert told.constants == pytest.approx(expected, abs=1e-6)
     low, high = (x[0] for x in found.bits_for_cause(belief.probabilities))
     assert low - 0.02 < told.cause < high + 0.02
@@ -251,9 +257,9 @@ def test_marginals_of_a_linear_law_are_exact():
 
 def test_bits_of_a_bent_law_are_those_of_plain_nested_monte_carlo():
     """One constant, force as z^3: the inner average over 20 000 draws of the prior."""
-    belief = normalised([law([0.01], power=3.0)])
-    told = judged(belief, [PRESS], RIG, ERRORS, ("a0",), outer=200, inner=40)
-    trial = Trial(belief, [PRESS], RIG, ERRORS, 0.0)
+    belief = Belief.from_explanations([law([0.01], power=3.0)])
+    told = monte_carlo_bits(belief, [PRESS], RIG, ERRORS, ("a0",), outer=200, inner=40)
+    trial = WhitenedTests(belief, [PRESS], RIG, ERRORS, 0.0)
     rng = np.random.default_rng(1)
     one = belief.explanations[0]
     z, prior = rng.standard_normal((400, 1)), rng.standard_normal((20_000, 1))
@@ -270,7 +276,7 @@ def test_bits_of_a_bent_law_are_those_of_plain_nested_monte_carlo():
 
 def test_a_pad_is_judged_as_it_is_screened(pad):
     """Constants known to 3 % bend the forces little."""
-    told = judged(pad, [PRESS], RIG, ERRORS, ("m", "b"))
+    told = monte_carlo_bits(pad, [PRESS], RIG, ERRORS, ("m", "b"))
     assert told.constants == pytest.approx(bits(pad, ERRORS)[0], rel=0.2)
     assert told.cause == 0.0
 
@@ -281,15 +287,15 @@ def test_a_pad_is_judged_as_it_is_screened(pad):
 def test_more_noise_tells_less(pad):
     loud = replace(ERRORS, floor=NoiseFloor(0.012, 0.016, 0.5))
     assert np.all(bits(pad, loud) < bits(pad, ERRORS))
-    few = screened(pad, [PRESS], replace(RIG, rows=100), ERRORS, 0.0)[0]
+    few = screen(pad, [PRESS], replace(RIG, rows=100), ERRORS, 0.0)[0]
     assert bits_for_constants(pad, few, ("m", "b"))[0] < bits(pad, ERRORS)[0]
 
 
 def test_what_the_model_misses_makes_a_test_less_sure():
     """0.1 N beside two explanations 0.01 N apart leave them as they were."""
-    belief = normalised([law([0.001]), law([0.001], force=0.01)])
-    clear, _ = screened(belief, [PRESS], RIG, ERRORS, 0.0)
-    doubtful, _ = screened(belief, [PRESS], RIG, replace(ERRORS, missed=0.1), 0.0)
+    belief = Belief.from_explanations([law([0.001]), law([0.001], force=0.01)])
+    clear, _ = screen(belief, [PRESS], RIG, ERRORS, 0.0)
+    doubtful, _ = screen(belief, [PRESS], RIG, replace(ERRORS, missed=0.1), 0.0)
     half = np.array([0.5, 0.5])
     assert clear.bits_for_cause(half)[0][0] > 0.3
     assert doubtful.bits_for_cause(half)[1][0] < 0.5 * clear.bits_for_cause(half)[0][0]
@@ -301,7 +307,7 @@ def test_what_the_model_misses_makes_a_test_less_sure():
 
 def test_a_pad_has_recovered_when_its_modes_have():
     """One mode of half the force, pressed for long: e^-t of it is left."""
-    one = Recovery(((np.array([0.5]), np.array([1.0])),))
+    one = RecoveryTime(((np.array([0.5]), np.array([1.0])),))
     assert one.time(1000.0) == pytest.approx(np.log(0.5 / FORGOTTEN), rel=0.05)
     assert one.time(0.001) < 0.2  # nothing was excited
 
@@ -315,7 +321,7 @@ def test_a_pad_has_recovered_when_its_modes_have():
 @settings(max_examples=20, deadline=None)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig = Rig(depth, speed, acceleration)
-    designs = drawn(rig, RECOVERY, 120.0, 16, seed)
+    designs = draw_designs(rig, RECOVERY, 120.0, 16, seed)
     for one in designs:
         assert one.wait >= LEAST_WAIT
         assert one.wait + one.duration <= 120.0
@@ -355,10 +361,10 @@ def test_a_record_is_the_motion_that_is_run(pad):
 
 
 def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
-    wish = Wish(("m",), False)
+    wish = Goal(("m",), False)
 
     def plan(seed, best=1):
-        return planned_series(
+        return plan_series(
             pad, RIG, ERRORS, wish, minutes=4.0, tests=3, seed=seed, count=64, best=best
         )
 
@@ -374,7 +380,7 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
     rates = [one.constants / one.design.minutes for one in first.tests]
     assert rates == sorted(rates, reverse=True)
     with pytest.raises(InputError, match=r"no test fits into 0\.1 minutes"):
-        planned_series(pad, RIG, ERRORS, wish, minutes=0.1, tests=1, count=64)
+        plan_series(pad, RIG, ERRORS, wish, minutes=0.1, tests=1, count=64)
 
 
 def test_set_points_go_through_predict(tmp_path):

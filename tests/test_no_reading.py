@@ -238,7 +238,7 @@ PLAIN = Weight(LAWS, frozenset(), -9.0, 0.01)
 
 @pytest.mark.parametrize("log", [math.nan, math.inf, -math.inf])
 def test_a_hypothesis_without_a_number_takes_no_part_in_the_decision(log):
-    lost = Weight(LAWS, frozenset({"inertia"}), log, math.nan, error=math.inf).of_numbers()
+    lost = Weight(LAWS, frozenset({"inertia"}), log, math.nan, error=math.inf).made_finite()
     with_it, without = decide([NAMED, PLAIN, lost]), decide([NAMED, PLAIN])
     assert not lost.counts
     assert with_it.inclusion.pop("inertia") == 0.0

@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.result import (
     Base,
     CellError,
     DiagnosisResult,
-    Laws,
+    LawPair,
     Place,
     Ranked,
     Refused,
@@ -24,9 +24,9 @@ from qlvbayes.diagnosis.result import (
     Used,
     Worst,
 )
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import names
 from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
@@ -54,14 +54,14 @@ def cells(tests, ratio):
 
 
 LAWS = ("exponential", "prony:2")
-USED = Used(Settings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
+USED = Used(DiagnosisSettings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
 
 
 def stage(effects, tests, ratio, failing=(), base=LAWS):
     p = 1e-9 if failing else 0.5
     errors = ratio * NOISE, 1.2 * ratio * NOISE
     found, places = cells(tests, ratio), tuple(Place(*place) for place in failing)
-    return Stage(Laws(*base), tuple(effects), *errors, -1.0, p, True, places, found, {})
+    return Stage(LawPair(*base), tuple(effects), *errors, -1.0, p, True, places, found, {})
 
 
 def ranking(best):
@@ -95,8 +95,8 @@ def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **chan
 def curve(predicted, added=True):
     """Curves of a hand-made prediction: the plain model is off by five times the noise."""
     mean, n = predicted.mean, predicted.mean.size
-    final = Band(mean, predicted.low, predicted.high)
-    plain = Band(mean + 0.05, predicted.low + 0.05, predicted.high + 0.05) if added else final
+    final = ForceBand(mean, predicted.low, predicted.high)
+    plain = ForceBand(mean + 0.05, predicted.low + 0.05, predicted.high + 0.05) if added else final
     return Curve(
         predicted.trial, predicted.time, predicted.phase, predicted.observed,
         np.full(n, NOISE), plain, final,
@@ -269,7 +269,7 @@ def test_a_strip_shows_what_each_model_leaves_over_the_noise():
 @pytest.mark.parametrize("width", [85.0, 180.0])
 def test_a_model_on_another_law_is_not_called_plain(width):
     found = diagnosed(3)
-    last = replace(found.stages[-1], effects=(), base=Laws("hertz", "prony:2"))
+    last = replace(found.stages[-1], effects=(), base=LawPair("hertz", "prony:2"))
     found = replace(found, stages=(found.stages[0], last))
     before, after, _ = page(partial(plot_residuals_before_after, width=width), found).axes
     assert before.get_title(loc="left").startswith("plain model\n")
@@ -373,7 +373,7 @@ def test_a_step_names_what_it_made_useless():
 
 def test_a_step_names_another_law():
     found = diagnosed(2, MANY[:1])
-    hertz = replace(found.stages[1], base=Laws("hertz", LAWS[1]), effects=())
+    hertz = replace(found.stages[1], base=LawPair("hertz", LAWS[1]), effects=())
     shown = replace(found, stages=(found.stages[0], hertz), effects=(), verdict="adequate")
     figure = page(plot_error_staircase, shown)
     assert figure.axes[0].get_xticklabels()[1].get_text() == "hertz"

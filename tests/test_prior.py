@@ -6,7 +6,7 @@ from itertools import combinations
 import pytest
 
 from qlvbayes.diagnosis.prior import Families, log_prior
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
@@ -20,7 +20,7 @@ FAMILIES = Families(
 
 def prior(effects, candidates=FAMILIES, usual=USUAL, settings=None):
     hypothesis = Hypothesis("x", "p", frozenset(effects))
-    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or Settings()))
+    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or DiagnosisSettings()))
 
 
 def sets(names):
@@ -28,7 +28,7 @@ def sets(names):
 
 
 def test_prior_sums_to_one_over_all_sets_and_laws():
-    settings, effects = Settings(complete=0.5, usual=0.6), ("a", "b", "c")
+    settings, effects = DiagnosisSettings(complete=0.5, usual=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
     total = sum(
@@ -42,7 +42,7 @@ def test_prior_sums_to_one_over_all_sets_and_laws():
 
 
 def test_prior_sums_to_one_over_families():
-    total = sum(prior(some) for some in sets(FAMILIES.of))
+    total = sum(prior(some) for some in sets(FAMILIES.family_of))
     assert total == pytest.approx(1.0 - 0.5**5)
 
 
@@ -76,18 +76,18 @@ def test_forms_have_all_where_the_listed_law_is_no_candidate():
 
 
 def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
-    listed = Families.of_kinds(EFFECTS)
+    listed = Families.from_kinds(EFFECTS)
     for some in ((), ("friction",), ("friction", "inertia")):
         expected = 0.5 ** (len(some) + 1) / math.comb(len(EFFECTS), len(some))
         assert prior(some, listed) == pytest.approx(expected)
 
 
 def test_families_follow_from_the_effects_classes():
-    families = Families.of_kinds(EVERY)
+    families = Families.from_kinds(EVERY)
     assert families.members("friction") == ["friction", "pressure_friction"]
-    assert families.of["spreading_lag"] == "channel_lag"
-    assert families.outside == {"slow_change", "offsets_by_test"}
-    assert families.named({"pressure_friction", "inertia", "slow_change"}) == {
+    assert families.family_of["spreading_lag"] == "channel_lag"
+    assert families.unmodelled == {"slow_change", "offsets_by_test"}
+    assert families.forms_in({"pressure_friction", "inertia", "slow_change"}) == {
         "friction": "pressure_friction",
         "inertia": "inertia",
     }

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from support.hidden_pads import FEW
 
-from qlvbayes.diagnosis.checks.remainder import Left, Remainder, structured
+from qlvbayes.diagnosis.checks.remainder import Remainder, StructuredPart, structured
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import TOLERANCE
@@ -71,7 +71,9 @@ def test_sizes_follow_the_unit_of_the_force(factor):
 
 
 def left(upper, shown=True, **changes):
-    return replace(Left("B-1", "ramp", 0.0, 50, 0.8 * upper, upper, 0.5 * upper, shown), **changes)
+    return replace(
+        StructuredPart("B-1", "ramp", 0.0, 50, 0.8 * upper, upper, 0.5 * upper, shown), **changes
+    )
 
 
 def remaining(*cells, excess=0.0, tolerance=0.01):
@@ -89,7 +91,7 @@ def test_what_is_surely_below_the_tolerance_everywhere_is_small():
 
 def test_the_largest_cell_is_told_with_its_size_and_place():
     large = left(0.01, test="B-9", phase="hold")
-    told = remaining(left(0.005), large, left(0.5, shown=False)).told
+    told = remaining(left(0.005), large, left(0.5, shown=False)).record
     assert (told.test, told.phase) == ("B-9", "hold")
     assert told.share_of_peak == pytest.approx(0.008 / 2.0)
     assert told.small
@@ -98,7 +100,7 @@ def test_the_largest_cell_is_told_with_its_size_and_place():
 def test_effects_are_weighed_with_the_same_tolerance():
     prior = HalfNormal(0.1)
     assert log_noticeable(prior, 0.03, 0.01) == log_noticeable(prior, 0.03, 0.01, TOLERANCE)
-    assert Settings().tolerance == TOLERANCE
+    assert DiagnosisSettings().tolerance == TOLERANCE
     by_tolerance = [log_noticeable(prior, 0.03, 0.01, x) for x in (0.0, 0.01, 0.05)]
     assert by_tolerance[0] == 0.0
     assert by_tolerance[2] < by_tolerance[1]  # 1.5 % of the peak: less than 5 %
@@ -107,7 +109,7 @@ def test_effects_are_weighed_with_the_same_tolerance():
 @pytest.mark.parametrize("share", [-0.01, 0.5, 1.0, np.nan])
 def test_a_tolerance_that_is_no_small_share_is_refused(share):
     with pytest.raises(InputError, match="tolerance"):
-        Settings(tolerance=share)
+        DiagnosisSettings(tolerance=share)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +128,7 @@ def rippled():
 
 @pytest.mark.slow
 def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(rippled):
-    assert rippled.result.stages[-1].p_value < Settings().false_alarms
+    assert rippled.result.stages[-1].p_value < DiagnosisSettings().false_alarms
     assert rippled.result.verdict == "adequate"
     left = rippled.result.remainder
     assert left.sure

@@ -4,6 +4,7 @@ import importlib
 import json
 import pkgutil
 from dataclasses import fields
+from enum import Enum
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -20,7 +21,7 @@ from qlvbayes import InputError
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings as Sampler
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
@@ -86,6 +87,8 @@ def any_of(kind, rng):
         return kind(**{field.name: any_of(field.type, rng) for field in fields})
     if kind in PLAIN:
         return PLAIN[kind](rng)
+    if issubclass(kind, Enum):
+        return list(kind)[rng.integers(len(kind))]
     return kind(**{name: any_of(part, rng) for name, part in get_type_hints(kind).items()})
 
 
@@ -97,7 +100,7 @@ PLAIN = {
     type(None): lambda rng: None,
     UnitSystem: lambda rng: (PAD, STRAIN)[rng.integers(2)],
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
-    Thresholds: lambda rng: Thresholds(*rng.uniform(0.0, 0.5, 7)),
+    DiagnosisSettings: lambda rng: DiagnosisSettings(*rng.uniform(0.0, 0.5, 7)),
     Choices: lambda rng: Choices(
         law=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
     ),
@@ -209,4 +212,4 @@ def test_a_record_is_not_changed_once_it_is_made():
 
 
 def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
-    assert set(_THRESHOLDS) == {field.name for field in fields(Thresholds)}
+    assert set(_THRESHOLDS) == {field.name for field in fields(DiagnosisSettings)}

@@ -11,8 +11,9 @@ from support.hidden_pads import FEW, hidden_pad
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.settings import Breadth, Settings
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchrun import run_search
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -38,14 +39,16 @@ def tabled(table):
         def log_posterior(self, hypothesis):
             return table[hypothesis]
 
-    return Tabled(None, Settings(), USUAL, Families({}), modes={key: [noise] for key in table})
+    return Tabled(
+        None, DiagnosisSettings(), USUAL, Families({}), modes={key: [noise] for key in table}
+    )
 
 
 def decided(search):
     return decide(
         [
             Weight((h.elastic, h.relaxation), h.effects, search.log_posterior(h), 0.0)
-            for h in search.seen
+            for h in search.candidates
         ]
     )
 
@@ -53,8 +56,8 @@ def decided(search):
 @pytest.fixture(scope="module")
 def drag():
     experiment = hidden_pad(HIDDEN["viscous_drag"](eta=0.004), rates=RATES)
-    search = search_of(experiment, kinds=FEW)
-    search.run()
+    search = build_search(experiment, kinds=FEW)
+    run_search(search)
     return search
 
 
@@ -68,7 +71,7 @@ def test_hidden_drag_is_found_on_the_right_law(drag):
 
 @pytest.mark.slow
 def test_what_is_found_holds_the_true_drag(drag):
-    point = drag.seen[drag.best].point
+    point = drag.candidates[drag.best].point
     place = point.own.names.index("viscous_drag.eta")
     assert point.constants[place] == pytest.approx(0.004, rel=0.1)
     assert point.residual @ point.residual / point.residual.size == pytest.approx(1.0, abs=0.2)
@@ -77,14 +80,14 @@ def test_what_is_found_holds_the_true_drag(drag):
 @pytest.mark.slow
 def test_every_neighbour_of_the_best_has_been_seen(drag):
     best = drag.best
-    for name in set(drag.families.listed) - best.effects:
-        assert best.plus(name) in drag.seen
-    assert best.less("viscous_drag") in drag.seen
+    for name in set(drag.families.nameable) - best.effects:
+        assert best.plus(name) in drag.candidates
+    assert best.less("viscous_drag") in drag.candidates
 
 
 def test_nothing_is_missing_where_nothing_is_hidden():
-    search = search_of(hidden_pad(rates=RATES), kinds=FEW)
-    search.run()
+    search = build_search(hidden_pad(rates=RATES), kinds=FEW)
+    run_search(search)
     found = decided(search)
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
     assert search.best == USUAL
@@ -92,7 +95,7 @@ def test_nothing_is_missing_where_nothing_is_hidden():
 
 def test_a_form_put_into_the_model_takes_the_place_of_its_family():
     chosen = Choices(effects=("pressure_friction",))
-    search = search_of(hidden_pad(rates=RATES[:2]), chosen, kinds=FEW)
+    search = build_search(hidden_pad(rates=RATES[:2]), chosen, kinds=FEW)
     effects = set(search.density.space.effects)
     drift = {"force_drift", "levelling_drift"}
     listed = {"viscous_drag", "pressure_friction", "force_offset", *drift}
@@ -104,24 +107,24 @@ def test_the_likeliest_that_come_near_are_expanded():
     near, far = replace(drag, elastic="hertz"), replace(drag, elastic="linear")
     search = tabled({drag: -100.0, both: -101.0, near: -104.0, USUAL: -106.0, far: -500.0})
     assert search.beam == [drag, both]
-    search.settings = Settings(breadth=Breadth(beam=9))
+    search.settings = DiagnosisSettings(breadth=Breadth(beam=9))
     assert search.beam == [drag, both, near, USUAL]
 
 
 def test_neighbours_are_one_law_or_one_effect_away():
-    drag, best = search_of(hidden_pad(rates=RATES[:2]), kinds=FEW), USUAL.plus("viscous_drag")
+    drag, best = build_search(hidden_pad(rates=RATES[:2]), kinds=FEW), USUAL.plus("viscous_drag")
     drag.modes[best] = [SimpleNamespace(mode=SimpleNamespace(size=0.0))]
     some = drag.neighbours(best)
     assert best not in some
     for one in some:
         apart = (one.elastic != best.elastic) + (one.relaxation != best.relaxation)
         assert apart + len(one.effects ^ best.effects) == 1
-    listed = set(drag.families.listed)
+    listed = set(drag.families.nameable)
     assert {next(iter(h.effects - best.effects)) for h in some if h.effects > best.effects} == (
         listed - best.effects
     )
     forms = {name for one in drag.forms(best) for name in one.effects - best.effects}
-    assert forms == set(drag.families.of) - listed
+    assert forms == set(drag.families.family_of) - listed
 
 
 class Scaled(AbstractEffect):
@@ -159,10 +162,10 @@ class Shifted(Scaled):
 @pytest.mark.slow
 def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
     """A factor of all forces is the stiffness once more: the best fit is the plain model's."""
-    search = search_of(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
-    search.see(USUAL)
+    search = build_search(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
+    search.evaluate(USUAL)
     plain = search.modes[USUAL][0]
-    search.see(USUAL.plus(kind.name))
+    search.evaluate(USUAL.plus(kind.name))
     found = search.modes[USUAL.plus(kind.name)][0]
     assert found.mode.converged
     assert found.point.residual @ found.point.residual == pytest.approx(
@@ -189,7 +192,7 @@ def sines(*effects):
 @pytest.fixture(scope="module")
 def rubbing():
     """Sines of a pad with friction, which a discrepancy can stand for."""
-    search = search_of(sines(HIDDEN["friction"](strength=0.09, reach=0.035)))
+    search = build_search(sines(HIDDEN["friction"](strength=0.09, reach=0.035)))
     search.begin()
     return search
 
@@ -197,10 +200,10 @@ def rubbing():
 @pytest.mark.slow
 def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):
     search = rubbing
-    plain, more = search.seen[USUAL], USUAL.plus("friction")
+    plain, more = search.candidates[USUAL], USUAL.plus("friction")
     assert plain.mode.size > 0.0
-    search.see(more)
-    best = search.seen[more].mode
+    search.evaluate(more)
+    best = search.candidates[more].mode
     place = best.point.own.names.index("friction.strength")
     assert best.point.constants[place] == pytest.approx(0.09, rel=0.1)
     assert best.loss < plain.mode.loss - 100.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
 from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.motion.timing import kink_sds, off_kinks, timing_sd
@@ -99,8 +99,8 @@ def search():
         force = np.interp(time, test.time, test.force)
         path = trial.trajectory.displacement(time)
         trials.append(replace(trial, test=replace(test, time=time, displacement=path, force=force)))
-    found = search_of(replace(experiment, trials=tuple(trials)))
-    found.see(found.usual)
+    found = build_search(replace(experiment, trials=tuple(trials)))
+    found.evaluate(found.baseline)
     return found
 
 
@@ -108,10 +108,10 @@ def search():
 def test_a_billionth_of_an_effect_moves_no_block_mean(search, below):
     """At kinks too, where a drag and a mass make the force jump."""
     space, peak = search.density.space, search.density.discrepancy.peak
-    base = replace(search.usual, effects=frozenset(below))
+    base = replace(search.baseline, effects=frozenset(below))
     own = space.parameters(base)
     theta = np.zeros(own.size)
-    point = search.modes[search.usual][0].point
+    point = search.modes[search.baseline][0].point
     theta[own.positions_of(point.own)] = point.theta
     for name in below:
         amplitude = amplitude_of(own, name)

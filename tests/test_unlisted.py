@@ -5,8 +5,8 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.discrepancy import discrepancy
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
 
@@ -51,7 +51,7 @@ def test_what_is_not_on_the_list_is_left(clipped):
     keeps_diagnosis_contract(clipped)
     assert clipped.result.verdict in ("unexplained", "partly_explained")
     assert clipped.result.outside > 0.5
-    assert clipped.result.stages[-1].p_value < Settings().false_alarms
+    assert clipped.result.stages[-1].p_value < DiagnosisSettings().false_alarms
 
 
 def test_its_size_and_place_are_told(clipped):
@@ -70,7 +70,7 @@ def test_its_size_and_place_are_told(clipped):
 def test_the_discrepancy_is_what_is_left_within_the_noise(clipped):
     """Its mean and the hypothesis together are nearer to the readings than the hypothesis."""
     work = clipped.work
-    residuals = work.samples.residuals(work.told.hypothesis, work.told.point.constants)
+    residuals = work.samples.residuals(work.selected.hypothesis, work.selected.point.constants)
     bands = discrepancy(work)
     before = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
     after = [r - band.mean for r, band in zip(residuals, bands, strict=True)]

@@ -11,7 +11,7 @@ from support.simulated import CLOSE, START, grid_of, motion_of
 from truth import Rig, truths
 from why_page import why_page
 
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.study import make_study
@@ -205,7 +205,7 @@ def test_true_constants_come_back_from_the_free_numbers():
     """Of a study with a hidden form: what theta stands for is what was hidden, within bounds."""
     study = make_study(Population(416), 283)
     experiment = prepare(study.pad)
-    density = search_of(experiment).density
+    density = build_search(experiment).density
     scales = experiment.scales
     rig = Rig(study.rig.gap, scales.depth, scales.force, scales.clock)
     for truth in truths(study.law, [effect_class("friction")(strength=0.05, reach=0.02)], rig):

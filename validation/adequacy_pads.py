@@ -12,8 +12,8 @@ from scipy.signal import butter, lfilter
 
 from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.checks.adequacy import adequacy
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.least_squares import without_noise
 from qlvbayes.fitting.optimum import Optimum, optimum_near
@@ -105,7 +105,7 @@ class Bench:
         pad = index % self.kind.pads
         experiment = prepare(self._measured(pad, rng), all_tests=True)
         record, mode = self._mode(experiment, pad)
-        found = adequacy(experiment, record, mode, Settings().cells)
+        found = adequacy(experiment, record, mode, DiagnosisSettings().cells)
         cells = self._check(experiment, *self._fitted(experiment, mode.constants), rng)
         return {
             "index": index,
@@ -138,11 +138,11 @@ class Bench:
 
     def _mode(self, experiment: Experiment, pad: int) -> tuple[Record, Point]:
         """The right model at its mode under the floor, from where the last noise had it."""
-        search = search_of(experiment, kinds=())
+        search = build_search(experiment, kinds=())
         if pad not in self._tops:
-            search.see(search.usual)
-            self._tops[pad] = search.modes[search.usual][0].point.theta
-        mode = find_mode(search.density, search.usual, self._tops[pad])
+            search.evaluate(search.baseline)
+            self._tops[pad] = search.modes[search.baseline][0].point.theta
+        mode = find_mode(search.density, search.baseline, self._tops[pad])
         assert mode is not None
         return search.density.space.record, mode.point
 

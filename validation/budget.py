@@ -27,11 +27,11 @@ from page import Origin
 from starts import around
 
 from qlvbayes.cli.console import counting
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.evaluation.case import THRESHOLDS
 from qlvbayes.evaluation.counting import Case
 from qlvbayes.evaluation.population import Population
@@ -128,11 +128,11 @@ def checks(diagnosis: Diagnosis) -> Case:
     """Of one answer."""
     work, result = diagnosis.work, diagnosis.result
     density = work.search.density
-    plain = work.search.modes[work.search.usual][0]
+    plain = work.search.modes[work.search.baseline][0]
     steps = [stage.rmse for stage in result.stages]
     return {
         "verdict": result.verdict, "effects": list(result.effects),
-        "plain": _fitted(density, plain), "answer": _fitted(density, work.told),
+        "plain": _fitted(density, plain), "answer": _fitted(density, work.selected),
         "steps": steps, "rises": rises(steps),
         "lowered": [_lowered(diagnosis, effect) for effect in result.effects],
     }  # fmt: skip
@@ -155,7 +155,7 @@ def rises(steps: Sequence[float]) -> list[float]:
     return [factor for factor in factors if factor > 1.0 + _ROUNDING]
 
 
-def _fitted(density: Density, found: Weighed) -> dict[str, float]:
+def _fitted(density: Density, found: Candidate) -> dict[str, float]:
     """What a fit leaves of the block means (N), and what least squares would."""
     rms = _rms(density, found.point)
     return _compared(rms, least_squares(density, found.point, rms))
@@ -188,17 +188,13 @@ def _rms(density: Density, point: Point) -> float:
 def _lowered(diagnosis: Diagnosis, effect: str) -> Case:
     """By how much an effect lowers the mean square on tests left out, and its standard error."""
     work = diagnosis.work
-    search, told = work.search, work.told
-    own = [name for name in told.hypothesis.effects if search.families.of[name] == effect]
-    if not own:
-        return {"effect": effect, "fall_N2": None, "error_N2": None}
-    fewer = told.hypothesis.less(own[0])
-    search.see(fewer, told.hypothesis)
-    if fewer not in search.modes:
+    selected = work.selected
+    fewer = work.search.without(selected, effect)
+    if fewer is None:
         return {"effect": effect, "fall_N2": None, "error_N2": None}
     with_it, without = (
-        np.array(held_out(search.density, work.samples, one).by_part) ** 2
-        for one in (told, search.modes[fewer][0])
+        np.array(held_out(work.search.density, work.samples, one).by_part) ** 2
+        for one in (selected, fewer)
     )
     fall, error = paired(without, with_it)
     return {"effect": effect, "fall_N2": fall, "error_N2": error}

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes import Choices
+from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
-from qlvbayes.diagnosis.nexttest.design import Design, drawn
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.design import Design, draw_designs
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screened
-from qlvbayes.diagnosis.nexttest.series import Option, Wish, bits_for_constants, planned_series
+from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.diagnosis.nexttest.series import Goal, Option, bits_for_constants, plan_series
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -54,7 +54,7 @@ FIRST = ((20.0,), (1.0, 20.0, 100.0))  # mm/s, of the tests that a pad of known 
 UNLISTED = ("slip", "backlash", "sensor_nonlinearity", "poroelastic_diffusion")
 """Hidden in turn, of no candidate's form."""
 SIZES = (0.03, 0.08)  # share of the peak force, of these
-FAMILIES = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+FAMILIES = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def believed(search: Search, found: Sequence[tuple[Hypothesis, float]]) -> Belie
                 probability, described(hypothesis), cause_of(hypothesis.effects, FAMILIES),
             )
         )  # fmt: skip
-    return normalised(some)
+    return Belief.from_explanations(some)
 
 
 def plain(
@@ -105,10 +105,10 @@ def plain(
 ) -> tuple[Experiment, Belief, float]:
     """The belief in the plain model alone, and its discrepancy's size."""
     experiment = ready(tests, floor)
-    search = search_of(experiment, kinds=())
-    search.see(search.usual)
-    size = search.modes[search.usual][0].mode.size
-    return experiment, believed(search, [(search.usual, 1.0)]), size
+    search = build_search(experiment, kinds=())
+    search.evaluate(search.baseline)
+    size = search.modes[search.baseline][0].mode.size
+    return experiment, believed(search, [(search.baseline, 1.0)]), size
 
 
 def constants_case(index: int, seed: int) -> dict:
@@ -123,19 +123,19 @@ def constants_case(index: int, seed: int) -> dict:
     first = lab.tests(FIRST[index % len(FIRST)], int(rng.integers(2**32)))
     experiment, belief, size = plain(first)
     floor, scales, one = experiment.floor, experiment.scales, belief.explanations[0]
-    rig = Rig.of_tests(experiment)
-    errors = Errors(floor, scales.force, size)
+    rig = Rig.from_tests(experiment)
+    errors = ReadingErrors(floor, scales.force, size)
     sds = np.linalg.norm(one.gradient, axis=1) / np.abs(one.centre)
     worst = one.names[int(np.argmax(sds))]
-    series = planned_series(
-        belief, rig, errors, Wish((worst,), False), minutes=MINUTES, tests=1, clock=scales.clock,
+    series = plan_series(
+        belief, rig, errors, Goal((worst,), False), minutes=MINUTES, tests=1, clock=scales.clock,
         seed=index, count=SCREENED, best=0,
     )  # fmt: skip
     recovery = belief.recovery
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
-    some = drawn(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
+    some = draw_designs(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
     options["random"] = some[int(rng.integers(len(some)))]
-    products, _ = screened(belief, list(options.values()), rig, errors, scales.clock)
+    products, _ = screen(belief, list(options.values()), rig, errors, scales.clock)
     promised = bits_for_constants(belief, products, belief.base_names)
     after = products.sds(0, one.gradient)
     rows = []
@@ -181,22 +181,25 @@ class Doubt:
     known: list[tuple[Hypothesis, float]]
     belief: Belief
     rig: Rig
-    errors: Errors
+    errors: ReadingErrors
 
     @classmethod
     def of(cls, experiment: Experiment, search: Search, result: DiagnosisResult) -> Doubt:
         known = [
-            (Hypothesis(*one.base.pair, search.usual.effects | set(one.effects)), one.probability)
+            (
+                Hypothesis(*one.base.pair, search.baseline.effects | set(one.effects)),
+                one.probability,
+            )
             for one in likely(result.alternatives, FAMILIES) or result.alternatives[:1]
         ]
         return cls(
-            experiment, known, believed(search, known), Rig.of_tests(experiment),
-            Errors(experiment.floor, experiment.scales.force, result.discrepancy),
+            experiment, known, believed(search, known), Rig.from_tests(experiment),
+            ReadingErrors(experiment.floor, experiment.scales.force, result.discrepancy),
         )  # fmt: skip
 
-    def best(self, wish: Wish, seed: int) -> Option:
+    def best(self, wish: Goal, seed: int) -> Option:
         """The one test that is proposed."""
-        return planned_series(
+        return plan_series(
             self.belief, self.rig, self.errors, wish, minutes=MINUTES, tests=1,
             clock=self.experiment.scales.clock, seed=seed, count=SCREENED, best=0,
         ).tests[0]  # fmt: skip
@@ -204,7 +207,7 @@ class Doubt:
     def promised(self, designs: Sequence[Design]) -> list[list[float]]:
         """Bits for the cause, at least and at most, of each."""
         clock = self.experiment.scales.clock
-        products, _ = screened(self.belief, designs, self.rig, self.errors, clock)
+        products, _ = screen(self.belief, designs, self.rig, self.errors, clock)
         bounds = products.bits_for_cause(self.belief.probabilities, self.belief.groups)
         return np.transpose(bounds).tolist()
 
@@ -226,10 +229,10 @@ def cause_case(index: int, seed: int) -> dict:
     if found.result.verdict != "ambiguous":
         return case
     doubt = Doubt.of(experiment, found.work.search, found.result)
-    best, recovery = doubt.best(Wish((), True), index).design, doubt.belief.recovery
+    best, recovery = doubt.best(Goal((), True), index).design, doubt.belief.recovery
     near = [
         one
-        for one in drawn(doubt.rig, recovery, 60.0 * MINUTES, 1024, 2000 + index)
+        for one in draw_designs(doubt.rig, recovery, 60.0 * MINUTES, 1024, 2000 + index)
         if 0.8 < one.minutes / best.minutes < 1.25
     ]
     options = {"proposed": best, "standard": recovery.before(STANDARD)}
@@ -264,14 +267,14 @@ def _after(
 def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) -> np.ndarray:
     """Log posteriors of some hypotheses, up to a constant."""
     names = {effect for hypothesis, _ in known for effect in hypothesis.effects}
-    own = {FAMILIES.of[name] for name in names}
+    own = {FAMILIES.family_of[name] for name in names}
     kinds = tuple(kind for kind in Choices().candidates if kind.name in own)
-    search = search_of(experiment, kinds=kinds)
+    search = build_search(experiment, kinds=kinds)
     search.begin()
     for hypothesis, _ in known:
-        bare = replace(hypothesis, effects=search.usual.effects)
-        search.see(bare)
-        search.see(hypothesis, bare)
+        bare = replace(hypothesis, effects=search.baseline.effects)
+        search.evaluate(bare)
+        search.evaluate(hypothesis, bare)
     return np.array([search.log_posterior(hypothesis) for hypothesis, _ in known])
 
 
@@ -288,7 +291,7 @@ def outside_case(index: int, seed: int) -> dict:
     found = diagnose(experiment)
     doubt = Doubt.of(experiment, found.work.search, found.result)
     cause = len(doubt.belief.groups) > 1
-    best = doubt.best(Wish(doubt.belief.base_names, cause), index)
+    best = doubt.best(Goal(doubt.belief.base_names, cause), index)
     test = lab.done(best.design, "proposed", experiment.scales.clock)
     then = diagnose(ready([*first, test])).result
     return {

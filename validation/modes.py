@@ -19,10 +19,11 @@ from coverage import progress
 from page import Origin
 from truth import Rig, truths
 
+from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.search import CHECKS, Search
+from qlvbayes.diagnosis.searchrun import run_search
+from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.evaluation.study import Study, make_study
@@ -127,9 +128,9 @@ def _looked_for(some: Pad | Study, sets: int) -> dict[str, Any]:
     With the search's checks for missed modes.
     """
     experiment = prepare(some if isinstance(some, Pad) else some.pad)
-    search = search_of(experiment)
+    search = build_search(experiment)
     with one_blas_thread():
-        search.run()
+        run_search(search)
         hypothesis = search.best
         if isinstance(some, Study):
             hypothesis = _true(some, experiment, search) or hypothesis
@@ -137,9 +138,9 @@ def _looked_for(some: Pad | Study, sets: int) -> dict[str, Any]:
         for seed in range(1, sets + 1):
             found = base_modes(search.density, hypothesis, seed, _BREADTH.starts, _BREADTH.draws)
             losses.append(found[0].loss if found else float("inf"))
-        again = search_of(experiment)
+        again = build_search(experiment)
         again.seed = _OTHER
-        again.run()
+        run_search(again)
     seen = [one.mode.loss for one in search.modes.get(hypothesis, [])]
     return {
         "hypothesis": described(hypothesis),

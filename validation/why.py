@@ -28,11 +28,11 @@ from truth import Rig, Truth, truths
 from why_page import why_page
 
 from qlvbayes.cli.console import counting
+from qlvbayes.diagnosis.candidate import candidate_at, described
 from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.diagnosis.weighed import described, weigh
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.evaluation.case import THRESHOLDS, verdict_of
 from qlvbayes.evaluation.counting import Case, is_right, names_wrongly
 from qlvbayes.evaluation.population import Population
@@ -135,7 +135,7 @@ def explained(run: str, seed: int, case: Case) -> Case:
 def caused(study: Study, diagnosis: Diagnosis, case: Case) -> Case:
     """The cause and what it rests on."""
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
-    answer = diagnosis.work.told.hypothesis
+    answer = diagnosis.work.selected.hypothesis
     said, said_log = _best(search, answer)
     rig = Rig.of(study, experiment)
     every = truths(study.law, study.effects, rig)
@@ -181,14 +181,16 @@ def from_truth(density: Density, truth: Truth) -> list[Mode]:
 
 def _by_family(search: Search, hypothesis: Hypothesis) -> tuple[Any, ...]:
     """Its laws, and its effects by the listed name of each: a form of what is there is true too."""
-    return hypothesis.base, frozenset(search.families.of[name] for name in hypothesis.effects)
+    return hypothesis.base, frozenset(
+        search.families.family_of[name] for name in hypothesis.effects
+    )
 
 
 def _best(search: Search, hypothesis: Hypothesis, more: Sequence[Mode] = ()) -> tuple[Mode, float]:
     """The likeliest of the search's modes and of more, with its log posterior by Laplace."""
     modes = [one.mode for one in search.modes.get(hypothesis, [])] + list(more)
     tolerance = search.settings.tolerance
-    logs = [weigh(search.density, hypothesis, m, tolerance).log_evidence for m in modes]
+    logs = [candidate_at(search.density, hypothesis, m, tolerance).log_evidence for m in modes]
     k = int(np.argmax(logs))
     return modes[k], logs[k] + search.log_prior(hypothesis)
 

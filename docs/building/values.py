@@ -26,13 +26,13 @@ def filled(template: str) -> str:
 
 def context() -> dict[str, Any]:
     """Every name that a page may use."""
-    from qlvbayes.diagnosis.settings import Settings
+    from qlvbayes.diagnosis.settings import DiagnosisSettings
     from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, by_family
     from qlvbayes.io.units import PAD
 
     return {
-        "settings": Settings(),
-        "thresholds": _flat(dataclasses.asdict(Settings())),
+        "settings": DiagnosisSettings(),
+        "thresholds": _flat(dataclasses.asdict(DiagnosisSettings())),
         "constant": constant,
         "doc": docstring,
         "effects": EFFECTS,

@@ -20,8 +20,8 @@ import numpy as np
 from qlvbayes.app.failures import content_of
 from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.standing import Enough, Standing
+from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
@@ -95,12 +95,12 @@ class ProgressReporter(Watcher):
         yield progress
         self._sampling = None
 
-    def searched(self, pad: str, standing: Standing) -> None:
+    def searched(self, pad: str, progress: SearchProgress) -> None:
         """Report the probabilities so far, of effects and of base laws.
 
-        Raise Enough if that will do.
+        Raise StopSearch if that will do.
         """
-        decision = standing.decision
+        decision = progress.decision
         ranking = [
             {"effect": name, "probability": share, "heldout": None}
             for name, share in sorted(decision.inclusion.items(), key=lambda x: -x[1])
@@ -115,7 +115,7 @@ class ProgressReporter(Watcher):
         self._parent.send({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
         if self._enough.is_set():
             self._enough.clear()  # the search ends once
-            raise Enough
+            raise StopSearch
 
     def _set_detail(self, text: str) -> None:
         self._detail = text
@@ -148,7 +148,7 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     (name,) = spec["pads"]
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
     out = Path(spec["out"])
-    thresholds = Thresholds()
+    thresholds = DiagnosisSettings()
     diagnose_into(
         out / name, study.pad(name), choices, evidence=_EVIDENCE, thresholds=thresholds,
         seed=0, watcher=watcher,

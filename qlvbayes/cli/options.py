@@ -20,7 +20,7 @@ from qlvbayes.cli.plainoptions import (
     among,
     split_names,
 )
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
@@ -257,9 +257,9 @@ def share_of(text: str) -> float:
         raise InputError(f"no share {text!r}", remedy="write it as 1% or 0.01") from None
 
 
-def thresholds(tolerance: str) -> Settings:
+def thresholds(tolerance: str) -> DiagnosisSettings:
     """How sure the diagnosis must be, and what is too small to matter."""
-    return Settings(tolerance=share_of(tolerance))
+    return DiagnosisSettings(tolerance=share_of(tolerance))
 
 
 def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:

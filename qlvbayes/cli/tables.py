@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, written
-from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Laws, Ranked, Stage
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, LawPair, Ranked, Stage
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.wording import percent, plain, to_noise
@@ -201,7 +201,7 @@ def ranking_table(found: DiagnosisResult, unit: str) -> Table:
     return table
 
 
-def _model(stage: Stage, chosen: Laws) -> str:
+def _model(stage: Stage, chosen: LawPair) -> str:
     """Its laws, where they are not those chosen, and its effects."""
     return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 

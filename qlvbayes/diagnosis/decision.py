@@ -1,14 +1,15 @@
-r"""What is said of a posterior over hypotheses: a function of numbers alone.
+r"""The decision: a pure function from a posterior over hypotheses to a verdict.
 
-Each hypothesis H has a log posterior and the probability that something outside the list is beside
-it (its discrepancy is larger than the tolerance). An effect's inclusion probability is summed over
-everything else,
+Each hypothesis H has a log posterior and the probability that the data also hold something
+unmodelled (the discrepancy is larger than the tolerance). An effect's inclusion probability is the
+sum over all hypotheses that contain it,
 
 .. math:: P(e) = \sum_{H \ni e} P(H).
 
-An effect is named from 0.9 on; where none alone reaches it, the smallest set that holds one of its
-members with 0.95 is the group. Effects of one family count as one, by the listed one's name; those
-of no family of the list name nothing: a hypothesis that has one has something outside beside it.
+An effect is named if this probability is 0.9 or more. Where no single effect reaches it, the
+smallest set that holds one of its members with probability 0.95 is the group. The forms of one
+effect (its family) count together, under the name of the candidate effect. An effect that belongs
+to no candidate's family names nothing: a hypothesis that contains one holds something unmodelled.
 """
 
 from __future__ import annotations
@@ -23,154 +24,207 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.verdict import Verdict
 
 Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
 
-VERDICTS = ("adequate", "missing_effect", "ambiguous", "partly_explained", "unexplained")
-LEFT = VERDICTS[3:]
-"""Verdicts that something outside the list is there."""
 _DRAWS = 256  # of log posteriors within their errors: 6 % of what these make of a probability
 
 
 @dataclass(frozen=True)
 class Weight:
-    """A hypothesis in numbers.
+    """The figures of one hypothesis that the decision needs.
 
-    effects: by the names of their families; outside: probability of something that no list holds
-    beside it; listed: whether its laws and effects all name something; forms: of each effect, by
-    its family, where that is not the listed law itself; error: of the log posterior, nan where it
-    is not known.
+    Parameters
+    ----------
+    base
+        Names of the elastic law and of the relaxation.
+    effects
+        Names of the effects added to the baseline model, by family.
+    log_posterior
+        Log posterior up to a constant that all hypotheses share.
+    unmodelled
+        Probability that the data hold something which this hypothesis does not model.
+    nameable
+        Whether its laws and effects all have a physical name. A free curve has none.
+    forms
+        The form of each effect, by its family, where it is not the candidate's own law.
+    error
+        Sd of the log posterior; nan where it is not known.
     """
 
     base: tuple[str, str]
     effects: frozenset[str]
     log_posterior: float
-    outside: float
-    listed: bool = True
+    unmodelled: float
+    nameable: bool = True
     forms: Mapping[str, str] = field(default_factory=dict)
     error: float = math.nan
 
     @property
     def counts(self) -> bool:
-        """Whether it takes part in a decision: its log posterior is a number."""
+        """Whether the hypothesis takes part in a decision: its log posterior is finite."""
         return math.isfinite(self.log_posterior)
 
-    def of_numbers(self) -> Self:
-        """Without what is no number: a hypothesis that has none takes no part in a decision."""
+    def made_finite(self) -> Self:
+        """Return the weight with safe values where a figure is not finite.
+
+        A hypothesis without a finite log posterior takes no part in a decision.
+        """
         return replace(
             self,
             log_posterior=self.log_posterior if self.counts else -math.inf,
-            outside=self.outside if self.counts and math.isfinite(self.outside) else 1.0,
+            unmodelled=self.unmodelled if self.counts and math.isfinite(self.unmodelled) else 1.0,
             error=self.error if self.counts and math.isfinite(self.error) else math.nan,
         )
 
     def within(self, families: Families) -> Self:
-        """Of a hypothesis whose effects are told by their own names: by those of families."""
-        named = families.named(self.effects)
+        """Return the weight with its effects named by their families instead of by themselves."""
+        forms = families.forms_in(self.effects)
         return replace(
             self,
-            effects=frozenset(named),
-            listed=self.listed and self.effects.isdisjoint(families.outside),
-            forms={family: form for family, form in named.items() if form != family},
+            effects=frozenset(forms),
+            nameable=self.nameable and self.effects.isdisjoint(families.unmodelled),
+            forms={family: form for family, form in forms.items() if form != family},
         )
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The verdict and what it is made of.
+    """The verdict with the probabilities that it rests on.
 
-    effects: named, the surest first; group: one of which is there, the likeliest first; inclusion:
-    of every effect; base: probability of every base; outside: that something unlisted is there;
-    told: place of the hypothesis that stands for the answer, the likeliest with just these effects.
+    Parameters
+    ----------
+    verdict
+        The verdict.
+    effects
+        Names of the effects that are named, the most probable first.
+    group
+        Effects of which one is there, the most probable first; empty unless ambiguous.
+    inclusion
+        Inclusion probability of every effect.
+    base
+        Probability of every pair of elastic law and relaxation.
+    unmodelled
+        Probability that something unmodelled is there.
+    selected
+        Index of the hypothesis that stands for the answer: the most probable one with just the
+        named effects.
     """
 
-    verdict: str
+    verdict: Verdict
     effects: tuple[str, ...]
     group: tuple[str, ...]
     inclusion: dict[str, float]
     base: dict[tuple[str, str], float]
-    outside: float
-    told: int
+    unmodelled: float
+    selected: int
 
     @property
     def tried(self) -> tuple[str, ...]:
-        """Effects of the hypothesis told, if its verdict is none of `unexplained`."""
+        """Effects of the selected hypothesis, unless the verdict is `Verdict.UNEXPLAINED`."""
         return (*self.effects, *self.group[:1])
 
 
-def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
-    """Of all hypotheses seen, before what is told is tested: see `vetoes`."""
-    settings = settings or Settings()
+def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None) -> Decision:
+    """Return the decision from the probabilities alone.
+
+    The selected hypothesis is not tested yet: `checks.vetoes` does that.
+
+    Parameters
+    ----------
+    weights
+        One entry for each of the H hypotheses.
+    settings
+        Thresholds of probability.
+    """
+    settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
-    inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
-    base = _summed((w.base, p) for w, p in pairs)
-    outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
+    inclusion = _sum_by_key((name, p) for w, p in pairs for name in w.effects)
+    base = _sum_by_key((w.base, p) for w, p in pairs)
+    unmodelled = sum(p * (w.unmodelled if w.nameable else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
-    if outside > settings.unlisted:
+    if unmodelled > settings.unlisted:
         group: tuple[str, ...] = ()
-        verdict = "partly_explained" if named else "unexplained"
+        verdict = Verdict.PARTLY_EXPLAINED if named else Verdict.UNEXPLAINED
     else:
         group = _group(pairs, named, settings)
-        verdict = "ambiguous" if group else "missing_effect" if named else "adequate"
-    told = _told(weights, {*named, *group[:1]})
-    if verdict == "unexplained":
-        told = int(np.argmax(shares))
-    return Decision(verdict, named, group, inclusion, base, outside, told)
+        verdict = Verdict.MISSING_EFFECT if named else Verdict.ADEQUATE
+        verdict = Verdict.AMBIGUOUS if group else verdict
+    selected = _selected(weights, {*named, *group[:1]})
+    if verdict is Verdict.UNEXPLAINED:
+        selected = int(np.argmax(shares))
+    return Decision(verdict, named, group, inclusion, base, unmodelled, selected)
 
 
 def probabilities(weights: Sequence[Weight]) -> Array:
-    """(D, H) of H hypotheses, as the errors of their log posteriors leave them open: D draws."""
+    """Return draws (D, H) of the probabilities of H hypotheses.
+
+    The draws differ as the errors of the log posteriors allow; each row sums to one.
+    """
     logs = np.array([weight.log_posterior for weight in weights])
     errors = np.nan_to_num(np.array([weight.error for weight in weights]))
     draws = np.random.default_rng(0).standard_normal((_DRAWS, logs.size))
     return np.asarray(softmax(logs + errors * draws, axis=1))
 
 
-def listed(weights: Sequence[Weight]) -> list[Weight]:
-    """As if nothing were outside: what the listed laws leave passes as noise, or is small."""
+def ignore_unmodelled(weights: Sequence[Weight]) -> list[Weight]:
+    """Return the weights as they are if nothing unmodelled is there.
+
+    This holds where what the nameable hypotheses leave passes as noise or is small.
+    """
     return [
-        replace(w, outside=0.0, log_posterior=w.log_posterior if w.listed else -np.inf)
+        replace(w, unmodelled=0.0, log_posterior=w.log_posterior if w.nameable else -np.inf)
         for w in weights
     ]
 
 
-def of_effects(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
-    """As if no other effects could be there."""
+def restrict_to(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
+    """Return the weights as they are if no effects but these can be there."""
     return [w if w.effects <= set(effects) else replace(w, log_posterior=-np.inf) for w in weights]
 
 
-def unless_sound(decision: Decision, weights: Sequence[Weight], *, sound: bool) -> Decision:
-    """What is told leaves structure that matters: it is not all."""
-    if sound or decision.verdict in LEFT:
+def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: bool) -> Decision:
+    """Return the decision after the adequacy test of its selected hypothesis.
+
+    Where structure that matters is left, the verdict says that something unmodelled is there.
+    """
+    if adequate or decision.verdict.has_unmodelled:
         return decision
     if decision.effects:
-        return replace(decision, verdict="partly_explained", group=())
-    told = int(np.argmax([weight.log_posterior for weight in weights]))
-    return replace(decision, verdict="unexplained", group=(), told=told)
+        return replace(decision, verdict=Verdict.PARTLY_EXPLAINED, group=())
+    selected = int(np.argmax([weight.log_posterior for weight in weights]))
+    return replace(decision, verdict=Verdict.UNEXPLAINED, group=(), selected=selected)
 
 
-def _told(weights: Sequence[Weight], effects: set[str]) -> int:
-    """The likeliest hypothesis with just these effects; the likeliest of all if none was seen."""
+def _selected(weights: Sequence[Weight], effects: set[str]) -> int:
+    """Return the index of the most probable hypothesis with just these effects.
+
+    Where no hypothesis has just these, it is the index of the most probable of all.
+    """
     logs = np.array([weight.log_posterior for weight in weights])
     same = np.array([weight.effects == effects for weight in weights])
     return int(np.argmax(np.where(same, logs, -np.inf) if same.any() else logs))
 
 
-def _summed(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
-    """Probabilities by key, the largest first."""
-    found: dict[Key, float] = {}
+def _sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
+    """Return the summed probability of each key, the largest first."""
+    totals: dict[Key, float] = {}
     for key, share in pairs:
-        found[key] = found.get(key, 0.0) + share
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        totals[key] = totals.get(key, 0.0) + share
+    return dict(sorted(totals.items(), key=lambda item: -item[1]))
 
 
 def _group(
-    pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: Settings
+    pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: DiagnosisSettings
 ) -> tuple[str, ...]:
-    """Smallest set of which one is there besides what is named, if something surely is."""
+    """Return the smallest set of effects of which one is there besides those that are named.
+
+    It is empty where it is likely enough that no further effect is there.
+    """
     others = [(weight.effects - set(named), share) for weight, share in pairs]
     if sum(share for rest, share in others if not rest) > 1.0 - settings.named:
         return ()
@@ -179,7 +233,9 @@ def _group(
         held = sum(share for rest, share in others if rest & set(group))
         if held >= settings.covered:
             break
-        left = _summed((n, share) for rest, share in others if not rest & set(group) for n in rest)
+        left = _sum_by_key(
+            (n, share) for rest, share in others if not rest & set(group) for n in rest
+        )
         if not left:
             break
         group.append(next(iter(left)))

@@ -1,4 +1,4 @@
-"""The whole diagnosis of one pad: a search over hypotheses, and what is said of it."""
+"""The whole diagnosis of one pad: a search over hypotheses, and its summary."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from contextlib import suppress
 
 from msgspec.structs import replace
 
-from qlvbayes.diagnosis.result import Sampled, Used
-from qlvbayes.diagnosis.search import Search, Tell
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.standing import Enough, Standing
-from qlvbayes.diagnosis.telling.summing_up import summed_up
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.candidate import described
+from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.result import EvidenceComparison, Used
+from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.searchrun import run_search
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.summarizing import summarize
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
@@ -23,6 +24,7 @@ from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
 
 EVIDENCES = ("laplace", "nested")
+"""Ways to the evidence that a user may ask for."""
 
 
 def diagnose(
@@ -30,42 +32,63 @@ def diagnose(
     choices: Choices | None = None,
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
-    settings: Settings | None = None,
+    settings: DiagnosisSettings | None = None,
     evidence: str = "laplace",
     seed: int = 0,
-    tell: Tell = lambda text: None,
-    watch: Callable[[Standing], None] = lambda standing: None,
+    report: Report = lambda text: None,
+    watch: Callable[[SearchProgress], None] = lambda progress: None,
 ) -> Diagnosis:
-    """Say what the model of ``choices`` lacks, a law or effects of ``kinds``, from all tests.
+    """Return what the model of ``choices`` lacks, a law or effects, from all tests.
 
-    evidence: ``nested`` samples the plain model and the two best hypotheses again by nested
-    sampling, a minute or two each. ``tell`` hears what is being done; ``watch`` sees at each such
-    step what is known so far, and may raise `Enough` to end the search there. Raises InputError
-    where the noise model is not Gaussian.
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    choices
+        The baseline model.
+    kinds
+        Candidate effects.
+    settings
+        Prior probabilities and thresholds.
+    evidence
+        ``nested`` also samples the baseline model and the two best hypotheses by nested sampling,
+        which takes a minute or two each.
+    seed
+        Seed of nested sampling.
+    report
+        Is called with a line of text before each step that takes a while.
+    watch
+        Is called at each such step with what is known so far. It may raise `StopSearch` to end the
+        search there.
+
+    Raises
+    ------
+    InputError
+        The noise model is not Gaussian.
     """
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)
     forget_compiled()
     with one_blas_thread():
-        search = search_of(experiment, choices, kinds=kinds, settings=settings, tell=tell)
+        search = build_search(experiment, choices, kinds=kinds, settings=settings)
 
-        def told(text: str) -> None:
-            tell(text)
-            if standing := Standing.of(search, text):
-                watch(standing)
+        def report_and_watch(text: str) -> None:
+            report(text)
+            if progress := SearchProgress.from_search(search, text):
+                watch(progress)
 
-        search.tell = told
-        with suppress(Enough):
-            search.run()
-        found = summed_up(experiment, search, kinds, choices.bonded, tell)
-        sampled = nested_audit(search, seed, tell) if evidence == "nested" else ()
+        search.report = report_and_watch
+        with suppress(StopSearch):
+            run_search(search)
+        summary = summarize(experiment, search, kinds, choices.bonded, report)
+        sampled = nested_audit(search, seed, report) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
     space = search.density.space
     result = replace(
-        found.result,
+        summary.result,
         nested=sampled,
         warnings=tuple(str(one) for one in sampled if not one.agrees),
-        notices=(*experiment.notices, *notices, *found.result.notices),
+        notices=(*experiment.notices, *notices, *summary.result.notices),
         settings=Used(
             thresholds=search.settings,
             seed=seed,
@@ -75,29 +98,29 @@ def diagnose(
             effects=tuple(space.effects),
         ),
     )
-    return Diagnosis(result, found.work)
+    return Diagnosis(result, summary.work)
 
 
 def nested_audit(
-    search: Search, seed: int = 0, tell: Tell = lambda text: None, best: int = 2
-) -> tuple[Sampled, ...]:
-    """Nested sampling of the plain model and the likeliest hypotheses, a minute or two each.
+    search: Search, seed: int = 0, report: Report = lambda text: None, best: int = 2
+) -> tuple[EvidenceComparison, ...]:
+    """Return evidences by nested sampling next to Laplace's approximation of the same.
 
-    Under the noise floor alone, without a discrepancy, against Laplace's approximation of the same.
+    The baseline model and the ``best`` most probable hypotheses are sampled under the noise floor
+    alone, without a discrepancy, which takes a minute or two each.
     """
-    # here, as few ask for it and blackjax is slow to import
+    # imported here, as few ask for it and blackjax is slow to import
     from qlvbayes.inference.nested_sampling import nested_evidence
 
     order = sorted(search.modes, key=search.log_posterior, reverse=True)
-    found = []
-    for hypothesis in dict.fromkeys([search.usual, *order[:best]]):
-        tell(f"nested sampling: {described(hypothesis)}")
-        weighed = search.modes[hypothesis][0]
-        laplace = float(weighed.evidence.by_size[0] - search.density.discrepancy.log_prior[0])
-        posterior = weighed.point.own.posterior
+    audit = []
+    for hypothesis in dict.fromkeys([search.baseline, *order[:best]]):
+        name = described(hypothesis)
+        report(f"nested sampling: {name}")
+        candidate = search.modes[hypothesis][0]
+        laplace = float(candidate.evidence.by_size[0] - search.density.discrepancy.log_prior[0])
         laplace += search.density.log_constant
-        sampled = nested_evidence(posterior, seed)
+        sampled = nested_evidence(candidate.point.own.posterior, seed)
         agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
-        told = described(hypothesis), laplace, sampled.log_evidence, sampled.error
-        found.append(Sampled(*told, agrees))
-    return tuple(found)
+        audit.append(EvidenceComparison(name, laplace, sampled.log_evidence, sampled.error, agrees))
+    return tuple(audit)

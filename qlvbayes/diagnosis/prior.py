@@ -1,4 +1,4 @@
-"""The prior probability of a hypothesis, and the families of effects that share theirs."""
+"""The prior probability of a hypothesis, and the families of effects that share one."""
 
 from __future__ import annotations
 
@@ -7,25 +7,33 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Self
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 
 @dataclass(frozen=True)
 class Families:
-    """Which candidates are of which family: the listed law and its other forms, told by one name.
+    """The families of the effects that a search may add.
 
-    of: family of every candidate by its name, a listed effect's being its own; outside: candidates
-    that name nothing, each a family of its own.
+    A family is a candidate effect with its other forms; all are reported under the candidate's
+    name.
+
+    Parameters
+    ----------
+    family_of
+        Name of the family of every effect; a candidate effect's family has its own name.
+    unmodelled
+        Effects that stand for something which no candidate is. They name nothing, and each is a
+        family of its own.
     """
 
-    of: dict[str, str]
-    outside: frozenset[str] = frozenset()
+    family_of: dict[str, str]
+    unmodelled: frozenset[str] = frozenset()
 
     @classmethod
-    def of_kinds(cls, kinds: Iterable[type[AbstractEffect]]) -> Self:
-        """By the facts of the effects' classes."""
+    def from_kinds(cls, kinds: Iterable[type[AbstractEffect]]) -> Self:
+        """Return the families that the classes of effects state."""
         kinds = tuple(kinds)
         return cls(
             {kind.name: kind.family() for kind in kinds},
@@ -33,77 +41,115 @@ class Families:
         )
 
     @property
-    def listed(self) -> list[str]:
-        """Candidates that a diagnosis names."""
-        return [name for name, own in self.of.items() if name == own and name not in self.outside]
+    def nameable(self) -> list[str]:
+        """Candidate effects, which a diagnosis may name."""
+        return [
+            name
+            for name, family in self.family_of.items()
+            if name == family and name not in self.unmodelled
+        ]
 
-    def beside(self, effects: Collection[str]) -> list[str]:
-        """Candidates of families that a set of effects has none of."""
-        taken = {self.of[name] for name in effects}
-        return [name for name, own in self.of.items() if own not in taken]
+    def addable(self, effects: Collection[str]) -> list[str]:
+        """Return the effects whose families have no member in a set of effects."""
+        taken = {self.family_of[name] for name in effects}
+        return [name for name, family in self.family_of.items() if family not in taken]
 
     def members(self, family: str) -> list[str]:
-        """Candidates of one family."""
-        return [name for name, own in self.of.items() if own == family]
+        """Return the effects of one family."""
+        return [name for name, own in self.family_of.items() if own == family]
 
-    def named(self, effects: Collection[str]) -> dict[str, str]:
-        """Of a set of effects, the form in which each family is there; none of what is outside."""
-        return {self.of[name]: name for name in sorted(effects) if name not in self.outside}
+    def forms_in(self, effects: Collection[str]) -> dict[str, str]:
+        """Return the form in which each family is in a set of effects.
+
+        Unmodelled effects are left out.
+        """
+        return {
+            self.family_of[name]: name for name in sorted(effects) if name not in self.unmodelled
+        }
 
     def share(self, effect: str) -> float:
-        """Of its family's prior probability that a member has.
+        """Return the part of its family's prior probability that an effect has.
 
-        The listed law has a half, its other forms together the other; where either is no
-        candidate, the others have all.
+        The candidate effect has one half, and its other forms share the other half. Where the
+        candidate or its forms are not searched, the others have the whole.
         """
-        family = self.of[effect]
+        family = self.family_of[effect]
         forms = [name for name in self.members(family) if name != family]
-        listed = family in self.of
-        whole = 0.5 if listed and forms else 1.0
+        has_candidate = family in self.family_of
+        whole = 0.5 if has_candidate and forms else 1.0
         return whole if effect == family else whole / len(forms)
 
 
 def log_prior(
     hypothesis: Hypothesis,
-    usual: Hypothesis,
+    baseline: Hypothesis,
     laws: tuple[Collection[str], Collection[str]],
     families: Families,
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> float:
-    r"""Log prior probability; laws: elastic ones and relaxations.
+    r"""Return the log prior probability of a hypothesis.
 
-    What the usual hypothesis has is in every one. Sets of k families of N are equally likely,
-    p(set) = c (1 - c)^k / (N over k), and a family's members share its probability. There is at
-    most one of a family: minus infinity.
+    The effects of the baseline hypothesis are in every hypothesis. A set of k families out of N
+    has the probability
+
+    .. math:: p(\text{set}) = c (1 - c)^k / \binom{N}{k}
+
+    and the members of a family share its probability. The baseline's laws have the probability
+    ``settings.usual`` each, and all others share the rest alike.
+
+    Parameters
+    ----------
+    hypothesis
+        The hypothesis.
+    baseline
+        The model that the user chose.
+    laws
+        Names of the elastic laws, and of the relaxations.
+    families
+        Families of the effects.
+    settings
+        Prior probabilities; ``complete`` is c.
+
+    Returns
+    -------
+    float
+        Minus infinity where the hypothesis has two effects of one family.
     """
-    added = hypothesis.effects - usual.effects
-    total = _log_prior_of_set(added, usual.effects, families, settings)
+    added = hypothesis.effects - baseline.effects
+    total = _log_prior_of_set(added, baseline.effects, families, settings)
     pairs = (
-        (hypothesis.elastic, usual.elastic, laws[0]),
-        (hypothesis.relaxation, usual.relaxation, laws[1]),
+        (hypothesis.elastic, baseline.elastic, laws[0]),
+        (hypothesis.relaxation, baseline.relaxation, laws[1]),
     )
-    for law, own, known in pairs:
+    for law, chosen, known in pairs:
         if len(known) > 1:
-            share = settings.usual if law == own else (1.0 - settings.usual) / (len(known) - 1)
+            share = settings.usual if law == chosen else (1.0 - settings.usual) / (len(known) - 1)
             total += math.log(share)
     return total
 
 
 def _log_prior_of_set(
-    added: Collection[str], usual: Collection[str], families: Families, settings: Settings
+    added: Collection[str],
+    baseline: Collection[str],
+    families: Families,
+    settings: DiagnosisSettings,
 ) -> float:
-    taken = {families.of[name] for name in usual}
-    own = {families.of[name] for name in added}
-    if len(own) < len(added) or own & taken:
+    """Return the log prior probability of a set of added effects."""
+    taken = {families.family_of[name] for name in baseline}
+    chosen = {families.family_of[name] for name in added}
+    if len(chosen) < len(added) or chosen & taken:
         return -math.inf
-    free = set(families.of.values()) - taken
+    free = set(families.family_of.values()) - taken
     missing = len(added) * math.log1p(-settings.complete)
     total = math.log(settings.complete) + missing - math.log(math.comb(len(free), len(added)))
     return total + sum(math.log(families.share(name)) for name in added)
 
 
-def log_odds_of_effect(candidates: int, settings: Settings) -> float:
-    """Log prior odds that one effect is in: sets are c (1 - c)^k likely, k of N effects in them."""
+def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:
+    """Return the log prior odds that one of N candidate effects is in the model.
+
+    Sets of k effects have the total probability c (1 - c)^k, c = ``settings.complete``.
+    """
     missing = 1.0 - settings.complete
     expected = sum(settings.complete * missing**k * k for k in range(candidates + 1))
     share = min(expected / candidates, 0.5)

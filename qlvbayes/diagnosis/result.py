@@ -1,4 +1,4 @@
-"""What a diagnosis says of one pad, as ``diagnosis.json`` holds it: numbers and words alone."""
+"""The result of a diagnosis of one pad, as ``diagnosis.json`` holds it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from typing import Annotated
 
 import msgspec
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 
 class Estimate(Part, frozen=True):
-    """A constant of an effect: Laplace mean and sd, with its unit."""
+    """Posterior mean and sd of a constant, by Laplace's approximation, with its unit."""
 
     unit: str
     mean: float
     sd: float
 
     def __str__(self) -> str:
-        """``0.001672 ± 0.000090 N s/mm``: both to the sd's second digit, at most six decimals."""
+        """Return both to the sd's second digit, as ``0.001672 ± 0.000090 N s/mm``."""
         places = 1 - math.floor(math.log10(self.sd)) if self.sd > 0.0 else 3
         unit = "" if self.unit == "1" else f" {self.unit}"
         if places > 6:
@@ -29,39 +30,48 @@ class Estimate(Part, frozen=True):
         return f"{self.mean:.{places}f} ± {self.sd:.{places}f}{unit}"
 
 
-class Laws(Part, frozen=True):
-    """An elastic law and a relaxation by name."""
+class LawPair(Part, frozen=True):
+    """The names of an elastic law and of a relaxation."""
 
     elastic: str
     relaxation: str
 
     @property
     def pair(self) -> tuple[str, str]:
-        """Both."""
+        """Both names."""
         return self.elastic, self.relaxation
 
-    def others(self, first: Laws) -> list[str]:
-        """Those that an earlier pair has not."""
+    def others(self, first: LawPair) -> list[str]:
+        """Return the laws that an earlier pair does not have."""
         return [law for law, own in zip(self.pair, first.pair, strict=True) if law != own]
 
     def __str__(self) -> str:
-        """``hertz with prony:2``."""
+        """Return the pair in words, as ``hertz with prony:2``."""
         return f"{self.elastic} with {self.relaxation}"
 
 
-class Base(Laws, frozen=True):
-    """Base laws and their probability over all effects."""
+class Base(LawPair, frozen=True):
+    """A pair of base laws with its probability over all effects."""
 
     probability: float
 
 
 class Alternative(Part, frozen=True):
-    """A hypothesis and its probability: base laws and effects.
+    """A hypothesis with its probability.
 
-    log_evidence_error: by importance sampling, None where the evidence is Laplace's.
+    Parameters
+    ----------
+    base, effects
+        Its laws and effects.
+    probability
+        Posterior probability.
+    log_evidence
+        Log of the marginal likelihood.
+    log_evidence_error
+        Its sd by importance sampling; None where the evidence is Laplace's approximation.
     """
 
-    base: Laws
+    base: LawPair
     effects: tuple[str, ...]
     probability: float
     log_evidence: float | None = None
@@ -69,14 +79,14 @@ class Alternative(Part, frozen=True):
 
 
 class NotRuledOut(Part, frozen=True):
-    """A set of effects that would explain the tests, and its probability over all base laws."""
+    """A set of effects that may explain the tests, with its probability over all base laws."""
 
     effects: tuple[str, ...]
     probability: float
 
 
 class Place(Part, frozen=True):
-    """A phase of a test."""
+    """A phase of a test that holds structure."""
 
     test: str
     phase: str
@@ -85,9 +95,18 @@ class Place(Part, frozen=True):
 class CellError(
     Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}
 ):
-    """Error in one test's samples of one kind of phase: root mean square and mean (N).
+    """The error in the samples of one kind of phase in one test.
 
-    rate: None where the test has none.
+    Parameters
+    ----------
+    test, phase
+        Name of the test and kind of phase.
+    rate
+        Speed of loading (mm/s); None where the test has none.
+    n
+        Number of samples.
+    rmse, bias
+        Root mean square and mean of measured minus predicted force (N).
     """
 
     test: str
@@ -108,14 +127,31 @@ class Stage(
         "testable": "noise_testable",
     },
 ):
-    """A hypothesis on the way to the verdict and what it leaves.
+    """A hypothesis on the way from the baseline to the verdict, and what it leaves.
 
-    rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn (None where
-    there is one test only); p_value: of the adequacy test; testable: whether the dwells show if
-    noise is correlated; failing: phases that hold structure; cells: errors by test and phase.
+    Parameters
+    ----------
+    base, effects
+        Its laws and effects.
+    rmse
+        Root mean square error over all samples, fitted (N).
+    heldout_rmse
+        The same with each test left out in turn; None where there is only one test.
+    log_evidence
+        Log of the marginal likelihood; None where it is not finite.
+    p_value
+        P-value of the adequacy test.
+    testable
+        Whether the dwells show if noise is correlated.
+    failing
+        Phases that hold structure.
+    cells
+        Errors by test and phase.
+    parameters
+        Estimates of its constants.
     """
 
-    base: Laws
+    base: LawPair
     effects: tuple[str, ...]
     rmse: float
     heldout_rmse: float | None
@@ -135,8 +171,13 @@ class Stage(
 class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time_s"}):
     """In how many readings the evidence for an effect lies.
 
-    blocks: the fewest block means that carry half of the log likelihood that it gains, out of
-    ``of``; test, phase, time (s): of the one that carries most.
+    Parameters
+    ----------
+    blocks, of
+        The smallest number of block means that hold half of the gain in log likelihood, and the
+        number of all block means.
+    test, phase, time
+        Test, kind of phase and time (s) of the block mean that holds most of it.
     """
 
     blocks: int
@@ -147,15 +188,31 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
 
 
 class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):
-    """``none`` or an effect, over the whole posterior.
+    """The probability of one effect, or of ``none``, over all hypotheses.
 
-    inclusion: probability that it is in the model, of ``none`` that nothing is; probability: the
-    same with that of every hypothesis shared out among its effects, so that all sum to one;
-    log_bayes_factor: log posterior odds of being in less the log prior odds, None where nothing
-    else was seen; rmse: of all samples (N) by the likeliest hypothesis with it; parameters: its
-    constants there; inclusion_error: what the errors of the evidences make of the inclusion; half:
-    in how many readings half of its evidence lies, of effects that the verdict names or groups;
-    certainty: how often an effect with such evidence was there in blind studies (`certainty`).
+    Parameters
+    ----------
+    effect
+        Name of the effect, or ``none``.
+    inclusion
+        Probability that the effect is in the model; for ``none``, that no effect is.
+    probability
+        The same with the probability of every hypothesis shared out among its effects, so that
+        all entries sum to one.
+    log_bayes_factor
+        Log posterior odds of inclusion minus the log prior odds; None where no hypothesis without
+        the effect was evaluated.
+    rmse
+        Error of all samples (N) by the most probable hypothesis with the effect.
+    parameters
+        Estimates of the effect's constants in that hypothesis.
+    inclusion_error
+        Sd of the inclusion probability that follows from the errors of the evidences.
+    half
+        In how many readings half of the effect's evidence lies; None where the effect is improbable
+        or the hypothesis without it was not evaluated.
+    certainty
+        How often an effect with such evidence was there in blind studies (`certainty`).
     """
 
     effect: str
@@ -170,25 +227,34 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
 
 
 class Unseen(Part, frozen=True):
-    """An effect that these tests cannot show, and why."""
+    """An effect that these tests cannot show, with the reason."""
 
     effect: str
     reason: str
 
 
 class Refused(Part, frozen=True):
-    """An effect that is likely and not named, and why."""
+    """An effect that is probable but not named, with the reason."""
 
     effect: str
     reason: str
 
 
 class ParameterBias(Part, frozen=True, rename={"left": "share_left"}):
-    """An effect that hides in a bias of the constants.
+    """An effect that would bias the constants instead of leaving a residual.
 
-    size: value of its amplitude; left: share of its force that the constants do not take; changes:
-    relative change of each constant if it were there and left out; visible: whether these tests
-    would show it at that size all the same.
+    Parameters
+    ----------
+    effect, amplitude
+        Names of the effect and of its amplitude.
+    size
+        Value of the amplitude: one prior sd.
+    left
+        Share of the effect's force that is left once the constants are refitted.
+    changes
+        Relative change of each constant if the effect is there and not modelled.
+    visible
+        Whether these tests would show the effect at that size all the same.
     """
 
     effect: str
@@ -200,16 +266,25 @@ class ParameterBias(Part, frozen=True, rename={"left": "share_left"}):
 
 
 class Suggestion(Part, frozen=True, rename={"evidence": "expected_2_ln_bayes_factor"}):
-    """A further test and the expected 2 ln(Bayes factor) by which it would tell a group apart."""
+    """A further test, with the expected 2 ln(Bayes factor) by which it separates a group."""
 
     test: str
     evidence: float
 
 
-class Sampled(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
-    """One hypothesis, without a discrepancy: log evidence by Laplace, and by nested sampling.
+class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
+    """The log evidence of one hypothesis without a discrepancy, computed in two ways.
 
-    agrees: whether both are within three errors and half a unit.
+    Parameters
+    ----------
+    effect
+        The hypothesis in words.
+    laplace
+        Log evidence by Laplace's approximation.
+    log_evidence, error
+        Log evidence by nested sampling, with its sd.
+    agrees
+        Whether both agree within three errors and half a unit.
     """
 
     effect: str
@@ -219,7 +294,7 @@ class Sampled(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
     agrees: bool
 
     def __str__(self) -> str:
-        """Both ways and how far they are apart."""
+        """Return both values in words."""
         return (
             f"{self.effect}: log evidence {self.laplace:.1f} by Laplace, {self.log_evidence:.1f} "
             f"+- {self.error:.1f} by nested sampling"
@@ -227,11 +302,16 @@ class Sampled(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
 
 
 class Checked(Part, frozen=True):
-    """A check for modes that the search missed: how often it was made, failed, and led higher.
+    """How often a check for missed modes was made, failed, and led to a higher mode.
 
-    check: ``nested`` (evidences with and without an effect against the effect's posterior at
-    nothing), ``exchanged`` (an extra mode that took the place of one that the law has) or ``draws``
-    (the likeliest hypotheses from other draws of the relaxation).
+    Parameters
+    ----------
+    check
+        ``nested`` compares evidences with and without an effect to the effect's posterior at zero.
+        ``exchanged`` looks for an extra relaxation mode that has the part of one of the law's own.
+        ``draws`` optimises the most probable hypotheses from other draws of the relaxation.
+    made, failed, higher
+        The counts.
     """
 
     check: str
@@ -245,12 +325,27 @@ class Remains(
     frozen=True,
     rename={"rms": "rms_N", "upper95": "upper95_N", "bias": "bias_N", "excess": "excess_N"},
 ):
-    """What the hypothesis told leaves, by the phase of a test in which it leaves most (N).
+    """The structure that the selected hypothesis leaves, in the phase where it leaves most.
 
-    rms: of the structured part; upper95: its bound; share_of_peak: over the largest force;
-    share_of_error: of all phases' structured part in the plain model's, None where that leaves
-    nothing; excess: by how much the error of all samples exceeds the noise; sure: whether structure
-    is seen at all; small: whether all of it is below the tolerance.
+    Parameters
+    ----------
+    rms, upper95
+        Root mean square of the structured part (N), and its upper bound at 95 %.
+    share_of_peak
+        ``rms`` divided by the largest force.
+    share_of_error
+        Structured part over all phases, divided by that of the baseline model; None where that
+        leaves none.
+    test, phase
+        Where it is largest.
+    bias
+        Mean of the structured part there (N).
+    excess
+        By how much the error of all samples exceeds the noise (N).
+    sure
+        Whether the adequacy test sees structure at all.
+    small
+        Whether all of it is below the tolerance.
     """
 
     rms: float
@@ -266,7 +361,7 @@ class Remains(
 
 
 class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """Where the plain model fails worst (N)."""
+    """Where the baseline model fails worst, with the error (N) there."""
 
     test: str
     phase: str
@@ -275,13 +370,19 @@ class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 
 
 class Used(Part, frozen=True):
-    """What a diagnosis was told to do.
+    """The settings with which a diagnosis was made.
 
-    thresholds: prior probabilities, and how sure it must be; seed, evidence: of nested sampling, if
-    that was asked for; elastic, relaxation, effects: what was tried.
+    Parameters
+    ----------
+    thresholds
+        Prior probabilities and thresholds.
+    seed, evidence
+        Seed of nested sampling, and whether that was asked for.
+    elastic, relaxation, effects
+        Names of all laws and effects that were searched.
     """
 
-    thresholds: Settings
+    thresholds: DiagnosisSettings
     seed: int
     evidence: str
     elastic: tuple[str, ...]
@@ -303,27 +404,77 @@ class DiagnosisResult(
 ):
     """What one pad's tests say about the model: ``diagnosis.json``.
 
-    noise: the floor's sd (N), measured without the model; effects: what the verdict names, the
-    group's likeliest last; group: effects of which one is there (``ambiguous``);
-    forms: of effects told by another law than the list's, which, by the listed name; base: the laws
-    of the hypothesis told; bases: all, the likeliest first; outside: probability that something
-    outside the list is there; alternatives: the likeliest hypotheses; not_ruled_out: the likeliest
-    sets of effects; constants: the base law's, averaged over all hypotheses on it; heldout_of_all:
-    error (N) on tests left out of what the likely hypotheses predict together, each by its
-    probability without that test, None where one alone is likely; stages: from the
-    plain model that was chosen to the hypothesis told; ranking: inclusion probabilities; biases:
-    effects that would hide in the constants; coincident: effects that look alike; refused: effects
-    that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
-    notices: what one should know of the tests; nested: evidence by nested sampling, where it was
-    asked for; checks: for modes that the search missed; discrepancy: likeliest size (N) of what the
-    hypothesis told leaves; tolerance: share of the peak force below which that does not matter;
-    remainder: its size; worst: of the plain model; settings: what was used.
+    Forces are in the unit of ``units.force``, N by default.
+
+    Parameters
+    ----------
+    pad
+        Name of the pad.
+    units
+        Units of the file.
+    noise
+        Sd of the noise floor, measured without the model.
+    verdict
+        The verdict.
+    effects
+        Effects that the verdict names; the most probable member of a group comes last.
+    group
+        Effects of which one is there, for an ambiguous verdict.
+    forms
+        The form of each effect that is there by another law than the candidate effect's own.
+    base
+        Laws of the selected hypothesis.
+    bases
+        All probable pairs of laws, the most probable first.
+    outside
+        Probability that something unmodelled is there.
+    alternatives
+        The most probable hypotheses.
+    not_ruled_out
+        The most probable sets of effects.
+    constants
+        Constants of the base laws, averaged over all hypotheses with these laws.
+    heldout_of_all
+        Error on tests left out of the prediction of all probable hypotheses together, each with
+        its probability given the other tests; None where only one is probable.
+    stages
+        Hypotheses from the baseline to the selected one.
+    ranking
+        Inclusion probabilities of ``none`` and all candidate effects.
+    not_identifiable
+        Effects that the tests cannot show.
+    biases
+        Effects that would hide in the constants.
+    coincident
+        Groups of effects that look alike in these tests.
+    refused
+        Effects that are probable, and why they are not named.
+    warnings
+        Where two ways to the evidence disagree.
+    notices
+        What one should know of the tests.
+    suggestions
+        Tests that would separate the members of the group.
+    nested
+        Evidences by nested sampling, where it was asked for.
+    checks
+        Counts of the checks for missed modes.
+    discrepancy
+        Most probable size of what the selected hypothesis leaves.
+    tolerance
+        Share of the peak force below which that does not matter.
+    remainder
+        Size of the structure that the selected hypothesis leaves.
+    worst
+        Where the baseline model fails worst.
+    settings
+        The settings that were used.
     """
 
     pad: str
     units: UnitSystem = PAD
     noise: float
-    verdict: str
+    verdict: Verdict
     effects: tuple[str, ...]
     group: tuple[str, ...]
     forms: dict[str, str] = msgspec.field(default_factory=dict)
@@ -343,7 +494,7 @@ class DiagnosisResult(
     warnings: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
-    nested: tuple[Sampled, ...] = ()
+    nested: tuple[EvidenceComparison, ...] = ()
     checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     tolerance: float | None = None
@@ -353,14 +504,14 @@ class DiagnosisResult(
 
     @property
     def tried(self) -> tuple[str, ...]:
-        """Effects of the hypothesis told."""
+        """Effects of the selected hypothesis."""
         return self.stages[-1].effects
 
     @property
     def changed(self) -> list[str]:
-        """Base laws of the hypothesis told that are not those chosen."""
+        """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
 
     def probability_of(self, effect: str) -> float:
-        """That an effect is in the model; of ``none`` that none is."""
+        """Return the probability that an effect is in the model; for ``none``, that none is."""
         return next((r.inclusion for r in self.ranking if r.effect == effect), 0.0)

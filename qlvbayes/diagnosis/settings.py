@@ -1,4 +1,4 @@
-"""What the diagnosis takes for likely before the tests, and how sure it must be."""
+"""The settings of a diagnosis: prior probabilities, thresholds, and the breadth of the search."""
 
 from __future__ import annotations
 
@@ -14,25 +14,45 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 @dataclass(frozen=True)
 class Breadth:
-    """How broadly hypotheses and their modes are looked for: the more, the longer it takes.
+    """How broadly hypotheses and their modes are searched. A broader search takes longer.
 
-    starts: draws of all priors, from which the plain model is optimised; draws: of a relaxation,
-    from which a hypothesis is optimised until so many in a row lead no higher; shapes: quantiles of
-    the prior of a new effect's shape, from which it is optimised; small, large: a new effect,
-    in sds of its amplitude's prior; followed: modes under coarse
-    noise that are followed under the noise itself.
-
-    beam: hypotheses that are expanded, the likeliest that come within ``near`` (log posterior) of
-    the best; redrawn: neighbours of one, the likeliest, that are optimised from other relaxations
-    too; effects: most that a hypothesis has beside the user's own; hypotheses: most that are seen,
-    as beside something that no list holds very many are alike.
-
-    modes: of a hypothesis, that are kept; far: loss behind its best mode, beyond which another adds
-    nothing to its evidence (e^-15).
-
-    rival: log posterior behind the best, within which a hypothesis is checked and its evidence
-    sampled (e^-7: a thousandth), of at most ``sampled``; apart: log Bayes factor by which two ways
-    to it may differ (e^3: 20, more than a normal about a mode is off by).
+    Parameters
+    ----------
+    starts
+        Number of draws of all priors from which the baseline model is optimised.
+    draws
+        A hypothesis is optimised from draws of the relaxation until this many in a row lead no
+        higher.
+    shapes
+        Number of quantiles of the prior of a new effect's shape from which it is optimised.
+    small, large
+        Amplitudes with which a new effect starts, in sds of the amplitude's prior.
+    followed
+        Number of modes under coarse noise that are optimised further under the noise itself.
+    beam
+        Largest number of hypotheses that are expanded at a time.
+    near
+        Distance behind the best log posterior within which a hypothesis is expanded.
+    redrawn
+        Number of neighbours, the most probable ones, that are also optimised from other
+        relaxations.
+    effects
+        Largest number of effects that a hypothesis adds to the user's own.
+    hypotheses
+        Largest number of hypotheses that are evaluated. Where something unmodelled is there, very
+        many fit alike.
+    modes
+        Largest number of modes of a hypothesis that are kept.
+    far
+        Loss behind the best mode beyond which another mode adds nothing to the evidence (e^-15).
+    rival
+        Distance behind the best log posterior within which a hypothesis is checked for missed
+        modes and its evidence is sampled (e^-7: a thousandth).
+    sampled
+        Largest number of hypotheses whose evidence is sampled.
+    apart
+        Difference by which two ways to a log Bayes factor may differ (e^3 = 20, which is more than
+        the error of a normal approximation about a mode).
     """
 
     starts: int = 4
@@ -55,14 +75,25 @@ class Breadth:
 
 @dataclass(frozen=True)
 class CellTests:
-    """How each cell, a phase of a test, is asked whether structure is left in it.
+    """How each cell, which is a phase of a test, is tested for structure that is left in it.
 
-    curves: smooth ones a cell, of which each needs ``blocks`` block means; apart: phases of a kind
-    in a test that are cells by themselves, where more, as in cycles, are one cell whose mean may
-    drift by ``drifts`` curves from cycle to cycle (a line and a parabola).
-
-    draws: of the noise floor, over which p-values are averaged; doubtful: the same where the kind
-    of the noise is in doubt (with 12 a p-value of 0.02 may come out as 1e-9).
+    Parameters
+    ----------
+    curves
+        Number of smooth curves that are tried in a cell.
+    blocks
+        Number of block means that each curve needs.
+    apart
+        Largest number of phases of one kind in a test that are cells by themselves. More of them,
+        as in cycles, form one cell.
+    drifts
+        Number of curves by which the mean of such a cell may drift from cycle to cycle (2: a line
+        and a parabola).
+    draws
+        Number of draws of the noise floor over which p-values are averaged.
+    doubtful
+        The same where the kind of noise is in doubt: with 12 draws a p-value of 0.02 may come out
+        as 1e-9.
     """
 
     curves: int = 4
@@ -75,12 +106,17 @@ class CellTests:
 
 @dataclass(frozen=True)
 class Imitation:
-    """What tells an effect from an imitation, whose strength differs from test to test.
+    """How an effect is distinguished from an imitation, whose strength differs between tests.
 
-    varies: relative sd of an imitation's strength, off by a third or so; holds: the same of an
-    effect whose name serves, as what it predicts is right to 5 %; odds: of the former over the
-    latter, from which an effect is an imitation (of an effect that is none their mean is 1, so that
-    20 is exceeded in 5 % at most).
+    Parameters
+    ----------
+    varies
+        Relative sd of an imitation's strength.
+    holds
+        Relative sd of a true effect's strength: the effect predicts forces to about 5 %.
+    odds
+        Bayes factor of an imitation over a true effect from which an effect counts as an
+        imitation. Its mean is 1 for a true effect, so that 20 is exceeded in 5 % of pads at most.
     """
 
     varies: float = 0.3
@@ -89,26 +125,51 @@ class Imitation:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Prior probabilities, and from which probability on something is said.
+class DiagnosisSettings:
+    """Prior probabilities, and the probabilities and sizes from which the verdict says something.
 
-    complete: prior probability that no (further) effect is missing, asked anew after each; usual:
-    that the elastic law, and likewise the relaxation, is the one that was chosen, the others
-    sharing the rest alike. Both as undecided as can be. discrepancy: what else may be missing.
-    narrowest, widest: factors within which the prior of an effect's size is fitted to the user's
-    motion (beyond, an effect that hardly acts in it would have to be enormous to be seen).
+    Parameters
+    ----------
+    complete
+        Prior probability that no (further) effect is missing, which applies anew after each
+        effect. One half is undecided.
+    usual
+        Prior probability that the elastic law is the one that was chosen, and likewise for the
+        relaxation; all other laws share the rest alike. One half is undecided.
+    named
+        Inclusion probability from which an effect is named.
+    covered
+        Probability with which a group must hold the missing effect.
+    false_alarms
+        Significance level of the adequacy test over all cells of a pad.
+    rise
+        Relative increase of the error on tests left out that a named effect may cause: rounding,
+        or an effect that helps where nothing was left out.
+    tolerance
+        Share of the peak force below which neither an effect nor structure matters.
+    breadth
+        Breadth of the search.
+    discrepancy
+        Prior of the discrepancy, which stands for everything that is not modelled.
+    narrowest, widest
+        Bounds of the factors by which the prior of an effect's amplitude is scaled to the user's
+        motion. Without them, an effect that hardly acts in it would have to be enormous.
+    group
+        Largest number of effects in a group: more is no answer.
+    unlisted
+        Probability of something unmodelled from which it counts as being there.
+    returned
+        Share of the largest depth, or of the peak force, below which a test counts as having come
+        back to zero.
+    cells
+        How structure is tested for.
+    imitation
+        How an effect is distinguished from an imitation.
 
-    named: inclusion probability from which an effect is named; covered: with which a group holds
-    the effect; group: its members at most, as more is no answer; unlisted: probability of something
-    that no list holds, from which it is taken to be there; false_alarms: of the adequacy test over
-    all cells of a pad; rise: share by which the error on tests left out may grow with an effect
-    that is named (rounding; an effect that helps where nothing was left out); tolerance: share of
-    the peak force below which neither an effect nor structure matters. Raises InputError if it is
-    below 0, or 0.5 or more.
-
-    returned: share of the largest depth, or of the peak force, below which a test counts as having
-    come back to nothing; breadth: of the search; cells: how structure is looked for; imitation: how
-    an effect is told from one.
+    Raises
+    ------
+    InputError
+        The tolerance is below 0, or 0.5 or more.
     """
 
     complete: float = 0.5

@@ -9,7 +9,7 @@ from msgspec import to_builtins
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.evaluation.counting import Case
 from qlvbayes.evaluation.population import Population, kin
 from qlvbayes.evaluation.study import Study, make_study
@@ -17,7 +17,7 @@ from qlvbayes.evaluation.visible import SEEN, visible
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 
-THRESHOLDS = Settings()
+THRESHOLDS = DiagnosisSettings()
 """Thresholds with which every study is diagnosed."""
 FAILED = "failed"  # in place of a verdict, where the program stopped
 

@@ -9,24 +9,24 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as with_fields
 
-from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, normalised
+from qlvbayes.diagnosis.candidate import described
+from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.series import Series, Wish, planned_series
+from qlvbayes.diagnosis.nexttest.series import Goal, Series, plan_series
 from qlvbayes.diagnosis.nexttest.setpoints import as_csv
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
-from qlvbayes.diagnosis.nexttest.telling import told
+from qlvbayes.diagnosis.nexttest.summary import summarize
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, Runs
@@ -62,12 +62,12 @@ class Present:
     missed: float
     clock: float = 0.0
 
-    def errors(self, rig: Rig) -> Errors:
+    def errors(self, rig: Rig) -> ReadingErrors:
         """Of tests on a rig, with the largest force of the deepest and fastest press."""
         press = Design(rig.depth, rig.speed, rig.acceleration, 1.0)
         first = self.belief.explanations[0]
         force = first.forces(np.zeros((1, first.size)), record_of([press], rig, self.clock))
-        return Errors(self.floor, float(np.max(np.abs(force))), self.missed)
+        return ReadingErrors(self.floor, float(np.max(np.abs(force))), self.missed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +110,15 @@ def design_into(
         present.belief.check(names)
         if not asked:
             names = present.belief.base_names
-        wish = Wish(names, cause)
+        goal = Goal(names, cause)
         rig = present.rig.limited(depth, speed, acceleration)
         errors = present.errors(rig)
-        series = planned_series(
-            present.belief, rig, errors, wish,
-            minutes=minutes, tests=tests, clock=present.clock, seed=seed, tell=tell,
+        series = plan_series(
+            present.belief, rig, errors, goal,
+            minutes=minutes, tests=tests, clock=present.clock, seed=seed, report=tell,
         )  # fmt: skip
-        result = told(
-            pad, present.units, present.belief, rig, errors, wish, series,
+        result = summarize(
+            pad, present.units, present.belief, rig, errors, goal, series,
             minutes=minutes, seed=seed,
         )  # fmt: skip
         found = Found(result, series, present, rig)
@@ -153,7 +153,7 @@ def _present(
         raise InputError(
             "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
         )
-    families = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+    families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
     doubted = likely(result.alternatives, families) if result else []
     causes = {cause_of(one.effects, families) for one in doubted}
     wanted = CAUSE in asked
@@ -205,8 +205,8 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
     found = Present(
         saved.pad,
         saved.units,
-        normalised([one]),
-        Rig.of_ranges(saved.covered),
+        Belief.from_explanations([one]),
+        Rig.from_ranges(saved.covered),
         _floor_of(draws, saved.pad),
         float(np.median(draws.get("noise.remainder", np.zeros(1)))),
     )
@@ -220,7 +220,7 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
         )
     pad, keep = study.pad(saved.pad), saved.choices.keep_all_readings
     experiment = prepare(pad, keep_all_readings=keep, use=saved.choices.use)
-    return replace(found, rig=Rig.of_tests(experiment), clock=experiment.scales.clock)
+    return replace(found, rig=Rig.from_tests(experiment), clock=experiment.scales.clock)
 
 
 def _floor_of(draws: dict[str, np.ndarray], pad: str) -> NoiseFloor:
@@ -258,21 +258,23 @@ def _of_diagnosis(
     choices = Choices.from_dict(run.choices)
     pad, keep = study.pad(result.pad), choices.keep_all_readings
     experiment = as_chosen(prepare(pad, keep_all_readings=keep, use=choices.use), choices)
-    search = search_of(experiment, choices, kinds=choices.candidates, settings=_thresholds(result))
+    search = build_search(
+        experiment, choices, kinds=choices.candidates, settings=_thresholds(result)
+    )
     explanations = explained(search, doubted or result.alternatives[:1])
     scales = experiment.scales
     return Present(
         result.pad,
         experiment.units,
-        normalised(explanations, result.outside),
-        Rig.of_tests(experiment),
+        Belief.from_explanations(explanations, result.outside),
+        Rig.from_tests(experiment),
         experiment.floor,
         result.discrepancy,
         scales.clock,
     )
 
 
-def _thresholds(result: DiagnosisResult) -> Settings | None:
+def _thresholds(result: DiagnosisResult) -> DiagnosisSettings | None:
     return result.settings.thresholds if result.settings else None
 
 
@@ -289,16 +291,16 @@ def _run(out: Path) -> Run:
 def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
     """Alternatives at their likeliest modes; those that have none are left out."""
     search.begin()
-    usual = search.usual
+    baseline = search.baseline
     found = []
     for one in alternatives:
         hypothesis = Hypothesis(
-            one.base.elastic, one.base.relaxation, usual.effects | set(one.effects)
+            one.base.elastic, one.base.relaxation, baseline.effects | set(one.effects)
         )
-        bare = Hypothesis(*one.base.pair, usual.effects)
-        search.see(bare)
+        bare = Hypothesis(*one.base.pair, baseline.effects)
+        search.evaluate(bare)
         if bare in search.modes:
-            search.see(hypothesis, bare)
+            search.evaluate(hypothesis, bare)
         if hypothesis not in search.modes:
             continue
         best = search.modes[hypothesis][0]

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.discrepancy import discrepancy
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
@@ -30,7 +30,7 @@ class DiagnoseStep:
     choices: Choices
     evidence: str
     seed: int
-    thresholds: Settings
+    thresholds: DiagnosisSettings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """As `diagnose_into`."""
@@ -64,7 +64,7 @@ def diagnose_into(
     evidence: str,
     seed: int,
     watcher: Watcher,
-    thresholds: Settings | None = None,
+    thresholds: DiagnosisSettings | None = None,
 ) -> Diagnosis:
     """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
 
@@ -84,7 +84,7 @@ def diagnose_into(
             settings=thresholds,
             evidence=evidence,
             seed=seed,
-            tell=tell,
+            report=tell,
             watch=lambda standing: watcher.searched(pad.name, standing),
         )
         if found.result.verdict in ("unexplained", "partly_explained"):

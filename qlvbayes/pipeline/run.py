@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import record_run
@@ -46,7 +46,7 @@ def run_study(
     pads: Sequence[str] = (),
     choices: Choices | ChoicesOf | None = None,
     settings: Settings | None = None,
-    thresholds: Thresholds | None = None,
+    thresholds: DiagnosisSettings | None = None,
     watcher: Watcher | None = None,
     command: str = "",
     references: str | Path | None = None,
@@ -104,7 +104,7 @@ def run_study(
     if not isinstance(source, Source):
         source = Source.of(source, only=pads, shard=Shard.from_text(shard) if shard else None)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
-    thresholds = thresholds or Thresholds()
+    thresholds = thresholds or DiagnosisSettings()
     known = references_of(source.place, None if references is None else Path(references))
     chosen = _chosen(choices)
     if source.read is not None and source.shard.count == 1:
@@ -257,7 +257,7 @@ class PlainStep:
 
     choices: Choices
     settings: Settings
-    thresholds: Thresholds
+    thresholds: DiagnosisSettings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """Into the folder, and ``plain`` in it."""

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.progress import SearchProgress
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.search import Tell
-from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.standing import Standing
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.search import Report
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.fit import Fit, fit_pad
@@ -118,11 +118,11 @@ class Specimen:
         choices: Choices | None = None,
         *,
         kinds: Sequence[type[AbstractEffect]] | None = None,
-        thresholds: Thresholds | None = None,
+        thresholds: DiagnosisSettings | None = None,
         evidence: str = "laplace",
         seed: int = 0,
-        tell: Tell = lambda text: None,
-        watch: Callable[[Standing], None] = lambda standing: None,
+        tell: Report = lambda text: None,
+        watch: Callable[[SearchProgress], None] = lambda standing: None,
     ) -> Diagnosis:
         """Say what the model lacks, a law or effects, from all tests.
 
@@ -142,7 +142,7 @@ class Specimen:
         tell
             Hears what is being done.
         watch
-            Sees at each such step what is known so far, and may raise `Enough` to end the search.
+            Sees at each such step what is known so far; may raise `StopSearch` to end the search.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Specimen:
             settings=thresholds,
             evidence=evidence,
             seed=seed,
-            tell=tell,
+            report=tell,
             watch=watch,
         )
 

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from qlvbayes.diagnosis.progress import SearchProgress
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
@@ -54,7 +54,7 @@ class Watcher:
     def checked(self, check: CheckResult) -> None:
         """A fit has been checked."""
 
-    def searched(self, pad: str, standing: Standing) -> None:
+    def searched(self, pad: str, standing: SearchProgress) -> None:
         """A search for what a pad lacks has come so far."""
 
     def diagnosed(

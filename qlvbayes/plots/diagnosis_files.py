@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
 from qlvbayes.plots.files import save_figure

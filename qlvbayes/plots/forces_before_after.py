@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.leftout import LABEL, mark_left_out
 from qlvbayes.plots.naming import heading, model_lines, model_name
@@ -130,11 +130,15 @@ def _draw(
     upper.tick_params(labelbottom=False)
 
 
-def _models(curve: Curve) -> list[tuple[Band, str, str]]:
+def _models(curve: Curve) -> list[tuple[ForceBand, str, str]]:
     """Return each model with its colour and line."""
     palette = colours()
     last = (curve.final, palette[_FINAL], "-")
-    return [last] if curve.final is curve.plain else [(curve.plain, palette[_BASELINE], "--"), last]
+    return (
+        [last]
+        if curve.final is curve.baseline
+        else [(curve.baseline, palette[_BASELINE], "--"), last]
+    )
 
 
 def _force(axis: Axes, placed: PanelSamples, curve: Curve) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.diagnosis.result import Laws, Ranked, Stage
+from qlvbayes.diagnosis.result import LawPair, Ranked, Stage
 from qlvbayes.report.boxes import seen, verdict_line
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, to_sd, with_unit
@@ -78,7 +78,7 @@ def _spoken(pad: PadResults) -> tuple[str, ...]:
     return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
 
 
-def _step(stage: Stage, chosen: Laws, noise: float) -> Step:
+def _step(stage: Stage, chosen: LawPair, noise: float) -> Step:
     heldout = stage.heldout_rmse
     return Step(
         _model(stage, chosen),
@@ -90,7 +90,7 @@ def _step(stage: Stage, chosen: Laws, noise: float) -> Step:
     )
 
 
-def _model(stage: Stage, chosen: Laws) -> str:
+def _model(stage: Stage, chosen: LawPair) -> str:
     """Its laws, where they are not those chosen, and its effects."""
     return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 

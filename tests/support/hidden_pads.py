@@ -5,7 +5,7 @@ import json
 import pytest
 from msgspec.structs import replace
 
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import find
 from qlvbayes.evaluation.study import measured
 from qlvbayes.laws.catalogue import LAWS

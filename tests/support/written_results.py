@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 from PIL import Image
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 
 PHASES = [
     ("ramp", 0.0, 0.05),
@@ -179,7 +179,7 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
         "warnings": [],
         "worst": {"test": f"{pad}-fast", "phase": "ramp", "rmse_N": 0.19, "bias_N": 0.17},
         "settings": {
-            "thresholds": asdict(Settings()),
+            "thresholds": asdict(DiagnosisSettings()),
             "seed": 7,
             "evidence": "laplace",
             "elastic": ["exponential"],
@@ -284,7 +284,7 @@ def write_study(out):
             "seed": 7,
             "choices": {"law": "exponential", "modes": 2, "noise": "correlated"},
             "versions": {"python": "3.11.7", "jax": "0.10.2"},
-            "settings": {"thresholds": asdict(Settings())},
+            "settings": {"thresholds": asdict(DiagnosisSettings())},
         }
     }
     write(out / "run.json", {"schema": 1, "runs": runs})

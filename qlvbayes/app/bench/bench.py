@@ -24,7 +24,7 @@ from qlvbayes.app.bench.signature import added_effect
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.space import Space
@@ -135,12 +135,12 @@ class Bench:
         """
         choices = choices or Choices()
         experiment = as_chosen(experiment, choices)
-        density = search_of(experiment, choices, kinds=choices.candidates).density
+        density = build_search(experiment, choices, kinds=choices.candidates).density
         floor = experiment.floor
         return cls(
             experiment,
             choices,
-            Samples.of(experiment, density.space),
+            Samples.from_experiment(experiment, density.space),
             Squares.from_density(density, floor.white, floor.ou),
         )
 

@@ -1,1 +1,1 @@
-"""What the tests themselves say of hypotheses: what is left, tests left out, vetoes."""
+"""Checks of hypotheses against the tests: structure that is left, tests left out, vetoes."""

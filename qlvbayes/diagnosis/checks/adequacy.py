@@ -1,26 +1,26 @@
-r"""Is structure left? Cell by cell (test and phase), against the noise measured without the model.
+r"""The adequacy test: whether a model leaves structure in any cell, which is a phase of a test.
 
-Under a right model the residual r is noise of covariance Sigma, less what the fitted constants
-take. In each cell four smooth curves B (Legendre polynomials of order 0 to 3 over the cell's
-blocks) are tried; the phases of many cycles are one cell, whose curves repeat from cycle to cycle
-and may drift from one to the next. With the sensitivities J of what was fitted,
-A = J^T Sigma^{-1} J,
+The noise was measured without the model. Under a right model the residual r is noise of covariance
+Sigma, minus the part that the fitted constants take. In each cell four smooth curves B (Legendre
+polynomials of order 0 to 3 over the cell's blocks) are tried. The phases of many cycles form one
+cell, whose curves repeat from cycle to cycle and may drift from one to the next. With the
+sensitivities J of the fitted constants, A = J^T Sigma^{-1} J,
 
 .. math:: T = s^T V^{-1} s, \quad
           s = B^T \Sigma^{-1} (r - J A^{-1} J^T \Sigma^{-1} r), \quad
           V = B^T \Sigma^{-1} B - B^T \Sigma^{-1} J A^{-1} J^T \Sigma^{-1} B
 
 is chi^2 with as many degrees of freedom as curves, in each cell (the worst one's p-value p_1 is
-corrected for their number by Sidak) and over all cells' curves together (p_a, which sees what is
-spread thinly); the smaller of both counts:
+corrected for their number by Sidak) and over all cells' curves together (p_a, which sees structure
+that is spread thinly). The smaller of both counts:
 
 .. math:: p = 1 - (1 - \min(p_1, p_a))^2.
 
-Sigma is that of the floor, which no structure inflates. The floor is
-uncertain: p is averaged over draws of it given the dwells alone (a posterior predictive p-value;
-with a sd that alone is uncertain the mean is the F test's, exactly). Errors of the motion count as
-noise where the platen moves. Without any rest whether noise is correlated cannot be measured
-without the model, and what looks like it is *not testable*.
+Sigma is that of the noise floor, which no structure inflates. The floor is uncertain: p is averaged
+over draws of it given the dwells alone. This is a posterior predictive p-value; where only the sd
+is uncertain, the mean is exactly that of the F test. Errors of the motion count as noise where the
+platen moves. Without any dwell it cannot be measured whether noise is correlated, and structure
+that looks like correlated noise is *not testable*.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.settings import CellTests, Settings
+from qlvbayes.diagnosis.settings import CellTests, DiagnosisSettings
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -46,7 +46,19 @@ from qlvbayes.motion.record import Blocks, Record
 
 @dataclass(frozen=True)
 class CellTest:
-    """One cell: its phase's place in the test, how many curves were tried, and the p-value."""
+    """The test of one cell.
+
+    Parameters
+    ----------
+    test, phase
+        Name of the test and kind of phase.
+    start
+        Begin of the phase (s).
+    curves
+        Number of curves that were tried.
+    p_value
+        P-value of their statistic.
+    """
 
     test: str
     phase: str
@@ -57,9 +69,18 @@ class CellTest:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """Each cell, all together, and both; the module has the p-values.
+    """The adequacy of one hypothesis.
 
-    testable: False where no rest shows whether noise is correlated.
+    Parameters
+    ----------
+    cells
+        Test of each cell.
+    joint_p_value
+        P-value of all cells' curves together, p_a.
+    p_value
+        P-value of the whole test, p.
+    testable
+        Whether a dwell shows if noise is correlated.
     """
 
     cells: tuple[CellTest, ...]
@@ -67,18 +88,30 @@ class Adequacy:
     p_value: float
     testable: bool = True
 
-    def is_sound(self, settings: Settings) -> bool:
-        """Whether no structure is left that chance would not make."""
+    def is_sound(self, settings: DiagnosisSettings) -> bool:
+        """Return whether chance explains all structure that is left."""
         return self.p_value >= settings.false_alarms
 
     @property
     def worst(self) -> CellTest:
-        """The cell of smallest p-value."""
+        """The cell with the smallest p-value."""
         return min(self.cells, key=lambda cell: cell.p_value)
 
 
 def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTests) -> Adequacy:
-    """Test what a fitted hypothesis leaves of every phase; record: the blocks it was fitted to."""
+    """Test whether a fitted hypothesis leaves structure in any phase.
+
+    Parameters
+    ----------
+    experiment
+        The tests of one pad, with the noise floor.
+    record
+        The block means (T, B) to which the hypothesis was fitted.
+    point
+        The hypothesis at its mode.
+    tests
+        How each cell is tested.
+    """
     residual = np.asarray(record.blocks.force) - point.predicted
     cells, curves = cell_curves(experiment.trials, record.blocks, tests)
     sizes = np.abs(point.responses).max(axis=(1, 2))
@@ -88,12 +121,12 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
     blocks = _by_test(record.blocks)
     floor = experiment.floor
     floors, weights = floor.weighted(tests.draws if floor.is_sure else tests.doubtful)
-    found = []
+    p_values = []
     for one in floors:
         products = _products(one, blocks, vectors, peak)
-        found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
-    cell_ps = np.average([ps for ps, _, _ in found], axis=0, weights=weights)
-    joint, both = np.average([p[1:] for p in found], axis=0, weights=weights)
+        p_values.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
+    cell_ps = np.average([ps for ps, _, _ in p_values], axis=0, weights=weights)
+    joint, both = np.average([p[1:] for p in p_values], axis=0, weights=weights)
     tested = tuple(
         CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
@@ -101,7 +134,17 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
 
 
 def combined(worst: float, cells: int, joint: float) -> float:
-    """P-value of the smaller of the worst cell's, corrected for their number, and the joint one."""
+    """Return the p-value of the whole test.
+
+    Parameters
+    ----------
+    worst
+        P-value of the worst cell, which is corrected for the number of cells here.
+    cells
+        Number of cells.
+    joint
+        P-value of all cells together.
+    """
     one = -np.expm1(cells * np.log1p(-min(worst, 1.0 - 1e-16)))
     least = min(float(one), joint)
     return float(least * (2.0 - least))
@@ -110,7 +153,10 @@ def combined(worst: float, cells: int, joint: float) -> float:
 def _p_values(
     products: np.ndarray, slopes: int, cells: list[list[int]]
 ) -> tuple[np.ndarray, float, float]:
-    """Of each cell, of all together and combined, from products of residual, slopes and curves."""
+    """Return the p-values of each cell, of all cells together, and of the whole test.
+
+    They follow from the products of the residual, the slopes and the curves.
+    """
     J, B = slice(1, 1 + slopes), slice(1 + slopes, None)
     information = products[J, J]
     ridge = 1e-9 * np.maximum(np.diag(information), 1e-3)
@@ -123,7 +169,7 @@ def _p_values(
 
 
 def _by_test(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
-    """Of each test, which of its blocks (B,) are no padding, and those."""
+    """Return for each test which of its blocks (B,) are no padding, and these blocks."""
     arrays = jax.tree.map(np.asarray, blocks)
     return [
         (real, jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays))
@@ -134,7 +180,7 @@ def _by_test(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
 def _products(
     floor: NoiseFloor, tests: list[tuple[np.ndarray, Blocks]], vectors: np.ndarray, peak: float
 ) -> np.ndarray:
-    """(M, M) products v^T Sigma^-1 w of vectors (M, T, B) under a floor."""
+    """Return the products v^T Sigma^-1 w (M, M) of vectors (M, T, B) under a noise floor."""
     total = np.zeros((len(vectors), len(vectors)))
     for k, (real, of_test) in enumerate(tests):
         some = np.flatnonzero(np.any(vectors[:, k, real] != 0.0, axis=1))
@@ -147,23 +193,42 @@ def _products(
 def cell_curves(
     trials: Sequence[Trial], blocks: Blocks, tests: CellTests
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
-    """Cells (test, phase, start) with the rows of their curves, and the curves (M, T, B)."""
+    """Return the cells and the smooth curves that are tried in them.
+
+    Parameters
+    ----------
+    trials
+        The T tests.
+    blocks
+        Their block means (T, B).
+    tests
+        How many curves a cell has.
+
+    Returns
+    -------
+    cells
+        Test, kind of phase and begin (s) of each cell, with the rows of its curves.
+    curves
+        The curves (M, T, B), which are zero outside their cell.
+    """
     first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
     cells: list[tuple[tuple[str, str, float], list[int]]] = []
     rows: list[np.ndarray] = []
     for k, trial in enumerate(trials):
         middle = np.where(real[k], 0.5 * (first[k] + last[k]), np.inf)
         for phases in _pooled(trial.phases, tests.apart):
-            inside, places = _places(middle, phases)
+            inside, positions = _positions(middle, phases)
             count = min(tests.curves, inside.size // tests.blocks)
             if not count:
                 continue
             begin = len(rows)
-            for place in places:
-                for order in range(count if place is places[0] else min(tests.drifts, count)):
+            for position in positions:
+                is_first = position is positions[0]
+                for order in range(count if is_first else min(tests.drifts, count)):
                     curve = np.zeros(real.shape)
-                    skip = 0 if place is places[0] else 1  # the level is in already
-                    curve[k, inside] = legendre.legval(place, np.eye(tests.curves)[order + skip])
+                    skip = 0 if is_first else 1  # the first position has the constant already
+                    coefficients = np.eye(tests.curves)[order + skip]
+                    curve[k, inside] = legendre.legval(position, coefficients)
                     rows.append(curve)
             cell = (trial.name, phases[0].kind, phases[0].start)
             cells.append((cell, list(range(begin, len(rows)))))
@@ -171,41 +236,46 @@ def cell_curves(
 
 
 def _pooled(phases: Sequence[Phase], apart: int) -> list[list[Phase]]:
-    """Phases by themselves; those of many cycles together, by kind."""
+    """Return the phases that form each cell: one phase, or all of one kind in many cycles."""
     kinds = {phase.kind: [p for p in phases if p.kind == phase.kind] for phase in phases}
-    found: list[list[Phase]] = []
+    cells: list[list[Phase]] = []
     for same in kinds.values():
-        found += [same] if len(same) > apart else [[phase] for phase in same]
-    return sorted(found, key=lambda same: same[0].start)
+        cells += [same] if len(same) > apart else [[phase] for phase in same]
+    return sorted(cells, key=lambda same: same[0].start)
 
 
-def _places(
+def _positions(
     middle: np.ndarray, phases: Sequence[Phase]
 ) -> tuple[NDArray[np.intp], list[np.ndarray]]:
-    """Blocks inside, their places (-1 to 1) in their phase and, of many, among the cycles."""
+    """Return the blocks inside a cell, and their positions (-1 to 1) within it.
+
+    The first position is that in the phase; where there are many phases, the second is that of the
+    cycle among all cycles.
+    """
     parts = [np.flatnonzero((middle > p.start) & (middle <= p.stop)) for p in phases]
     parts = [part for part in parts if part.size]
     if not parts:
         return np.zeros(0, dtype=np.intp), [np.zeros(0)]
-    places = [_spread(part.size) for part in parts]
+    positions = [_evenly_spaced(part.size) for part in parts]
     if len(parts) == 1:
-        return parts[0], places
-    cycle = np.repeat(_spread(len(parts)), [part.size for part in parts])
-    return np.concatenate(parts), [np.concatenate(places), cycle]
+        return parts[0], positions
+    cycle = np.repeat(_evenly_spaced(len(parts)), [part.size for part in parts])
+    return np.concatenate(parts), [np.concatenate(positions), cycle]
 
 
-def _spread(size: int) -> np.ndarray:
+def _evenly_spaced(size: int) -> np.ndarray:
+    """Return points (size,) from -1 to 1; a single point lies at 0."""
     return np.linspace(-1.0, 1.0, size) if size > 1 else np.zeros(1)
 
 
 def _p_value(score: np.ndarray, spread: np.ndarray) -> float:
-    """Of some curves' statistic; 1 where the constants leave none of them."""
+    """Return the p-value of some curves' statistic; 1 where the constants take all of them."""
     statistic, rank = _quadratic(score, spread)
     return float(chi2.sf(statistic, rank)) if rank else 1.0
 
 
 def _quadratic(score: np.ndarray, spread: np.ndarray) -> tuple[float, int]:
-    """s^T V^-1 s over the directions that the constants leave, and how many those are."""
+    """Return s^T V^-1 s over the directions that the constants leave, and their number."""
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
     kept = values > 1e-6

@@ -1,11 +1,11 @@
-r"""Leave one test out: what hypotheses predict of each test from all the others.
+r"""Errors on tests left out: what hypotheses predict of each test from all the others.
 
-Of one test alone its phases are left out, one after another. The prediction of several hypotheses
-weighs each by its evidence from what was not left out,
+Where there is only one test, its phases are left out, one after another. The prediction of several
+hypotheses gives each the weight of its evidence from what was not left out,
 
 .. math:: \hat F = \sum_H P(H \mid \text{others})\, F_H(\hat\theta_H)
 
-(within a hypothesis the mode stands for the mean, to the first order in its numbers).
+(within a hypothesis the mode stands for the mean, to the first order in its parameters).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.samples import Mask, Samples, rmse
-from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
@@ -28,8 +28,18 @@ from qlvbayes.inference.modes import find_mode
 Array = NDArray[np.float64]
 
 
-class Part(NamedTuple):
-    """What is left out: the density of all else, which test, and which of its samples."""
+class HeldOutPart(NamedTuple):
+    """One part of the data that is left out.
+
+    Parameters
+    ----------
+    density
+        Posterior density on everything else.
+    test
+        Index of the test that the part belongs to.
+    rows
+        Which of the test's samples it holds.
+    """
 
     density: Density
     test: int
@@ -37,7 +47,7 @@ class Part(NamedTuple):
 
 
 class Predicted(NamedTuple):
-    """Of a part left out: force (n,) that a hypothesis predicts, fitted to the rest at a point."""
+    """The force (n,) that a hypothesis predicts of a part, fitted to everything else."""
 
     force: Array
     density: Density
@@ -45,41 +55,61 @@ class Predicted(NamedTuple):
 
     @property
     def log_evidence(self) -> float:
-        """From the rest."""
+        """Log evidence of the hypothesis from everything else."""
         return evidence(self.density, self.point).log
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean square errors (N) on what was not fitted: over all samples, of each part left out.
+    """Root mean square errors (N) on parts that were not fitted.
 
-    Both are nan where there is one test of one phase only, which nothing predicts.
+    Parameters
+    ----------
+    rmse
+        Error over the samples of all parts; nan where there is only one test with one phase.
+    by_part
+        Error of each part.
     """
 
     rmse: float
     by_part: tuple[float, ...]
 
     @classmethod
-    def of(cls, residuals: list[Array]) -> HeldOut:
-        """Of each part's."""
+    def from_residuals(cls, residuals: list[Array]) -> HeldOut:
+        """Return the errors from the residuals of each part."""
         if not residuals:
             return cls(math.nan, ())
         return cls(rmse(residuals), tuple(rmse([one]) for one in residuals))
 
 
-def held_out(density: Density, samples: Samples, found: Weighed) -> HeldOut:
-    """Refit with each test (or phase) left out in turn, from the mode of all."""
+def held_out(density: Density, samples: Samples, candidate: Candidate) -> HeldOut:
+    """Return the errors of a candidate that is refitted with each test left out in turn.
+
+    Each fit starts from the mode on all tests.
+    """
     parts = leave_out(density, samples)
-    return errors(samples, parts, [predictions(samples, parts, found)])
+    return errors(samples, parts, [predictions(samples, parts, candidate)])
 
 
 def errors(
     samples: Samples,
-    parts: Sequence[Part],
+    parts: Sequence[HeldOutPart],
     predicted: Sequence[Sequence[Predicted]],
     log_prior: Sequence[float] = (),
 ) -> HeldOut:
-    """Of what hypotheses predict of each part, together; log_prior: of each, where several do."""
+    """Return the errors of what one or several hypotheses predict of each part together.
+
+    Parameters
+    ----------
+    samples
+        Samples of every test.
+    parts
+        The parts that are left out.
+    predicted
+        For each hypothesis, its prediction of each part.
+    log_prior
+        Log prior probability of each hypothesis, where there are several.
+    """
     residuals = []
     for part, *each in zip(parts, *predicted, strict=True):
         weights = np.ones(1)
@@ -88,21 +118,24 @@ def errors(
             weights = softmax(logs)
         mean = weights @ np.array([p.force for p in each])
         residuals.append(samples.observed[part.test][part.rows] - mean)
-    return HeldOut.of(residuals)
+    return HeldOut.from_residuals(residuals)
 
 
-def leave_out(density: Density, samples: Samples) -> list[Part]:
-    """Each test, or of one alone each of its phases."""
-    return [Part(density.without(out), k, rows) for out, k, rows in samples.left_out()]
+def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:
+    """Return each test as a part to be left out, or each phase where there is only one test."""
+    return [HeldOutPart(density.without(out), k, rows) for out, k, rows in samples.left_out()]
 
 
-def predictions(samples: Samples, parts: Sequence[Part], found: Weighed) -> list[Predicted]:
-    """Of each part, from the mode of all."""
-    return [_predicted(samples, part, found) for part in parts]
+def predictions(
+    samples: Samples, parts: Sequence[HeldOutPart], candidate: Candidate
+) -> list[Predicted]:
+    """Return what a candidate predicts of each part, fitted from its mode on all tests."""
+    return [_predicted(samples, part, candidate) for part in parts]
 
 
-def _predicted(samples: Samples, part: Part, found: Weighed) -> Predicted:
-    mode = find_mode(part.density, found.hypothesis, found.point.theta)
-    point = mode.point if mode is not None else found.point
-    force = samples.predict(found.hypothesis, point.constants[None])[part.test][0][part.rows]
+def _predicted(samples: Samples, part: HeldOutPart, candidate: Candidate) -> Predicted:
+    """Return what a candidate predicts of one part."""
+    mode = find_mode(part.density, candidate.hypothesis, candidate.point.theta)
+    point = mode.point if mode is not None else candidate.point
+    force = samples.predict(candidate.hypothesis, point.constants[None])[part.test][0][part.rows]
     return Predicted(force, part.density, point)

@@ -1,4 +1,4 @@
-"""A finished search in figures: probabilities, errors, tests of what is left, each made once."""
+"""The outcome of a search: probabilities, errors and tests of its hypotheses."""
 
 from __future__ import annotations
 
@@ -10,150 +10,177 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import Part, Predicted, errors, leave_out, predictions
+from qlvbayes.diagnosis.checks.heldout import HeldOutPart, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities
 from qlvbayes.diagnosis.prior import log_odds_of_effect
+from qlvbayes.diagnosis.progress import weights_of
 from qlvbayes.diagnosis.result import (
     Alternative,
     Decisive,
     Estimate,
-    Laws,
+    LawPair,
     NotRuledOut,
     Place,
     Ranked,
     Stage,
 )
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.standing import weights_of
-from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-LEAST = 0.02  # probability of what is told: 50 to 1
-_TOGETHER = 0.05  # probability of a hypothesis whose prediction counts beside others
-_LISTED = 3  # sets of effects that are told as not ruled out
-_ALTERNATIVES = 10  # hypotheses told
+LEAST = 0.02
+"""Probability (odds of 50 to 1) below which something is not reported."""
+_TOGETHER = 0.05  # probability from which a hypothesis takes part in a joint prediction
+_SETS = 3  # sets of effects that are reported as not ruled out
+_ALTERNATIVES = 10  # hypotheses that are reported
+_NEGLIGIBLE = 10.0  # log posterior behind the best from which averages leave a hypothesis out
 
 
-class Outcome:
-    """One search's posterior over hypotheses, and figures of any of them."""
+class SearchOutcome:
+    """The posterior over the hypotheses of one search, and figures of any of them.
+
+    Figures that take a fit are computed once.
+
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    search
+        The search that has ended.
+
+    Attributes
+    ----------
+    candidates, weights, shares
+        Each of the H hypotheses, its weight, and its probability (H,).
+    draws
+        Draws (D, H) of the probabilities within the errors of the evidences.
+    unpredicted
+        Hypotheses that predict no finite force at some samples.
+    """
 
     def __init__(self, experiment: Experiment, search: Search) -> None:
         self.experiment, self.search = experiment, search
-        self.samples = Samples.of(experiment, search.density.space)
-        self.seen = list(search.seen.values())
+        self.samples = Samples.from_experiment(experiment, search.density.space)
+        self.candidates = list(search.candidates.values())
         self.weights = weights_of(search)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
         self._predictions: dict[Hypothesis, list[Predicted]] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
-        self.unpredicted: set[Hypothesis] = set()  # that give no number at some samples
-        self._tested: dict[Hypothesis, Adequacy] = {}
+        self.unpredicted: set[Hypothesis] = set()
+        self._adequacies: dict[Hypothesis, Adequacy] = {}
 
-    def heldout(self, found: Weighed) -> float:
-        """Error on tests left out (N)."""
-        return errors(self.samples, self._parts, [self._predicted(found)]).rmse
+    def heldout(self, candidate: Candidate) -> float:
+        """Return the error on tests left out (N)."""
+        return errors(self.samples, self._parts, [self._predicted(candidate)]).rmse
 
     @cached_property
-    def _parts(self) -> list[Part]:
-        """What is left out in turn."""
+    def _parts(self) -> list[HeldOutPart]:
+        """The parts that are left out in turn."""
         return leave_out(self.search.density, self.samples)
 
     def heldout_of_all(self) -> float | None:
-        """Error on tests left out (N) of what the likeliest hypotheses predict together."""
-        likely = np.flatnonzero(self.shares >= _TOGETHER)
-        found = [self.seen[k] for k in likely]
-        if len(found) < 2:
+        """Return the error on tests left out (N) of the probable hypotheses together.
+
+        It is None where only one hypothesis is probable.
+        """
+        some = [self.candidates[k] for k in np.flatnonzero(self.shares >= _TOGETHER)]
+        if len(some) < 2:
             return None
-        prior = [self.search.log_prior(one.hypothesis) for one in found]
-        predicted = [self._predicted(one) for one in found]
+        prior = [self.search.log_prior(one.hypothesis) for one in some]
+        predicted = [self._predicted(one) for one in some]
         return _finite(errors(self.samples, self._parts, predicted, prior).rmse)
 
-    def _predicted(self, found: Weighed) -> list[Predicted]:
-        """What a hypothesis predicts of each part left out, refitted once."""
-        if found.hypothesis not in self._predictions:
-            predicted = predictions(self.samples, self._parts, found)
-            self._predictions[found.hypothesis] = predicted
-        return self._predictions[found.hypothesis]
+    def _predicted(self, candidate: Candidate) -> list[Predicted]:
+        """Return what a candidate predicts of each part left out, refitted once."""
+        hypothesis = candidate.hypothesis
+        if hypothesis not in self._predictions:
+            predicted = predictions(self.samples, self._parts, candidate)
+            self._predictions[hypothesis] = predicted
+        return self._predictions[hypothesis]
 
-    def residuals(self, found: Weighed) -> list[Array]:
-        """Measured minus predicted force of each trial's samples (N).
+    def residuals(self, candidate: Candidate) -> list[Array]:
+        """Return measured minus predicted force (N) of each test's samples.
 
-        Where a hypothesis predicts no number, all that is measured: it predicts nothing there.
+        A predicted force that is not finite counts as zero.
         """
-        if found.hypothesis not in self._residuals:
-            residuals = self.samples.residuals(found.hypothesis, found.point.constants)
+        hypothesis = candidate.hypothesis
+        if hypothesis not in self._residuals:
+            residuals = self.samples.residuals(hypothesis, candidate.point.constants)
             known = [np.isfinite(one) for one in residuals]
             if not all(one.all() for one in known):
-                self.unpredicted.add(found.hypothesis)
-            self._residuals[found.hypothesis] = [
+                self.unpredicted.add(hypothesis)
+            self._residuals[hypothesis] = [
                 np.where(here, one, force)
                 for here, one, force in zip(known, residuals, self.samples.observed, strict=True)
             ]
-        return self._residuals[found.hypothesis]
+        return self._residuals[hypothesis]
 
-    def tested(self, found: Weighed) -> Adequacy:
-        """Whether structure is left."""
-        if found.hypothesis not in self._tested:
+    def adequacy(self, candidate: Candidate) -> Adequacy:
+        """Return the adequacy test of a candidate."""
+        hypothesis = candidate.hypothesis
+        if hypothesis not in self._adequacies:
             record = self.search.density.space.record
-            self._tested[found.hypothesis] = adequacy(
-                self.experiment, record, found.point, self.search.settings.cells
+            self._adequacies[hypothesis] = adequacy(
+                self.experiment, record, candidate.point, self.search.settings.cells
             )
-        return self._tested[found.hypothesis]
+        return self._adequacies[hypothesis]
 
-    def left(self, found: Weighed) -> Remainder:
-        """Size of what a hypothesis leaves."""
-        residuals, test = self.residuals(found), self.tested(found)
-        plain = self.residuals(self.search.modes[self.search.usual][0])
+    def remainder(self, candidate: Candidate) -> Remainder:
+        """Return the size of the structure that a candidate leaves."""
+        residuals, test = self.residuals(candidate), self.adequacy(candidate)
+        baseline = self.residuals(self.search.modes[self.search.baseline][0])
         peak, settings = self.experiment.scales.force, self.search.settings
-        return remainder(self.samples, residuals, test, plain, peak=peak, settings=settings)
+        return remainder(self.samples, residuals, test, baseline, peak=peak, settings=settings)
 
-    def beyond_white(self, found: Weighed) -> float:
-        """By how much the error of all samples exceeds the white part of the noise (N)."""
+    def beyond_white(self, candidate: Candidate) -> float:
+        """Return by how much the error of all samples exceeds the white noise (N)."""
         white = [self.experiment.floor.white * own for own in self.samples.weights]
         noise = float(np.mean(np.concatenate(white) ** 2))
-        return math.sqrt(max(rmse(self.residuals(found)) ** 2 - noise, 0.0))
+        return math.sqrt(max(rmse(self.residuals(candidate)) ** 2 - noise, 0.0))
 
-    def stage(self, found: Weighed) -> Stage:
-        """One hypothesis in figures."""
-        residuals, tested = self.residuals(found), self.tested(found)
+    def stage(self, candidate: Candidate) -> Stage:
+        """Return the figures of one candidate."""
+        residuals, tested = self.residuals(candidate), self.adequacy(candidate)
         level = 0.5 * self.search.settings.false_alarms / len(tested.cells)
         return Stage(
-            base=Laws(*found.hypothesis.base),
-            effects=tuple(self._ordered(found)),
+            base=LawPair(*candidate.hypothesis.base),
+            effects=tuple(self._ordered(candidate)),
             rmse=rmse(residuals),
-            heldout_rmse=_finite(self.heldout(found)),
-            log_evidence=_finite(found.log_evidence),
+            heldout_rmse=_finite(self.heldout(candidate)),
+            log_evidence=_finite(candidate.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
             failing=tuple(Place(c.test, c.phase) for c in tested.cells if c.p_value < level),
             cells=tuple(cell_errors(self.samples, residuals)),
-            parameters=self.estimates(found, lambda name: not name.startswith("noise.")),
+            parameters=self.estimates(candidate, lambda name: not name.startswith("noise.")),
         )
 
-    def _ordered(self, found: Weighed) -> list[str]:
-        """Its effects, the surest first."""
-        names = self.search.added(found.hypothesis)
-        return sorted(names, key=lambda name: -self.inclusion(self.search.families.of[name]))
+    def _ordered(self, candidate: Candidate) -> list[str]:
+        """Return the effects of a candidate, the most probable first."""
+        names = self.search.added(candidate.hypothesis)
+        return sorted(names, key=lambda name: -self.inclusion(self.search.families.family_of[name]))
 
     def inclusion(self, effect: str) -> float:
-        """Probability that an effect is in the model, in whichever of its forms."""
-        return self._summed(np.array([effect in weight.effects for weight in self.weights]))
+        """Return the probability that an effect is in the model, in any of its forms."""
+        return self._share_of(np.array([effect in weight.effects for weight in self.weights]))
 
-    def _summed(self, inside: NDArray[np.bool_]) -> float:
+    def _share_of(self, inside: NDArray[np.bool_]) -> float:
+        """Return the total probability of some hypotheses, as a mask (H,)."""
         return min(float(self.shares[inside].sum()), 1.0)
 
-    def estimates(self, found: Weighed, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
-        """Constants at a mode, by Laplace's approximation."""
-        point, kinds = found.point, unit_kinds(found.point.own.posterior)
-        covariance = found.evidence.covariance + found.evidence.spread
+    def estimates(self, candidate: Candidate, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
+        """Return the wanted constants of a candidate by name, by Laplace's approximation."""
+        point, kinds = candidate.point, unit_kinds(candidate.point.own.posterior)
+        covariance = candidate.evidence.covariance + candidate.evidence.spread
         spread = point.slopes @ covariance @ point.slopes.T
         sds = np.sqrt(np.maximum(np.diag(spread), 0.0))
         return {
@@ -165,68 +192,81 @@ class Outcome:
         }
 
     def ranking(self) -> tuple[Ranked, ...]:
-        """``none`` and every effect by inclusion probability."""
-        usual = self.search.usual.effects
-        candidates = [n for n in self.search.families.listed if n not in usual]
-        prior = log_odds_of_effect(len(candidates), self.search.settings)
-        logs = np.array([weight.log_posterior for weight in self.weights])
-        counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
+        """Return ``none`` and every candidate effect, the most probable first."""
+        chosen = self.search.baseline.effects
+        names = [name for name in self.search.families.nameable if name not in chosen]
+        log_prior_odds = log_odds_of_effect(len(names), self.search.settings)
         ranked: list[tuple[float, Ranked]] = []
-        for name in ("none", *candidates):
+        for name in ("none", *names):
             inside = np.array(
                 [not w.effects if name == "none" else name in w.effects for w in self.weights]
             )
-            if not inside.any():
-                continue
-            place = int(np.argmax(np.where(inside, logs, -np.inf)))
-            best, form = self.seen[place], self.weights[place].forms.get(name, name)
-            odds = _log_odds(logs, inside) - (0.0 if name == "none" else prior)
-            own = self.estimates(best, partial(_starts, f"{form}."))
-            found = {key.removeprefix(f"{form}."): value for key, value in own.items()}
-            share = self._summed(inside)
-            alone = float((self.shares / counts)[inside].sum())
-            error = rmse(self.residuals(best))
-            spread = float(self.draws[:, inside].sum(axis=1).std())
-            half = self._half(best, form) if name != "none" and share >= LEAST else None
-            entry = Ranked(name, share, alone, _finite(odds), error, found, spread, half)
-            ranked.append((odds, entry))
+            if inside.any():
+                odds = _log_odds(self._log_posteriors, inside)
+                odds -= 0.0 if name == "none" else log_prior_odds
+                ranked.append((odds, self._ranked(name, inside, odds)))
         ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
         return tuple(one for _, one in ranked)
 
-    def _half(self, found: Weighed, effect: str) -> Decisive | None:
-        """In how many readings half of an effect's evidence lies, if the rest was seen without."""
-        without = self.search.seen.get(found.hypothesis.less(effect))
+    @cached_property
+    def _log_posteriors(self) -> Array:
+        return np.array([weight.log_posterior for weight in self.weights])
+
+    def _ranked(self, name: str, inside: NDArray[np.bool_], odds: float) -> Ranked:
+        """Return the entry of one effect, which the hypotheses in a mask (H,) contain."""
+        index = int(np.argmax(np.where(inside, self._log_posteriors, -np.inf)))
+        best, form = self.candidates[index], self.weights[index].forms.get(name, name)
+        own = self.estimates(best, partial(_starts, f"{form}."))
+        counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
+        share = self._share_of(inside)
+        return Ranked(
+            effect=name,
+            inclusion=share,
+            probability=float((self.shares / counts)[inside].sum()),
+            log_bayes_factor=_finite(odds),
+            rmse=rmse(self.residuals(best)),
+            parameters={key.removeprefix(f"{form}."): value for key, value in own.items()},
+            inclusion_error=float(self.draws[:, inside].sum(axis=1).std()),
+            half=self._half(best, form) if name != "none" and share >= LEAST else None,
+        )
+
+    def _half(self, candidate: Candidate, effect: str) -> Decisive | None:
+        """Return in how many readings half of an effect's evidence lies.
+
+        It is None where the hypothesis without the effect was not evaluated.
+        """
+        without = self.search.candidates.get(candidate.hypothesis.less(effect))
         if without is None:
             return None
-        return decisive(self.search.density, self.experiment.trials, found, without)
+        return decisive(self.search.density, self.experiment.trials, candidate, without)
 
-    def constants(self, told: Weighed) -> dict[str, Estimate]:
-        """The base law's, averaged over all hypotheses on the same laws."""
-        base = told.hypothesis.base
+    def constants(self, selected: Candidate) -> dict[str, Estimate]:
+        """Return the constants of the base laws, averaged over all hypotheses with these laws."""
+        base = selected.hypothesis.base
         same = [k for k, weight in enumerate(self.weights) if weight.base == base]
-        logs = [self.weights[k].log_posterior for k in same]
-        near = [k for k, log in zip(same, logs, strict=True) if log > max(logs) - 10.0]
-        found = [self.estimates(self.seen[k], _is_plain) for k in near]
-        return averaged([self.weights[k].log_posterior for k in near], found)
+        least = max(self.weights[k].log_posterior for k in same) - _NEGLIGIBLE
+        near = [k for k in same if self.weights[k].log_posterior > least]
+        estimates = [self.estimates(self.candidates[k], _is_of_a_law) for k in near]
+        return averaged([self.weights[k].log_posterior for k in near], estimates)
 
     def sets(self) -> tuple[NotRuledOut, ...]:
-        """Sets of effects over all base laws, the likeliest first."""
-        found: dict[frozenset[str], float] = {}
+        """Return the sets of effects over all base laws, the most probable first."""
+        totals: dict[frozenset[str], float] = {}
         for weight, share in zip(self.weights, self.shares.tolist(), strict=True):
-            found[weight.effects] = found.get(weight.effects, 0.0) + share
-        best = sorted(found.items(), key=lambda item: -item[1])[:_LISTED]
+            totals[weight.effects] = totals.get(weight.effects, 0.0) + share
+        best = sorted(totals.items(), key=lambda item: -item[1])[:_SETS]
         return tuple(NotRuledOut(tuple(sorted(s)), p) for s, p in best if p >= LEAST)
 
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Single hypotheses, the likeliest first."""
+        """Return single hypotheses, the most probable first."""
         order = np.argsort(-self.shares)[:_ALTERNATIVES]
         return tuple(
             Alternative(
-                Laws(*self.weights[k].base),
-                tuple(self.search.added(self.seen[k].hypothesis)),
+                LawPair(*self.weights[k].base),
+                tuple(self.search.added(self.candidates[k].hypothesis)),
                 float(self.shares[k]),
-                _finite(self.seen[k].log_evidence),
-                _finite(self.seen[k].error),
+                _finite(self.candidates[k].log_evidence),
+                _finite(self.candidates[k].error),
             )
             for k in order
             if self.shares[k] >= LEAST
@@ -234,6 +274,7 @@ class Outcome:
 
 
 def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:
+    """Return the log posterior odds of some hypotheses, a mask (H,), against all others."""
     if inside.all():
         return math.inf
     return float(logsumexp(logs[inside]) - logsumexp(logs[~inside]))
@@ -243,7 +284,8 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _is_plain(name: str) -> bool:
+def _is_of_a_law(name: str) -> bool:
+    """Return whether a constant belongs to a base law, not to an effect or the noise."""
     return "." not in name
 
 
@@ -254,24 +296,32 @@ def _starts(prefix: str, name: str) -> bool:
 def averaged(
     log_weights: Sequence[float], hypotheses: Sequence[Mapping[str, Estimate]]
 ) -> dict[str, Estimate]:
-    r"""Mean and sd of every constant that all hypotheses have.
+    r"""Return mean and sd of every constant that all hypotheses have.
 
-    With weights w proportional to the posterior probability of each hypothesis (Hoeting et al.
-    1999, doi:10.1214/ss/1009212519),
+    The weights w are proportional to the posterior probability of each hypothesis (Hoeting et al.
+    1999, doi:10.1214/ss/1009212519):
 
     .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
+
+    Parameters
+    ----------
+    log_weights
+        Log posterior probability of each hypothesis, up to a constant.
+    hypotheses
+        Estimates of each hypothesis by the constants' names.
     """
     weights = softmax(np.asarray(log_weights, dtype=float))
     first, *others = hypotheses
     return {
-        name: _mixture(weights, [found[name] for found in hypotheses])
+        name: _mixture(weights, [own[name] for own in hypotheses])
         for name in first
-        if all(name in found for found in others)
+        if all(name in own for own in others)
     }
 
 
-def _mixture(weights: Array, found: Sequence[Estimate]) -> Estimate:
-    means, sds = (np.array([getattr(e, key) for e in found]) for key in ("mean", "sd"))
+def _mixture(weights: Array, estimates: Sequence[Estimate]) -> Estimate:
+    """Return mean and sd of a mixture of estimates."""
+    means, sds = (np.array([getattr(e, key) for e in estimates]) for key in ("mean", "sd"))
     mean = float(weights @ means)
     variance = float(weights @ (sds**2 + (means - mean) ** 2))
-    return Estimate(found[0].unit, mean, variance**0.5)
+    return Estimate(estimates[0].unit, mean, variance**0.5)

@@ -1,6 +1,6 @@
-r"""How large is what a model leaves? Its structured part, cell by cell, in newtons.
+r"""The remainder: the size of the structure that a model leaves, cell by cell, in newtons.
 
-The adequacy test says whether structure is sure, not whether it matters. In a cell of n samples
+The adequacy test says whether structure is certain, not whether it matters. In a cell of n samples
 with residual r and the noise at rest, covariance Sigma, the smooth curves B (rows: Legendre
 polynomials of order 0 to 3) are fitted by generalised least squares,
 
@@ -13,15 +13,15 @@ make mu_k each. The structured part has the mean square
 
 .. math:: s^2 = \max\left(\sum_k \mu_k (z_k^2 - 1), 0\right)
 
-Its bound takes combinations that stand out (abs(z) above 1.96) 1.645 sds larger; the others count
-by what they hold beyond noise, as where noise hides all there is nothing sure to be bounded:
+For its upper bound, combinations that stand out (abs(z) above 1.96) are taken to be 1.645 sds
+larger. The others count by what they hold beyond noise, as nothing certain is there to be bounded:
 
 .. math:: s_u^2 = \sum_k \mu_k u_k^2, \quad u_k = |z_k| + 1.645 \text{ or }
           u_k^2 = \max(z_k^2 - 1, 0)
 
-What remains is small if this bound is below the tolerance, a share of the peak force, in every cell
-that stands out (p of the adequacy test below 5 %), and if the error over all samples exceeds the
-noise by less: this sees what no smooth curve does.
+The remainder is small if this bound is below the tolerance, a share of the peak force, in every
+cell that stands out (p of the adequacy test below 5 %), and if the error over all samples exceeds
+the noise by less than the tolerance. The latter sees what no smooth curve shows.
 """
 
 from __future__ import annotations
@@ -36,20 +36,34 @@ from scipy.linalg import cho_factor, cho_solve
 from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.result import Remains
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 
 _Z = 1.645  # normal quantile of 95 %
-_STANDS = 1.96  # sds, two-sided 5 %
-_SHOWS = 0.05  # p-value below which a cell stands out
-_RIDGE = 1e-9  # of the variance, so that noise that is all correlated can be factorised
+_STANDS_OUT = 1.96  # sds, two-sided 5 %
+_CELL_LEVEL = 0.05  # p-value below which a cell stands out
+_RIDGE = (
+    1e-9  # of the variance, so that the covariance of noise without a white part can be factorised
+)
 
 
 @dataclass(frozen=True)
-class Left:
-    """The structured part in one cell (N).
+class StructuredPart:
+    """The structured part of the residual in one cell.
 
-    start: of its phase (s); n: samples; rms: root mean square; upper: its bound at 95 %; bias: mean
-    of the fitted curve; shown: whether the adequacy test sees the cell stand out.
+    Parameters
+    ----------
+    test, phase
+        Name of the test and kind of phase.
+    start
+        Begin of the phase (s).
+    n
+        Number of samples.
+    rms, upper
+        Root mean square (N), and its upper bound at 95 %.
+    bias
+        Mean of the fitted curve (N).
+    shown
+        Whether the cell stands out in the adequacy test.
     """
 
     test: str
@@ -64,14 +78,25 @@ class Left:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What a model leaves, against a force (N) below which it does not matter.
+    """The structure that a model leaves, and the size below which it does not matter.
 
-    peak: largest force (N); excess: by how much the error of all samples exceeds the noise,
-    (rmse^2 - noise^2)^1/2 (N); tolerance: share of the peak; before: overall structured part that
-    the plain model leaves (N); sure: whether the adequacy test sees structure at all.
+    Parameters
+    ----------
+    cells
+        The structured part in each cell.
+    peak
+        Largest force (N).
+    excess
+        By how much the error of all samples exceeds the noise, (rmse^2 - noise^2)^1/2 (N).
+    tolerance
+        Share of the largest force below which structure does not matter.
+    before
+        Structured part over all cells that the baseline model leaves (N).
+    sure
+        Whether the adequacy test sees structure at all.
     """
 
-    cells: tuple[Left, ...]
+    cells: tuple[StructuredPart, ...]
     peak: float
     excess: float
     tolerance: float
@@ -79,29 +104,29 @@ class Remainder:
     sure: bool = False
 
     @property
-    def worst(self) -> Left | None:
-        """The largest, of the cells that stand out if there are any; None without cells."""
+    def worst(self) -> StructuredPart | None:
+        """The largest cell, among those that stand out if there are any; None without cells."""
         return max(self._shown or self.cells, key=lambda cell: cell.rms, default=None)
 
     @property
     def is_small(self) -> bool:
-        """Whether all of it is below the tolerance, surely."""
+        """Whether all of it is certainly below the tolerance."""
         limit = self.tolerance * self.peak
         largest = max((cell.upper for cell in self._shown), default=0.0)
         return limit > 0.0 and max(largest, self.excess) <= limit
 
     @property
     def share_of_error(self) -> float | None:
-        """Of the plain model's structured part; None where that leaves nothing."""
+        """The structured part over that of the baseline model; None where that leaves none."""
         return overall(self.cells) / self.before if self.before > 0.0 else None
 
     @property
-    def _shown(self) -> tuple[Left, ...]:
+    def _shown(self) -> tuple[StructuredPart, ...]:
         return tuple(cell for cell in self.cells if cell.shown)
 
     @property
-    def told(self) -> Remains | None:
-        """What the diagnosis says of it: the largest cell."""
+    def record(self) -> Remains | None:
+        """The record for ``diagnosis.json``, of the largest cell; None without cells."""
         worst = self.worst
         if worst is None:
             return None
@@ -123,39 +148,53 @@ def remainder(
     samples: Samples,
     residuals: Sequence[np.ndarray],
     tested: Adequacy,
-    plain: Sequence[np.ndarray],
+    baseline: Sequence[np.ndarray],
     *,
     peak: float,
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> Remainder:
-    """Size of what residuals (N), one array a trial, hold beyond noise.
+    """Return the size of the structure that residuals hold.
 
-    tested: the same model's adequacy; plain: the plain model's residuals.
+    Parameters
+    ----------
+    samples
+        Samples of every test.
+    residuals
+        Measured minus predicted force (N), one array for each test.
+    tested
+        Adequacy test of the same model.
+    baseline
+        Residuals (N) of the baseline model.
+    peak
+        Largest force (N).
+    settings
+        Tolerance, significance level, and the curves of a cell.
     """
     cells = tuple(_cells(samples, residuals, tested, settings))
     error, noise = rmse(list(residuals)), _noise(samples)
     excess = float(np.sqrt(max(error**2 - noise**2, 0.0)))
-    before = overall(tuple(_cells(samples, plain, tested, settings)))
+    before = overall(tuple(_cells(samples, baseline, tested, settings)))
     sure = not tested.is_sound(settings)
     return Remainder(cells, peak, excess, settings.tolerance, before, sure)
 
 
-def overall(cells: Sequence[Left]) -> float:
-    """Root mean square of the structured part over the samples of all cells (N)."""
+def overall(cells: Sequence[StructuredPart]) -> float:
+    """Return the root mean square of the structured part over the samples of all cells (N)."""
     count = sum(cell.n for cell in cells)
     return float(np.sqrt(sum(c.n * c.rms**2 for c in cells) / count)) if count else 0.0
 
 
 def _noise(samples: Samples) -> float:
-    """Root mean square of the noise of all samples (N)."""
+    """Return the root mean square of the noise of all samples (N)."""
     floors = np.concatenate([samples.floor(k) for k in range(len(samples.trials))])
     return float(np.sqrt(np.mean(floors**2)))
 
 
 def _cells(
-    samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: Settings
-) -> Iterator[Left]:
-    seen = {(c.test, c.phase, c.start): c.p_value < _SHOWS for c in tested.cells}
+    samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: DiagnosisSettings
+) -> Iterator[StructuredPart]:
+    """Yield the structured part of residuals (N) in each phase of each test."""
+    shown = {(c.test, c.phase, c.start): c.p_value < _CELL_LEVEL for c in tested.cells}
     for k, trial in enumerate(samples.trials):
         time, weights = trial.test.time[samples.rows[k]], samples.weights[k]
         for phase in trial.phases:
@@ -163,14 +202,14 @@ def _cells(
             count = min(settings.cells.curves, int(here.sum()) // settings.cells.blocks)
             if not count:
                 continue
-            place = (trial.name, phase.kind, phase.start)
+            cell = (trial.name, phase.kind, phase.start)
             noise = _covariance(samples, time[here], weights[here])
             size = structured(residuals[k][here], noise, count)
-            yield Left(*place, int(here.sum()), *size, seen.get(place, False))
+            yield StructuredPart(*cell, int(here.sum()), *size, shown.get(cell, False))
 
 
 def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n, n): of white and correlated noise at rest."""
+    """Return the covariance (n, n) of white and correlated noise at rest (N^2)."""
     floor = samples.experiment.floor
     white, ou, tau = floor.white, floor.ou, floor.memory
     apart = np.abs(time[:, None] - time) / tau
@@ -181,14 +220,24 @@ def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.n
 def structured(
     residual: np.ndarray, covariance: np.ndarray, orders: int
 ) -> tuple[float, float, float]:
-    """Root mean square of the structured part of a residual (n,), its bound at 95 %, its mean."""
-    place = np.linspace(-1.0, 1.0, residual.size)
-    curves = legendre.legvander(place, orders - 1).T
-    weighed = cho_solve(cho_factor(covariance), curves.T).T
-    root = np.linalg.inv(np.linalg.cholesky(weighed @ curves.T)).T
+    """Return root mean square, upper bound at 95 % and mean of a residual's structured part (N).
+
+    Parameters
+    ----------
+    residual
+        Measured minus predicted force (n,) in one cell (N).
+    covariance
+        Covariance (n, n) of its noise (N^2).
+    orders
+        Number of smooth curves.
+    """
+    positions = np.linspace(-1.0, 1.0, residual.size)
+    curves = legendre.legvander(positions, orders - 1).T
+    weighted = cho_solve(cho_factor(covariance), curves.T).T
+    root = np.linalg.inv(np.linalg.cholesky(weighted @ curves.T)).T
     means, turned = np.linalg.eigh(root.T @ (curves @ curves.T) @ root / residual.size)
-    found = turned.T @ root.T @ weighed @ residual
-    beyond = means * (found**2 - 1.0)
-    bound = np.where(np.abs(found) > _STANDS, means * (np.abs(found) + _Z) ** 2, beyond)
+    z = turned.T @ root.T @ weighted @ residual
+    beyond = means * (z**2 - 1.0)
+    bound = np.where(np.abs(z) > _STANDS_OUT, means * (np.abs(z) + _Z) ** 2, beyond)
     rms, upper = (np.sqrt(max(np.sum(x), 0.0)) for x in (beyond, np.maximum(bound, 0.0)))
-    return float(rms), float(upper), float(np.mean((root @ turned @ found) @ curves))
+    return float(rms), float(upper), float(np.mean((root @ turned @ z) @ curves))

@@ -1,4 +1,4 @@
-"""Tests sample by sample: errors in the units of one reading, by test and phase."""
+"""The samples of all tests, and the errors of predicted forces by test and phase."""
 
 from __future__ import annotations
 
@@ -22,11 +22,23 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of every trial, at most 300 a phase, and what predicts them.
+    """Samples of every test, at most 300 in a phase, and the records that predict them.
 
-    rows: which samples of each trial; weights: of their white noise (1 where no sd was measured);
-    parts: records of some samples of every trial each, of the shape of the space's own record, so
-    that its compiled functions serve; places: which samples of each trial those are.
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    space
+        Laws and effects, whose compiled functions predict the forces.
+    rows
+        Indices of the samples of each test.
+    weights
+        Sd of each sample's white noise over the floor's; 1 where the file gives no sd.
+    parts
+        Records of some samples of every test each. They have the shape of the space's own record,
+        so that nothing has to be compiled anew.
+    indices
+        For each part, which of the samples of each test it holds.
     """
 
     experiment: Experiment
@@ -34,11 +46,11 @@ class Samples:
     rows: tuple[NDArray[np.intp], ...]
     weights: tuple[Array, ...]
     parts: tuple[Record, ...]
-    places: tuple[tuple[NDArray[np.intp], ...], ...]
+    indices: tuple[tuple[NDArray[np.intp], ...], ...]
 
     @classmethod
-    def of(cls, experiment: Experiment, space: Space) -> Samples:
-        """The trials of an experiment."""
+    def from_experiment(cls, experiment: Experiment, space: Space) -> Samples:
+        """Return the samples of all tests of an experiment."""
         rows = tuple(representative_rows(trial) for trial in experiment.trials)
         weights = tuple(
             np.ones(own.size)
@@ -49,31 +61,32 @@ class Samples:
         own = space.record
         size = own.blocks.force.shape[-1]
         while True:
-            places = _places(rows, size)
-            parts = tuple(_part(experiment, rows, some, own) for some in places)
+            indices = _split(rows, size)
+            parts = tuple(_part(experiment, rows, some, own) for some in indices)
             same = all(p.motion.time.shape == own.motion.time.shape for p in parts)
             if same or size <= own.blocks.force.shape[-1] // 4:
-                return cls(experiment, space, rows, weights, parts, places)
+                return cls(experiment, space, rows, weights, parts, indices)
             size //= 2
 
     @property
     def trials(self) -> tuple[Trial, ...]:
-        """Those of the experiment."""
+        """The tests of the experiment."""
         return self.experiment.trials
 
     def predict(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
-        """Force (K, n) at each trial's samples, of constants (K, P)."""
-        found = [np.zeros((len(constants), own.size)) for own in self.rows]
-        for record, places in zip(self.parts, self.places, strict=True):
+        """Return the force (K, n) in N at each test's samples for constants (K, P)."""
+        predicted = [np.zeros((len(constants), own.size)) for own in self.rows]
+        for record, indices in zip(self.parts, self.indices, strict=True):
             forces = self.space.forces(hypothesis, constants, record)
-            for k, some in enumerate(places):
-                found[k][:, some] = forces[:, k, : some.size]
-        return found
+            for k, some in enumerate(indices):
+                predicted[k][:, some] = forces[:, k, : some.size]
+        return predicted
 
     def left_out(self) -> Iterator[tuple[Mask, int, Mask]]:
-        """What is left out in turn: of the n block means, which test, of its samples.
+        """Yield the parts that are left out in turn: each test, or each phase of a single test.
 
-        Each test, or of one alone each of its phases.
+        Each part is a mask (n,) of the block means of all tests, the index of its test, and a mask
+        of that test's samples.
         """
         real = self.space.real
         if len(self.trials) > 1:
@@ -93,28 +106,29 @@ class Samples:
 
     @property
     def observed(self) -> list[Array]:
-        """Measured force of each trial (n,)."""
+        """Measured force (n,) of each test (N)."""
         return [t.test.force[rows] for t, rows in zip(self.trials, self.rows, strict=True)]
 
     def residuals(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
-        """Measured minus predicted force of each trial (n,), of constants (P,)."""
+        """Return measured minus predicted force (n,) of each test (N) for constants (P,)."""
         predicted = self.predict(hypothesis, constants[None])
         return [one - two[0] for one, two in zip(self.observed, predicted, strict=True)]
 
     def phases(self, k: int) -> NDArray[np.str_]:
-        """Kind of phase (n,) of the samples of trial k."""
+        """Return the kind of phase (n,) of the samples of test k."""
         return self.trials[k].phase_of(self.trials[k].test.time[self.rows[k]])
 
     def floor(self, k: int) -> Array:
-        """Sd (n,) of the noise at rest of trial k's samples (N)."""
+        """Return the sd (n,) of the noise at rest of the samples of test k (N)."""
         floor = self.experiment.floor
         return np.hypot(floor.white * self.weights[k], floor.ou)
 
 
-def _places(
-    rows: Sequence[NDArray[np.intp]], size: int
-) -> tuple[tuple[NDArray[np.intp], ...], ...]:
-    """At most so many samples of every trial at a time; of one that has none left, the last."""
+def _split(rows: Sequence[NDArray[np.intp]], size: int) -> tuple[tuple[NDArray[np.intp], ...], ...]:
+    """Return for each part the indices of its samples of every test, ``size`` at most.
+
+    A part holds no samples of a test that has none left.
+    """
     count = max(-(-own.size // size) for own in rows)
     return tuple(
         tuple(np.arange(own.size)[k * size : (k + 1) * size] for own in rows) for k in range(count)
@@ -124,19 +138,19 @@ def _places(
 def _part(
     experiment: Experiment,
     rows: Sequence[NDArray[np.intp]],
-    places: Sequence[NDArray[np.intp]],
+    indices: Sequence[NDArray[np.intp]],
     like: Record,
 ) -> Record:
-    """One record of some samples; a trial with none is stood for by its first ones."""
+    """Return the record of one part; a test with no samples in it is filled with its first two."""
     records = [
         single_samples(experiment, trial, own[some] if some.size else own[:2])
-        for trial, own, some in zip(experiment.trials, rows, places, strict=True)
+        for trial, own, some in zip(experiment.trials, rows, indices, strict=True)
     ]
     return batch(records, like)
 
 
 def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
-    """One entry a test and kind of phase."""
+    """Return the error of residuals (N) in each test and kind of phase."""
     cells = []
     for k, (trial, residual) in enumerate(zip(samples.trials, residuals, strict=True)):
         phases = samples.phases(k)
@@ -150,5 +164,5 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
 
 
 def rmse(residuals: list[Array]) -> float:
-    """Root mean square over all samples (N)."""
+    """Return the root mean square of residuals over all samples (N)."""
     return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

@@ -1,4 +1,4 @@
-"""What this protocol can see: before any ranking, from what one prior sd of an effect would add."""
+"""The sensitivity of the tests to each effect, from the force that one prior sd of it adds."""
 
 from __future__ import annotations
 
@@ -9,29 +9,39 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import ParameterBias, Unseen
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Parameters
 from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
 
 Array = NDArray[np.float64]
 
-SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as visible
+SEEN = 10.0
+"""Expected 2 ln(Bayes factor) from which an effect counts as visible."""
 TOO_ALIKE = "too small here, or too much like a change of the constants"
 _FREE_RIDE = 0.15  # share of an effect's force that is left once the constants are refitted
-_LEAST_BIAS = 0.01  # relative change of a constant that is worth a word
-_COINCIDE = 0.98  # correlation of what two effects leave
+_LEAST_BIAS = 0.01  # relative change of a constant from which it is reported
+_COINCIDE = 0.98  # correlation of two effects' visible parts from which they look alike
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What an effect of one prior sd adds to the plain model's force, at one of its shapes.
+    """The force that one prior sd of an effect adds to the baseline model, at one of its shapes.
 
-    amplitude, size: its name and that sd; left (n,): whitened, less what the constants take;
-    total, information: squares of it before and after; shift (F,): by which the constants' numbers
-    take it.
+    Parameters
+    ----------
+    effect, amplitude
+        Names of the effect and of its amplitude.
+    size
+        The prior sd of the amplitude.
+    left
+        The whitened force (n,) that is left once the constants are refitted.
+    total, information
+        Squared norm of the whitened force before and after that.
+    shift
+        Change (F,) of the free parameters that takes the rest.
     """
 
     effect: str
@@ -44,38 +54,39 @@ class Response:
 
     @property
     def evidence(self) -> float:
-        """Expected 2 ln(Bayes factor) of the effect at this size."""
+        """The expected 2 ln(Bayes factor) of the effect at this size."""
         return self.information - math.log1p(self.information)
 
 
-def responses(search: Search, plain: Weighed) -> list[Response]:
-    """Of every candidate, at the shape that shows best."""
-    found = []
-    for name in search.families.listed:
-        if name in plain.hypothesis.effects:
+def responses(search: Search, baseline: Candidate) -> list[Response]:
+    """Return the response to each candidate effect, at the shape that shows best."""
+    best = []
+    for name in search.families.nameable:
+        if name in baseline.hypothesis.effects:
             continue
-        hypothesis = plain.hypothesis.plus(name)
+        hypothesis = baseline.hypothesis.plus(name)
         own = search.density.space.parameters(hypothesis)
         amplitude = amplitude_of(own, name)
         if amplitude is not None:
-            starts = shapes(search.density.space, plain.point, own, name)
-            some = [_response(search, plain, own, name, amplitude, start) for start in starts]
-            found.append(max(some, key=lambda one: one.evidence))
-    return found
+            starts = shapes(search.density.space, baseline.point, own, name)
+            some = [_response(search, baseline, own, name, amplitude, start) for start in starts]
+            best.append(max(some, key=lambda one: one.evidence))
+    return best
 
 
 def _response(
     search: Search,
-    plain: Weighed,
+    baseline: Candidate,
     own: Parameters,
     name: str,
     amplitude: Amplitude,
     start: Array,
 ) -> Response:
+    """Return the response to one effect that starts from free parameters ``start`` (F,)."""
     density, size = search.density, amplitude.sd
     force = density.space.added_force(own.hypothesis, start, amplitude.number, size)
     change = np.nan_to_num(density.whitener(force[None])[0])
-    jacobian, prior = plain.point.jacobian, plain.point.prior.curvature
+    jacobian, prior = baseline.point.jacobian, baseline.point.prior.curvature
     shift = np.linalg.solve(jacobian @ jacobian.T + prior, jacobian @ change)
     left = change - shift @ jacobian
     information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)
@@ -83,8 +94,11 @@ def _response(
     return Response(name, own.names[amplitude.constant], size, left, total, information, shift)
 
 
-def unseen(found: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
-    """Effects whose expected evidence at a plausible size is below 10 at every shape, and why."""
+def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
+    """Return the effects that these tests cannot show, with the reason.
+
+    Their expected 2 ln(Bayes factor) at a plausible size is below `SEEN` at every shape.
+    """
     return [
         Unseen(
             one.effect,
@@ -92,24 +106,24 @@ def unseen(found: Sequence[Response], search: Search, protocol: Protocol) -> lis
             or f"{TOO_ALIKE} (2 ln Bayes factor {one.evidence:.1f} expected at 5 % of the peak "
             "force)",
         )
-        for one in found
+        for one in some
         if one.evidence < SEEN
     ]
 
 
 def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Unseen]:
-    """Effects made of a velocity or an acceleration that the displacement records do not give.
+    """Return the effects of a velocity or acceleration that the displacement records do not give.
 
-    They are not tried: what is fitted in their place is the records' error.
+    They are not searched: the records' error would be fitted instead of the effect.
     """
     reasons = {kind.name: kind.unmeasured(protocol) for kind in kinds}
     return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
 
 
-def parameter_biases(found: Sequence[Response], plain: Weighed) -> list[ParameterBias]:
-    """Effects of which the constants take nearly all, and what that would do to each constant."""
-    point, some = plain.point, []
-    for one in found:
+def parameter_biases(some: Sequence[Response], baseline: Candidate) -> list[ParameterBias]:
+    """Return the effects of which the constants take nearly all, with each constant's change."""
+    point, biases = baseline.point, []
+    for one in some:
         if one.total <= 0.0 or one.information <= 0.0:
             continue
         left = math.sqrt(one.information / one.total)
@@ -123,21 +137,21 @@ def parameter_biases(found: Sequence[Response], plain: Weighed) -> list[Paramete
         }
         if changes:
             seen = one.evidence >= SEEN
-            some.append(ParameterBias(one.effect, one.amplitude, one.size, left, changes, seen))
-    return some
+            biases.append(ParameterBias(one.effect, one.amplitude, one.size, left, changes, seen))
+    return biases
 
 
-def coincident(found: Sequence[Response]) -> list[tuple[str, ...]]:
-    """Groups of effects whose visible parts have the same shape (correlation above 0.98)."""
-    some = [one for one in found if one.information > 0.0]
-    if len(some) < 2:
+def coincident(some: Sequence[Response]) -> list[tuple[str, ...]]:
+    """Return groups of effects whose visible parts have the same shape (correlation above 0.98)."""
+    visible = [one for one in some if one.information > 0.0]
+    if len(visible) < 2:
         return []
-    left = np.stack([one.left / np.linalg.norm(one.left) for one in some])
+    left = np.stack([one.left / np.linalg.norm(one.left) for one in visible])
     alike = np.abs(left @ left.T) > _COINCIDE
     groups: list[tuple[str, ...]] = []
     taken: set[str] = set()
     for row in alike:
-        members = tuple(one.effect for one, same in zip(some, row, strict=True) if same)
+        members = tuple(one.effect for one, same in zip(visible, row, strict=True) if same)
         if len(members) > 1 and not taken & set(members):
             groups.append(members)
             taken |= set(members)

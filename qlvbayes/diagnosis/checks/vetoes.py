@@ -1,10 +1,12 @@
-"""What is told of a finished search: the decision by probabilities, and what may veto it.
+"""The final decision on a finished search: the decision by probabilities, after all vetoes.
 
-An effect with which tests left out are predicted worse is not named; nor one whose strength would
-have to vary from test to test, nor one beside something unlisted that takes more of the error than
-it; and nothing is explained where what is left matters.
-Likely beside an effect that is not to be named is not likely: after a veto the decision is made
-again, as if nothing could be there but what it named before, or had in a group, and was not vetoed.
+An effect is refused where tests left out are predicted worse with it, where its strength would have
+to vary from test to test, or where something unmodelled takes more of the error than the effect.
+Nothing counts as explained where structure that matters is left.
+
+An effect that is probable only together with a refused one is not probable. After a veto the
+decision is therefore made again, as if nothing could be there but the effects that it named before,
+or had in a group, and that were not refused.
 """
 
 from __future__ import annotations
@@ -12,113 +14,101 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.constancy import varies
-from qlvbayes.diagnosis.checks.outcome import Outcome
+from qlvbayes.diagnosis.checks.outcome import SearchOutcome
 from qlvbayes.diagnosis.decision import (
-    LEFT,
     Decision,
     Weight,
+    apply_adequacy,
     decide,
-    listed,
-    of_effects,
-    unless_sound,
+    ignore_unmodelled,
+    restrict_to,
 )
-from qlvbayes.diagnosis.search import Tell
-from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.diagnosis.search import Report
+from qlvbayes.diagnosis.verdict import Verdict
 
 RISES = "tests left out are predicted worse with it"
 VARIES = "its strength would have to vary between tests or phases: something else looks like it"
 IMITATES = "it explains less of the error than what no effect explains, and may be a part of that"
 
 
-def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, str], ...]]:
-    """The decision after all vetoes, and effects refused with the reason."""
-    tell("tests left out, and what is left")
+def final_decision(
+    outcome: SearchOutcome, report: Report
+) -> tuple[Decision, tuple[tuple[str, str], ...]]:
+    """Return the decision after all vetoes, and the refused effects with the reason of each."""
+    report("tests left out, and what is left")
     weights, refused = outcome.weights, dict[str, str]()
-    decision = _tested(outcome, weights)
+    decision = _decision_after_adequacy(outcome, weights)
     while new := _refused(outcome, decision):
         refused |= new
-        weights = of_effects(weights, {*decision.effects, *decision.group} - set(new))
-        decision = _tested(outcome, weights)
+        weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
+        decision = _decision_after_adequacy(outcome, weights)
     return decision, tuple(refused.items())
 
 
-def _tested(outcome: Outcome, weights: Sequence[Weight]) -> Decision:
-    """The decision, by whether what it tells leaves what matters."""
+def _decision_after_adequacy(outcome: SearchOutcome, weights: Sequence[Weight]) -> Decision:
+    """Return the decision, which also depends on the structure that its hypothesis leaves.
+
+    Where the nameable hypotheses alone leave nothing that matters, nothing unmodelled is there.
+    """
     settings = outcome.search.settings
     decision = decide(weights, settings)
-    if decision.verdict in LEFT:
-        inside = decide(listed(weights), settings)
-        if _is_enough(outcome, outcome.seen[inside.told]):
-            weights = listed(weights)
-            decision = replace(inside, outside=decision.outside)
-    sound = _is_enough(outcome, outcome.seen[decision.told])
-    return unless_sound(decision, weights, sound=sound)
+    if decision.verdict.has_unmodelled:
+        modelled = ignore_unmodelled(weights)
+        inside = decide(modelled, settings)
+        if _is_adequate(outcome, outcome.candidates[inside.selected]):
+            weights = modelled
+            decision = replace(inside, unmodelled=decision.unmodelled)
+    adequate = _is_adequate(outcome, outcome.candidates[decision.selected])
+    return apply_adequacy(decision, weights, adequate=adequate)
 
 
-def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
-    """Effects that are not to be named, with the reason."""
-    told = outcome.seen[decision.told]
-    refused = {name: VARIES for name in decision.tried if _varies(outcome, told, name)}
+def _refused(outcome: SearchOutcome, decision: Decision) -> dict[str, str]:
+    """Return the effects of a decision that must not be named, with the reasons."""
+    selected = outcome.candidates[decision.selected]
+    refused = {name: VARIES for name in decision.tried if _varies(outcome, selected, name)}
     others = [name for name in decision.tried if name not in refused]
-    refused |= {name: RISES for name in others if _rises(outcome, told, name)}
-    if refused or decision.verdict != "partly_explained":
+    refused |= {name: RISES for name in others if _raises_error(outcome, selected, name)}
+    if refused or decision.verdict is not Verdict.PARTLY_EXPLAINED:
         return refused
-    return {name: IMITATES for name in decision.effects if _takes_little(outcome, told, name)}
+    return {name: IMITATES for name in decision.effects if _takes_little(outcome, selected, name)}
 
 
-def _is_enough(outcome: Outcome, told: Weighed) -> bool:
-    """Whether what a hypothesis leaves passes as noise or is small.
+def _is_adequate(outcome: SearchOutcome, candidate: Candidate) -> bool:
+    """Return whether what a candidate leaves passes as noise or is small.
 
-    Where no dwell shows whether noise is correlated, structure may have been measured as noise: the
-    size decides then, of all that exceeds the white noise.
+    Where no dwell shows whether noise is correlated, structure may have been measured as noise.
+    Then the size decides, of all that exceeds the white noise.
     """
-    tested, left = outcome.tested(told), outcome.left(told)
+    tested, remainder = outcome.adequacy(candidate), outcome.remainder(candidate)
     if not tested.testable:
-        return outcome.beyond_white(told) <= left.tolerance * left.peak
-    return tested.is_sound(outcome.search.settings) or left.is_small
+        return outcome.beyond_white(candidate) <= remainder.tolerance * remainder.peak
+    return tested.is_sound(outcome.search.settings) or remainder.is_small
 
 
-def _member(outcome: Outcome, told: Weighed, effect: str) -> str | None:
-    """The form in which a hypothesis has an effect; None if it has not got it."""
-    families = outcome.search.families
-    own = outcome.search.added(told.hypothesis)
-    return next((member for member in own if families.of[member] == effect), None)
+def _varies(outcome: SearchOutcome, candidate: Candidate, effect: str) -> bool:
+    """Return whether an effect would need other strengths from test to test."""
+    form = outcome.search.form_of(candidate.hypothesis, effect)
+    return form is not None and varies(outcome.search, outcome.samples, candidate, form)
 
 
-def _without(outcome: Outcome, told: Weighed, effect: str) -> Weighed | None:
-    """A hypothesis less one of its effects, in whichever form; None if it has not got it."""
-    member, search = _member(outcome, told, effect), outcome.search
-    if member is None:
-        return None
-    search.see(told.hypothesis.less(member), told.hypothesis)
-    found = search.modes.get(told.hypothesis.less(member))
-    return found[0] if found else None
-
-
-def _varies(outcome: Outcome, told: Weighed, effect: str) -> bool:
-    """Whether an effect would need other strengths from test to test."""
-    member = _member(outcome, told, effect)
-    if member is None:
-        return False
-    return varies(outcome.search, outcome.samples, told, member)
-
-
-def _rises(outcome: Outcome, told: Weighed, effect: str) -> bool:
-    """Whether tests left out are predicted worse with an effect than without."""
-    without = _without(outcome, told, effect)
+def _raises_error(outcome: SearchOutcome, candidate: Candidate, effect: str) -> bool:
+    """Return whether tests left out are predicted worse with an effect than without."""
+    without = outcome.search.without(candidate, effect)
     if without is None:
         return False
     limit = (1.0 + outcome.search.settings.rise) * outcome.heldout(without)
-    return bool(outcome.heldout(told) > limit)
+    return bool(outcome.heldout(candidate) > limit)
 
 
-def _takes_little(outcome: Outcome, told: Weighed, effect: str) -> bool:
-    """Whether an effect takes less of the squared error than what no effect explains.
+def _takes_little(outcome: SearchOutcome, candidate: Candidate, effect: str) -> bool:
+    """Return whether an effect takes less of the squared error than what no effect explains.
 
-    Then it may as well imitate a part of that.
+    Then it may as well be an imitation of a part of that.
     """
-    without = _without(outcome, told, effect)
+    without = outcome.search.without(candidate, effect)
     if without is None:
         return False
-    return bool(outcome.left(without).excess ** 2 < 2.0 * outcome.left(told).excess ** 2)
+    left = outcome.remainder(candidate).excess
+    return bool(outcome.remainder(without).excess ** 2 < 2.0 * left**2)

@@ -1,1 +1,1 @@
-"""Which test to do next: what each that the rig can do would tell, per minute of its time."""
+"""The design of the next tests: what each test that the rig can do would tell, in bits."""

@@ -1,4 +1,4 @@
-"""What is believed of a pad before the next test: explanations, each with its constants."""
+"""The belief about a pad before the next test: explanations, each with its constants."""
 
 from __future__ import annotations
 
@@ -9,25 +9,43 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.nexttest.design import Recovery
+from qlvbayes.diagnosis.nexttest.design import RecoveryTime
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 Forces = Callable[[Array, Record], Array]
 
-STEP = 0.02  # sds, over which slopes are taken: kinks of contact are smoothed, rounding is not seen
-_DEPENDENT = 1e-9  # of the largest singular value: directions that others span
+STEP = 0.02
+"""Step of the forward differences in sds: it smooths kinks of contact and is far above rounding."""
+_DEPENDENT = 1e-9  # of the largest singular value, below which others span a direction
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A model whose constants are known as far as the tests that were done tell.
+    """A model with the posterior distribution of its constants after the tests that were done.
 
-    Its F free numbers z are independent standard normal ones. names, kinds: of the P constants, and
-    of their units; constants: from z (K, F) to (K, P); run: from constants (K, P) and a record of T
-    tests to block means (K, T, B) of the force (N); fractions (L,), rates (L,): of its relaxation,
-    1/s; cause: what it is told by, whatever its laws, explanations of one cause being one answer.
+    Its F free parameters z are independent and standard normal.
+
+    Parameters
+    ----------
+    words
+        Its laws and effects in words.
+    probability
+        Posterior probability.
+    size
+        Number F of free parameters.
+    names, kinds
+        Names and kinds of units of the P constants.
+    constants
+        Function from z (K, F) to constants (K, P).
+    run
+        Function from constants (K, P) and a record of T tests to block means (K, T, B) of the
+        force (N).
+    fractions, rates
+        Fractions (L,) and rates (L,) in 1/s of its relaxation.
+    cause
+        The effects in words, without the laws. Explanations of one cause are one answer.
     """
 
     words: str
@@ -42,28 +60,31 @@ class Explanation:
     cause: str = ""
 
     def forces(self, z: Array, record: Record) -> Array:
-        """(K, T, B) of z (K, F)."""
+        """Return block means (K, T, B) of the force (N) for z (K, F)."""
         return self.run(self.constants(z), record)
 
     def slopes(self, z: Array, record: Record) -> tuple[Array, Array]:
-        """Block means (K, T, B) of z (K, F), and their slopes (K, F, T, B) along z."""
+        """Return block means (K, T, B) for z (K, F), and their slopes (K, F, T, B) along z."""
         rows = z[:, None] + STEP * np.concatenate([np.zeros((1, self.size)), np.eye(self.size)])
-        found = self.forces(rows.reshape(-1, self.size), record)
-        found = found.reshape(len(z), 1 + self.size, *found.shape[1:])
-        return found[:, 0], (found[:, 1:] - found[:, :1]) / STEP
+        means = self.forces(rows.reshape(-1, self.size), record)
+        means = means.reshape(len(z), 1 + self.size, *means.shape[1:])
+        return means[:, 0], (means[:, 1:] - means[:, :1]) / STEP
 
     @cached_property
     def centre(self) -> Array:
-        """Constants (P,) at z = 0."""
+        """The constants (P,) at z = 0."""
         return self.constants(np.zeros((1, self.size)))[0]
 
     @cached_property
     def gradient(self) -> Array:
-        """Slopes (P, F) of the constants along z."""
+        """The slopes (P, F) of the constants along z."""
         return (self.constants(STEP * np.eye(self.size)) - self.centre).T / STEP
 
-    def asked(self, names: Sequence[str]) -> Array:
-        """Orthonormal rows (r, F): what of z some constants say; those that it has not, nothing."""
+    def directions(self, names: Sequence[str]) -> Array:
+        """Return orthonormal rows (r, F) that span the directions of z in which constants vary.
+
+        Names that the explanation does not have are left out.
+        """
         some = [k for k, own in enumerate(self.names) if _named(own, names)]
         rows = self.gradient[some]
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -75,36 +96,53 @@ class Explanation:
 
 
 def _named(own: str, names: Sequence[str]) -> bool:
-    """Whether a constant is meant: by its name, or by that of the vector it is in."""
+    """Return whether a constant is meant: by its own name, or by that of the vector it is in."""
     return any(own == name or own.startswith(f"{name}[") for name in names)
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Explanations whose probabilities sum to one, the likeliest first.
+    """Explanations whose probabilities sum to one, the most probable first.
 
-    outside: probability that none of them is all of it.
+    Parameters
+    ----------
+    explanations
+        The explanations.
+    outside
+        Probability that something unmodelled is there, besides any of them.
     """
 
     explanations: tuple[Explanation, ...]
     outside: float = 0.0
 
+    @classmethod
+    def from_explanations(cls, explanations: Sequence[Explanation], outside: float = 0.0) -> Belief:
+        """Return the belief in some explanations by the ratios of their probabilities."""
+        total = sum(one.probability for one in explanations)
+        ordered = sorted(explanations, key=lambda one: -one.probability)
+        return cls(
+            tuple(replace(one, probability=one.probability / total) for one in ordered), outside
+        )
+
     @property
     def probabilities(self) -> Array:
-        """(H,)."""
+        """The probability (H,) of each explanation."""
         return np.array([one.probability for one in self.explanations])
 
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Places of the explanations of each cause; one that names none is a cause of its own."""
-        found: dict[str, list[int]] = {}
+        """The indices of the explanations of each cause.
+
+        An explanation without a cause is one of its own.
+        """
+        indices: dict[str, list[int]] = {}
         for k, one in enumerate(self.explanations):
-            found.setdefault(one.cause or one.words, []).append(k)
-        return tuple(tuple(places) for places in found.values())
+            indices.setdefault(one.cause or one.words, []).append(k)
+        return tuple(tuple(own) for own in indices.values())
 
     @property
     def causes(self) -> dict[str, float]:
-        """Probability of each, in the order of `groups`."""
+        """The probability of each cause, in the order of `groups`."""
         p = self.probabilities
         firsts = (self.explanations[group[0]] for group in self.groups)
         names = (first.cause or first.words for first in firsts)
@@ -112,15 +150,15 @@ class Belief:
 
     @property
     def entropy(self) -> float:
-        """Bits that are missing to know which cause is right."""
+        """The bits that are missing to know which cause is right."""
         p = np.array(list(self.causes.values()))
         p = p[p > 0.0]
         return float(-(p * np.log2(p)).sum()) + 0.0
 
     @property
-    def recovery(self) -> Recovery:
-        """Of a pad of which any explanation may be right."""
-        return Recovery(tuple((one.fractions, one.rates) for one in self.explanations))
+    def recovery(self) -> RecoveryTime:
+        """The time of recovery of a pad for which any explanation may be right."""
+        return RecoveryTime(tuple((one.fractions, one.rates) for one in self.explanations))
 
     def check(self, names: Sequence[str]) -> None:
         """Raise InputError where no explanation has a constant of that name."""
@@ -131,7 +169,7 @@ class Belief:
 
     @property
     def base_names(self) -> tuple[str, ...]:
-        """Constants of the laws, not of effects, that any explanation has and leaves free."""
+        """The free constants of the base laws, of any explanation."""
         return tuple(
             dict.fromkeys(
                 name
@@ -140,12 +178,3 @@ class Belief:
                 if "." not in name and np.any(row)
             )
         )
-
-
-def normalised(explanations: Sequence[Explanation], outside: float = 0.0) -> Belief:
-    """The belief in some explanations by the ratios of their probabilities."""
-    total = sum(one.probability for one in explanations)
-    ordered = sorted(explanations, key=lambda one: -one.probability)
-    return Belief(
-        tuple(replace(one, probability=one.probability / total) for one in ordered), outside
-    )

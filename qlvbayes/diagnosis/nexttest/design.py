@@ -1,4 +1,4 @@
-"""A test that is not done yet: presses, holds and retractions, in a few continuous numbers."""
+"""A design: a test that is not done yet, of presses, holds and retractions."""
 
 from __future__ import annotations
 
@@ -18,24 +18,36 @@ from qlvbayes.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-NUMBERS = 8
-"""What is drawn of a design: as many numbers between 0 and 1."""
-_LEAST_DEPTH = 0.2  # of the rig's: below, forces of soft pads drown in noise
-_LEAST_HOLD = 100.0  # readings: a controller has settled
+DIMENSIONS = 8
+"""How many numbers between 0 and 1 determine a design."""
+_LEAST_DEPTH = 0.2  # of the rig's depth: below, forces of soft pads drown in noise
+_LEAST_HOLD = 100.0  # readings, by which a controller has settled
 _GENTLEST = 0.1  # of the rig's acceleration
-_WHOLE, _NONE = 0.4, 0.2  # shares of the draws that retract fully, and not at all
-_CYCLES = (1, 1, 1, 2, 4, 7)  # equally likely; of more, `records` could not hold the motion
-_PATIENT = 0.25  # of the draws wait longer than recovery asks for,
-_LONGEST_WAIT = 10.0  # up to so many times
-_HOME = 0.0  # displacement at which a test begins, and to which it goes back at its end
+_FULL, _NONE = 0.4, 0.2  # shares of the draws that retract fully, and not at all
+_CYCLES = (1, 1, 1, 2, 4, 7)  # equally likely; `records` could not hold the motion of more
+_PATIENT = 0.25  # share of the draws that wait longer than recovery asks for
+_LONGEST_WAIT = 10.0  # largest factor by which these wait longer
+_HOME = 0.0  # mm: displacement at which a test begins, and to which it returns at its end
 
 
 @dataclass(frozen=True)
 class Design:
-    """One test: press, hold, retract by a share of the depth, rest; so many cycles; then home.
+    """One test: cycles of press, hold, retraction and rest, and then the way home.
 
-    depth (mm), speed (mm/s) of every stroke, acceleration (mm/s2), hold and rest (s) in each cycle,
-    wait (s): before the test, for the pad to recover.
+    Parameters
+    ----------
+    depth
+        Depth of the press (mm).
+    speed, acceleration
+        Speed (mm/s) and acceleration (mm/s2) of every stroke.
+    hold, rest
+        Time (s) at depth, and after the retraction, in each cycle.
+    share
+        Share of the depth by which the platen retracts.
+    cycles
+        Number of cycles.
+    wait
+        Time (s) before the test in which the pad recovers.
     """
 
     depth: float
@@ -49,7 +61,7 @@ class Design:
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """Without the way home."""
+        """The strokes without the way home."""
         press = (Stroke(self.depth, self.speed, self.hold),)
         if self.share <= 0.0:
             return press
@@ -69,44 +81,44 @@ class Design:
 
     @property
     def stretches(self) -> list[tuple[Kind, float, float]]:
-        """Kind, beginning and end (s) of every movement and dwell, without the way home."""
-        found: list[tuple[Kind, float, float]] = []
-        place, time = _HOME, 0.0
+        """Kind, begin and end (s) of every movement and dwell, without the way home."""
+        stretches: list[tuple[Kind, float, float]] = []
+        position, time = _HOME, 0.0
         for stroke in self.strokes:
-            way = abs(stroke.target - place)
-            down = stroke.target > place
+            way = abs(stroke.target - position)
+            down = stroke.target > position
             if way > 0.0:
                 top = min(stroke.speed, float(np.sqrt(self.acceleration * way)))
                 until = time + way / top + top / self.acceleration
-                found.append(("ramp" if down else "unload", time, until))
+                stretches.append(("ramp" if down else "unload", time, until))
                 time = until
             if stroke.hold > 0.0:
-                found.append(("hold" if down else "recovery", time, time + stroke.hold))
+                stretches.append(("hold" if down else "recovery", time, time + stroke.hold))
                 time += stroke.hold
-            place = stroke.target
-        return found
+            position = stroke.target
+        return stretches
 
     @property
     def duration(self) -> float:
-        """Of the test (s), with the way home."""
+        """Duration of the test with the way home (s)."""
         return float(self.whole.knots[-1])
 
     @property
     def minutes(self) -> float:
-        """Of rig time: the wait before it, and the test."""
+        """Minutes of rig time: the wait before the test, and the test."""
         return (self.wait + self.duration) / 60.0
 
     def words(self, units: UnitSystem) -> str:
-        """As a sentence's part."""
+        """Return the test in words, as a part of a sentence."""
         speed, depth = f"{plain(self.speed)} {units.speed}", _length(self.depth, units)
-        said = f"press to {depth} at {speed}, hold {plain(self.hold)} s"
+        text = f"press to {depth} at {speed}, hold {plain(self.hold)} s"
         if self.share > 0.0:
             back = self.depth * (1.0 - self.share)
             way = "retract fully" if back <= 0.0 else f"retract to {_length(back, units)}"
-            said += f", {way}, rest {plain(self.rest)} s"
+            text += f", {way}, rest {plain(self.rest)} s"
         if self.share > 0.0 and self.cycles > 1:
-            said += f"; {self.cycles} times"
-        return f"{said}; after a pause of {plain(self.wait)} s" if self.wait > 0.0 else said
+            text += f"; {self.cycles} times"
+        return f"{text}; after a pause of {plain(self.wait)} s" if self.wait > 0.0 else text
 
 
 def _length(value: float, units: UnitSystem) -> str:
@@ -115,24 +127,39 @@ def _length(value: float, units: UnitSystem) -> str:
     )
 
 
-def drawn(rig: Rig, recovery: Recovery, longest: float, count: int, seed: int) -> list[Design]:
-    """At most ``count`` designs of no more than ``longest`` seconds with the wait before them.
+def draw_designs(
+    rig: Rig, recovery: RecoveryTime, longest: float, count: int, seed: int
+) -> list[Design]:
+    """Draw designs evenly over what the rig can do, by a scrambled Sobol sequence.
 
-    Evenly over what the rig can do (a scrambled Sobol sequence), speeds, times and accelerations in
-    their logarithm. The same seed gives the same.
+    Speeds, times and accelerations are drawn evenly in their logarithm.
+
+    Parameters
+    ----------
+    rig
+        Limits of the rig.
+    recovery
+        Time of recovery after a test.
+    longest
+        Longest time of a test with the wait before it (s).
+    count
+        Number of draws; those that take longer are left out.
+    seed
+        Seed of the sequence; the same seed gives the same designs.
     """
-    rows = qmc.Sobol(NUMBERS, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
-    found = [_design(row, rig, recovery, longest) for row in rows]
-    return [one for one in found if one.wait + one.duration <= longest]
+    rows = qmc.Sobol(DIMENSIONS, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
+    designs = [_design(row, rig, recovery, longest) for row in rows]
+    return [one for one in designs if one.wait + one.duration <= longest]
 
 
-def _design(row: Array, rig: Rig, recovery: Recovery, longest: float) -> Design:
+def _design(row: Array, rig: Rig, recovery: RecoveryTime, longest: float) -> Design:
+    """Return the design that numbers (8,) between 0 and 1 determine."""
     depth, speed, acceleration, hold, share, rest, cycles, wait = row.tolist()
     least = _LEAST_HOLD * rig.interval
     count = _CYCLES[min(int(cycles * len(_CYCLES)), len(_CYCLES) - 1)]
-    back = float(np.clip((share - _NONE) / (1.0 - _WHOLE - _NONE), 0.0, 1.0))
+    back = float(np.clip((share - _NONE) / (1.0 - _FULL - _NONE), 0.0, 1.0))
     count = count if back > 0.0 else 1
-    found = Design(
+    design = Design(
         depth=rig.depth * (_LEAST_DEPTH + (1.0 - _LEAST_DEPTH) * np.sqrt(depth)),
         speed=_between(rig.slowest(longest), rig.speed, speed),
         acceleration=_between(_GENTLEST * rig.acceleration, rig.acceleration, acceleration),
@@ -142,26 +169,32 @@ def _design(row: Array, rig: Rig, recovery: Recovery, longest: float) -> Design:
         cycles=count,
     )
     patience = _LONGEST_WAIT ** (max(wait - (1.0 - _PATIENT), 0.0) / _PATIENT)
-    return recovery.before(found, patience)
+    return recovery.before(design, patience)
 
 
 def _between(low: float, high: float, share: float) -> float:
-    """A share of the way in the logarithm; never beyond the end by rounding."""
+    """Return the value at a share of the way from low to high in the logarithm."""
+    # rounding must not go beyond the end
     return float(min(low * (high / low) ** share, high))
 
 
 @dataclass(frozen=True, eq=False)
-class Recovery:
-    r"""How long a pad that was pressed must rest until it has forgotten it.
+class RecoveryTime:
+    r"""The time for which a pad must rest after a test until the force of it has died away.
 
-    After a press of length D, the part of a mode's force that is still there after a rest t is
-    c (1 - e^{-v D}) e^{-v t}; fractions c (L,) and rates v (L,) in 1/s, of every explanation.
+    After a press of duration D, the share of the force that is still there after a rest t is the
+    sum over all relaxation modes of c (1 - e^{-v D}) e^{-v t}.
+
+    Parameters
+    ----------
+    spectra
+        Fractions c (L,) and rates v (L,) in 1/s of every explanation.
     """
 
     spectra: tuple[tuple[Array, Array], ...]
 
     def time(self, duration: float) -> float:
-        """Dwell (s) after a test of ``duration`` s until ``FORGOTTEN`` is left."""
+        """Return the rest (s) after a test of ``duration`` s until a share `FORGOTTEN` is left."""
         times = _RESTS
         left = np.zeros_like(times)
         for fractions, rates in self.spectra:
@@ -171,13 +204,16 @@ class Recovery:
         return float(times[enough[0]]) if enough.size else float(times[-1])
 
     def before(self, design: Design, patience: float = 1.0) -> Design:
-        """The design with the wait that one like it before it asks for, times ``patience``."""
+        """Return the design with the wait that it asks for after a test like itself.
+
+        The wait is multiplied by ``patience``.
+        """
         wait = max(patience * self.time(design.duration), LEAST_WAIT)
         return replace(design, wait=wait)
 
 
 FORGOTTEN = 0.01
-"""Of the force of a press, that may be left when the next begins."""
+"""Share of the force of a press that may be left when the next test begins."""
 LEAST_WAIT = 30.0
-"""Seconds between two tests, whatever the pad: the file is kept and the rig started again."""
-_RESTS = np.geomspace(0.1, 3600.0, 300)  # s, tried
+"""Seconds between two tests of any pad, to save the file and start the rig again."""
+_RESTS = np.geomspace(0.1, 3600.0, 300)  # s, rests that are tried

@@ -1,4 +1,4 @@
-"""The explanation that a fit gives: its model, normal with the moments of the posterior's draws."""
+"""The explanation from a fit: its model, with a normal distribution of the posterior's moments."""
 
 from __future__ import annotations
 
@@ -19,17 +19,28 @@ from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 
-_STILL = 1e-12  # of the largest variance: directions in which nothing varies
-_TOGETHER = 4  # draws that are made models at once: their number is filled up to a multiple
-_SHARES = "c["  # constants that sum to one
+_CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
+_TOGETHER = 4  # draws that are run at once; their number is filled up to a multiple
+_FRACTIONS = "c["  # prefix of the constants that sum to one
 
 
 def explanation_of_draws(
     choices: Choices, names: Sequence[str], draws: Array, depth: float
 ) -> Explanation:
-    """Of draws (n, P) of the named constants; depth: of the deepest test (mm).
+    """Return the explanation from posterior draws.
 
-    Positive constants are normal in their logarithm; fractions that sum to one go on doing so.
+    Positive constants are normal in their logarithm; fractions keep their sum of one.
+
+    Parameters
+    ----------
+    choices
+        Laws and effects of the fit.
+    names
+        Names of the P constants.
+    draws
+        Posterior draws (n, P).
+    depth
+        Depth of the deepest test (mm).
     """
     model = described_model(choices, depth)
     fields = list(fields_of(model))
@@ -38,15 +49,15 @@ def explanation_of_draws(
     in_log = np.all(values > 0.0, axis=0)
     scaled = np.where(in_log, np.log(np.where(in_log, values, 1.0)), values)
     mean, root = scaled.mean(axis=0), _root(np.atleast_2d(np.cov(scaled.T)))
-    shares = np.array([name.startswith(_SHARES) for name in own])
+    shares = np.array([name.startswith(_FRACTIONS) for name in own])
     sums = bool(shares.any()) and np.allclose(values[:, shares].sum(axis=1), 1.0)
 
     def constants(z: Array) -> Array:
-        found = mean + z @ root.T
-        found[:, in_log] = np.exp(found[:, in_log])
+        rows = mean + z @ root.T
+        rows[:, in_log] = np.exp(rows[:, in_log])
         if sums:
-            found[:, shares] /= found[:, shares].sum(axis=1, keepdims=True)
-        return found
+            rows[:, shares] /= rows[:, shares].sum(axis=1, keepdims=True)
+        return rows
 
     def run(rows: Array, record: Record) -> Array:
         full = filled_up(rows, _TOGETHER)
@@ -71,14 +82,16 @@ def explanation_of_draws(
 
 
 def _root(covariance: Array) -> Array:
-    """(P, F) with root root^T = covariance, without directions in which nothing varies."""
+    """Return a root (P, F) of a covariance (P, P), without directions in which nothing varies."""
     values, vectors = np.linalg.eigh(covariance)
-    kept = values > _STILL * max(float(values.max(initial=0.0)), 1e-300)
+    kept = values > _CONSTANT * max(float(values.max(initial=0.0)), 1e-300)
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
 @jax.jit
 def _forces(models: Model, record: Record) -> JaxArray:
+    """Return the block means (K, T, B) of the force (N) of K models in T tests."""
+
     def one(model: Model) -> JaxArray:
         return jax.vmap(lambda test: test.average(model.force(test.motion)))(record)
 

@@ -1,4 +1,4 @@
-"""What stands between a model's force and a reading: the noise floor, and what the model misses."""
+"""The errors of readings against a model's force: the noise floor, and what the model misses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.records import places_of
+from qlvbayes.diagnosis.nexttest.records import locations_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.features import covariance as smooth_covariance
@@ -23,11 +23,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
-    """Of any test of a pad.
+class ReadingErrors:
+    """The errors of readings in any test of a pad.
 
-    floor: of the load cell; peak: largest force (N); missed: size (N) of the discrepancy that the
-    diagnosis found beside what it names, 0 where it found none.
+    Parameters
+    ----------
+    floor
+        Noise floor of the load cell.
+    peak
+        Largest force (N).
+    missed
+        Size (N) of the discrepancy that the diagnosis left besides the effects that it names; 0
+        where it left none.
     """
 
     floor: NoiseFloor
@@ -35,25 +42,42 @@ class Errors:
     missed: float = 0.0
 
     def covariance(self, design: Design, rig: Rig, record: Record, force: Array) -> Array:
-        """(n, n) of the block means of one design (a record without leading axis), N^2.
+        """Return the covariance (n, n) of the block means of one design (N^2).
 
-        force (B,): about what will be measured, by which noise may grow.
+        Parameters
+        ----------
+        design
+            The test.
+        rig
+            Limits of the rig.
+        record
+            Record of this design alone, without a leading axis.
+        force
+            Expected block means (B,) of the force (N), with which the noise may grow.
         """
         real = np.asarray(record.blocks.real)
         own = jax.tree.map(lambda x: np.asarray(x)[real], record.blocks)
         own = replace(own, scale=self.floor.scale(force[real]))
-        found = floor_covariance(self.floor, own, self.peak)
+        total = floor_covariance(self.floor, own, self.peak)
         if self.missed > 0.0:
             middle = 0.5 * (own.first + own.last)
-            places = places_of(design, rig, middle, force[real], self.peak)
-            shared = smooth_covariance(places, places) + UNDECIDED.rough * np.eye(middle.size)
-            found = found + self.missed**2 * shared
-        return np.asarray(found)
+            locations = locations_of(design, rig, middle, force[real], self.peak)
+            smooth = smooth_covariance(locations, locations)
+            total = total + self.missed**2 * (smooth + UNDECIDED.rough * np.eye(middle.size))
+        return np.asarray(total)
 
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """Block means (B,) of one design as independent numbers (n,) of unit variance."""
+    """The map from block means (B,) of one design to independent values (n,) of unit variance.
+
+    Parameters
+    ----------
+    real
+        Which block means (B,) are no padding.
+    covariance
+        Covariance (n, n) of these (N^2).
+    """
 
     real: NDArray[np.bool_]
     covariance: Array
@@ -63,8 +87,8 @@ class Whitening:
         return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
 
     def __call__(self, vectors: Array) -> Array:
-        """(..., B) to (..., n)."""
+        """Return whitened vectors (..., n) of vectors (..., B)."""
         flat = vectors[..., self.real].reshape(-1, int(self.real.sum()))
-        found = solve_triangular(self._root, flat.T, lower=True, check_finite=False).T
-        shaped: Array = found.reshape(*vectors.shape[:-1], -1).astype(np.float64)
+        white = solve_triangular(self._root, flat.T, lower=True, check_finite=False).T
+        shaped: Array = white.reshape(*vectors.shape[:-1], -1).astype(np.float64)
         return shaped

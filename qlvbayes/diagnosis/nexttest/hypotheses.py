@@ -1,4 +1,4 @@
-"""Explanations from a diagnosis: hypotheses, normal with the moments of their posteriors."""
+"""The explanations from a diagnosis: hypotheses with normal distributions of their constants."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 
-_DRAWS = 384  # by which moments are found,
-_ROUNDS = 3  # each of a normal with the moments that the one before it found
-_WIDER = 1.2  # by which its sds are larger
-_SOUND = 0.2  # share of effective draws, from which Laplace's normal is taken as it is
-_TEMPER = 60.0  # effective draws, that weights are evened out to where there are fewer
+_DRAWS = 384  # of each round of importance sampling
+_ROUNDS = 3  # each draws from a normal with the moments of the round before
+_WIDER = 1.2  # factor of the sds from which a round draws
+_SOUND = 0.2  # share of effective draws from which Laplace's normal is used as it is
+_LEAST_EFFECTIVE = 60.0  # draws; weights are tempered where there are fewer
 
 
 def explanation_of_mode(
@@ -31,13 +31,24 @@ def explanation_of_mode(
     words: str,
     cause: str = "",
 ) -> Explanation:
-    """A hypothesis about a mode, from Laplace's covariance (F, F) there; size: of the discrepancy.
+    """Return the explanation from a hypothesis about one of its modes.
 
-    words, cause: as of `Explanation`.
+    Where a parameter is at a bound, or the curvature says little of what the tests allow, Laplace's
+    normal approximation would expect forces that the tests have ruled out. Its moments are then
+    corrected by importance sampling.
 
-    Where a number is at a bound, or the curvature there says little of what the tests allow,
-    Laplace's normal would expect forces that the tests have ruled out: its draws are weighed by
-    the tests first.
+    Parameters
+    ----------
+    density
+        Posterior density of any hypothesis.
+    hypothesis, point
+        The hypothesis at its mode.
+    covariance
+        Laplace's covariance (F, F) of its free parameters.
+    size
+        Size of the discrepancy (N).
+    probability, words, cause
+        As in `Explanation`.
     """
     space, own = density.space, point.own
     mean, root = _moments(density, hypothesis, point, covariance, size)
@@ -70,7 +81,7 @@ def explanation_of_mode(
 def _moments(
     density: Density, hypothesis: Hypothesis, point: Point, covariance: Array, size: float
 ) -> tuple[Array, Array]:
-    """Mean (F,) of the posterior's numbers, and a root (F, F) of their covariance."""
+    """Return the mean (F,) of the free parameters, and a root (F, F) of their covariance."""
     mean, root = point.theta, _root(covariance)
     rng = np.random.default_rng(0)
     for k in range(_ROUNDS):
@@ -79,7 +90,7 @@ def _moments(
         log = _log_density(density, hypothesis, point, theta, size) + 0.5 * np.sum(normal**2, 1)
         if not np.isfinite(log).any() or (k == 0 and _effective(log) > _SOUND * _DRAWS):
             break
-        weights = _evened(log)
+        weights = _tempered(log)
         mean = weights @ theta
         spread = (theta - mean) * np.sqrt(weights)[:, None]
         root = _root(spread.T @ spread)
@@ -89,11 +100,13 @@ def _moments(
 def _log_density(
     density: Density, hypothesis: Hypothesis, point: Point, theta: Array, size: float
 ) -> Array:
-    """(K,) of rows theta (K, F), the prior quadratic about the mode; -inf beyond the bounds."""
+    """Return the log posterior density (K,) of rows theta (K, F), up to a constant.
+
+    The prior is quadratic about the mode. The density is -inf beyond the bounds.
+    """
     own = point.own
     inside = np.all((theta >= own.lowest) & (theta <= own.highest), axis=1)
-    found = density.space.forces(hypothesis, own.constants(own.within(theta)))
-    change = point.predicted - found
+    change = point.predicted - density.space.forces(hypothesis, own.constants(own.within(theta)))
     left = density.whitener(np.nan_to_num(change, posinf=0.0, neginf=0.0)) + point.residual
     misfit = density.discrepancy.at(size, point.separation).squares(left)
     apart, prior = theta - point.theta, point.prior
@@ -103,24 +116,24 @@ def _log_density(
 
 
 def _effective(log: Array) -> float:
-    """How many draws of equal weight would tell as much as those of log weights (K,)."""
+    """Return the effective number of draws with log weights (K,)."""
     weights = np.exp(log - log.max())
     return float(weights.sum() ** 2 / np.sum(weights**2))
 
 
-def _evened(log: Array) -> Array:
-    """Weights (K,) of sum 1 whose effective number is no less than a few; the more even the less.
+def _tempered(log: Array) -> Array:
+    """Return weights (K,) of sum 1, tempered until their effective number is large enough.
 
-    A few draws would span too few directions (tempered importance sampling).
+    Too few draws would span too few directions (tempered importance sampling).
     """
     for power in (1.0, 0.5, 0.25, 0.1, 0.03, 0.01):
-        if _effective(power * log) >= _TEMPER:
+        if _effective(power * log) >= _LEAST_EFFECTIVE:
             break
     weights = np.exp(power * (log - log.max()))
     return np.asarray(weights / weights.sum())
 
 
 def _root(covariance: Array) -> Array:
-    """(F, F) with root root^T = covariance."""
+    """Return a root (F, F) of a covariance (F, F)."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,20 +1,21 @@
-r"""What tests would tell, in bits, where forces are linear in what is not known and noise normal.
+r"""The expected information of tests in bits, for linear forces and normal noise.
 
-With the whitened forces f_h of every explanation h and their slopes A_h along its numbers
-z ~ N(0, 1), all is said by products (`Products`), which add up over tests. With M = 1 + A^T A:
+It depends on the whitened forces f_h of every explanation h and their slopes A_h along its free
+parameters z ~ N(0, 1) only by their products (`Products`), which add up over tests. With
+M = 1 + A^T A, the information about directions of z with orthonormal rows Q is
 
 .. math:: I(Qz; y) = -\tfrac12 \log_2 \det(Q M^{-1} Q^T)
 
-for some of the numbers, orthonormal rows Q (all: half log det M; Lindley 1956,
-doi:10.1214/aoms/1177728069). Which explanation is right is told by predictions
-N(f_h, 1 + A_h A_h^T). Those of one cause g are a group, of which the members' weights are w; what
-a mixture of probabilities p_g tells of its groups has bounds in their distances D (Kolchinsky &
-Tracey 2017, doi:10.3390/e19070361),
+(half log det M for all of z; Lindley 1956, doi:10.1214/aoms/1177728069). Explanation h predicts
+N(f_h, 1 + A_h A_h^T). The explanations of one cause g form a group with weights w. The information
+about which of the groups, of probabilities p_g, is right has bounds in the distances D between them
+(Kolchinsky & Tracey 2017, doi:10.3390/e19070361),
 
 .. math:: I(g; y) \gtreqless -\sum_a p_a \log_2 \sum_b p_b e^{-D_{ab}}
 
-from below with Bhattacharyya's distance, from above with Kullback and Leibler's. Of groups both are
-themselves bounded by those of their members, as the root is subadditive and the divergence convex:
+from below with the Bhattacharyya distance, from above with the Kullback-Leibler divergence. Those
+of groups are bounded by those of their members, as the root is subadditive and the divergence
+convex:
 
 .. math:: e^{-D_{ab}} \le \sum_{i \in a, j \in b} \sqrt{w_i w_j} e^{-D_{ij}}, \quad
           D_{ab} \le \sum_{i \in a, j \in b} w_i w_j D_{ij}
@@ -37,46 +38,52 @@ _LN2 = float(np.log(2.0))
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products (T, V, V) of the whitened f_h and A_h of each of T tests, or series of tests.
+    """The products of the whitened f_h and A_h in each of T tests, or series of tests.
 
-    sizes: F of each explanation; V counts f_h and the F slopes of one after another.
+    Parameters
+    ----------
+    values
+        Products (T, V, V); V counts f_h and the F slopes of one explanation after another.
+    sizes
+        Number F of free parameters of each explanation.
     """
 
     values: Array
     sizes: tuple[int, ...]
 
     def __add__(self, other: Products) -> Products:
-        """After both."""
+        """Return the products after both tests."""
         return Products(self.values + other.values, self.sizes)
 
     def __getitem__(self, rows: NDArray[np.intp]) -> Products:
-        """Of some of the tests."""
+        """Return the products of some of the tests."""
         return Products(self.values[rows], self.sizes)
 
     @classmethod
     def none(cls, sizes: Sequence[int]) -> Products:
-        """Of no test."""
+        """Return the products (1, V, V) of no test: zero."""
         count = sum(1 + size for size in sizes)
         return cls(np.zeros((1, count, count)), tuple(sizes))
 
     @cached_property
     def _slices(self) -> list[slice]:
+        """Where each explanation's f_h and slopes are."""
         ends = accumulate((1 + size for size in self.sizes), initial=0)
         return [slice(a, b) for a, b in pairwise(ends)]
 
     def _block(self, i: int, j: int) -> Array:
-        """A_i^T A_j (T, F_i, F_j)."""
+        """Return A_i^T A_j (T, F_i, F_j)."""
         one, two = self._slices[i], self._slices[j]
         return self.values[:, one.start + 1 : one.stop, two.start + 1 : two.stop]
 
     def _toward(self, i: int, j: int, k: int) -> Array:
-        """A_k^T (f_i - f_j) (T, F_k)."""
+        """Return A_k^T (f_i - f_j) (T, F_k)."""
         own, one, two = (self._slices[n] for n in (k, i, j))
         rows = self.values[:, own.start + 1 : own.stop]
         return rows[..., one.start] - rows[..., two.start]
 
     def _apart(self, i: int, j: int) -> Array:
-        """|f_i - f_j|^2 (T,)."""
+        """Return |f_i - f_j|^2 (T,)."""
         a, b = self._slices[i].start, self._slices[j].start
         v = self.values
         return np.maximum(v[:, a, a] - 2.0 * v[:, a, b] + v[:, b, b], 0.0)
@@ -91,29 +98,32 @@ class Products:
         """Log det M (T,)."""
         return [np.linalg.slogdet(M)[1] for M in self.precisions]
 
-    def bits_for(self, k: int, asked: Array) -> Array:
-        """Bits (T,) for what rows (r, F) say of explanation k's numbers."""
-        if not len(asked):
+    def bits_for(self, k: int, directions: Array) -> Array:
+        """Return the bits (T,) about directions, rows (r, F), of explanation k's parameters."""
+        if not len(directions):
             return np.zeros(len(self.values))
-        left = asked @ np.linalg.solve(self.precisions[k], asked.T)
+        left = directions @ np.linalg.solve(self.precisions[k], directions.T)
         return -0.5 * np.linalg.slogdet(left)[1] / _LN2
 
     def sds(self, k: int, gradient: Array) -> Array:
-        """Sds (T, P) after the tests of what has slopes (P, F) along explanation k's numbers."""
+        """Return sds (T, P) of quantities after the tests.
+
+        gradient (P, F): their slopes along explanation k's parameters.
+        """
         spread = np.linalg.solve(self.precisions[k], gradient.T)
         return np.sqrt(np.maximum(np.einsum("pf,tfp->tp", gradient, spread), 0.0))
 
     def evidence(self, i: int, j: int) -> Array:
-        """Expected 2 ln of the Bayes factor (T,) of i, if it is right, against j, at the least.
+        """Return the expected 2 ln(Bayes factor) (T,) of i, if it is right, against j, at least.
 
-        d^T (1 + A_j A_j^T)^-1 d, d = f_i - f_j: what j cannot follow of the difference.
+        It is d^T (1 + A_j A_j^T)^-1 d, d = f_i - f_j: the part of the difference that j cannot fit.
         """
         taken = self._toward(i, j, j)
         solved = np.linalg.solve(self.precisions[j], taken[..., None])[..., 0]
         return np.maximum(self._apart(i, j) - np.einsum("tf,tf->t", taken, solved), 0.0)
 
     def bhattacharyya(self, i: int, j: int) -> Array:
-        """Distance (T,) of the predictions of two explanations."""
+        """Return the Bhattacharyya distance (T,) of the predictions of two explanations."""
         half = np.sqrt(0.5)
         ii, jj, ij = self._block(i, i), self._block(j, j), self._block(i, j)
         upper = np.concatenate([ii, ij], axis=2)
@@ -126,7 +136,7 @@ class Products:
         return 0.125 * apart + 0.5 * np.maximum(volume, 0.0)
 
     def kullback(self, i: int, j: int) -> Array:
-        """Divergence (T,) of j's prediction from i's."""
+        """Return the Kullback-Leibler divergence (T,) of j's prediction from i's."""
         jj, ij = self._block(j, j), self._block(i, j)
         solved = np.linalg.solve(self.precisions[j], jj + np.swapaxes(ij, 1, 2) @ ij)
         trace = np.einsum("tff->t", self._block(i, i)) - np.einsum("tff->t", solved)
@@ -136,15 +146,20 @@ class Products:
     def bits_for_cause(
         self, probabilities: Array, groups: Sequence[Sequence[int]] | None = None
     ) -> tuple[Array, Array]:
-        """Bits (T,) for which group of explanations is right: bounds from below and from above.
+        """Return bounds from below and above of the bits (T,) about which group is right.
 
-        groups: places of the explanations of each; by default each is one of its own.
+        Parameters
+        ----------
+        probabilities
+            Probability (H,) of each explanation.
+        groups
+            Indices of the explanations of each group; by default each explanation is one.
         """
         groups = groups or [[k] for k in range(len(probabilities))]
         shares = np.array([probabilities[list(group)].sum() for group in groups])
         weights = [probabilities[list(g)] / p for g, p in zip(groups, shares, strict=True)]
         entropy = -float(shares @ np.log2(np.maximum(shares, 1e-300)))
-        found = []
+        bounds = []
         for nearness in (self._overlap, self._divergence_factor):
             total = np.zeros(len(self.values))
             for a, p in enumerate(shares):
@@ -153,32 +168,33 @@ class Products:
                     for b, q in enumerate(shares)
                 )
                 total -= p * np.log2(near)
-            found.append(np.clip(total, 0.0, max(entropy, 0.0)))
-        return found[0], found[1]
+            bounds.append(np.clip(total, 0.0, max(entropy, 0.0)))
+        return bounds[0], bounds[1]
 
     def _overlap(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
-        """At most 1: bound (T,) from above of the Bhattacharyya coefficient of two groups."""
+        """Return a bound (T,) from above of the Bhattacharyya coefficient of two groups."""
         each = [np.sqrt(q) * np.exp(-self.bhattacharyya(i, j)) for i, j, q in _pairs(a, v, b, w)]
         return np.minimum(sum(each), 1.0)
 
     def _divergence_factor(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
-        """Bound (T,) from below of e^-D of two groups, D their divergence."""
+        """Return a bound (T,) from below of e^-D of two groups, D their divergence."""
         return np.asarray(np.exp(-sum(q * self.kullback(i, j) for i, j, q in _pairs(a, v, b, w))))
 
 
 def _pairs(
     a: Sequence[int], v: Array, b: Sequence[int], w: Array
 ) -> Iterator[tuple[int, int, float]]:
-    """Members of two groups, and the product of their weights v and w."""
+    """Yield all pairs of members of two groups with the product of their weights v and w."""
     for i, p in zip(a, v, strict=True):
         for j, q in zip(b, w, strict=True):
             yield i, j, p * q
 
 
 def evidence(products: Products, groups: Sequence[Sequence[int]] | None = None) -> Array:
-    """Expected 2 ln Bayes factor (T,) between the two nearest explanations; 0 of one alone.
+    """Return the expected 2 ln(Bayes factor) (T,) between the two nearest explanations.
 
-    groups: as of `Products.bits_for_cause`; only explanations of two groups are compared.
+    It is 0 where there is only one group. Only explanations of different groups are compared;
+    ``groups`` as in `Products.bits_for_cause`.
     """
     groups = groups or [[k] for k in range(len(products.sizes))]
     pairs = [(i, j) for a in groups for b in groups if a is not b for i in a for j in b]

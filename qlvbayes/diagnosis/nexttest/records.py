@@ -1,4 +1,4 @@
-"""Designs as the likelihood would see them: few block means each, all of one shape."""
+"""The records of designs: few block means for each test, all of one shape."""
 
 from __future__ import annotations
 
@@ -18,49 +18,56 @@ from qlvbayes.motion.record import Blocks, Record
 Array = NDArray[np.float64]
 
 BLOCKS = 128
-"""Means of a test."""
+"""Block means of a test."""
 POINTS = 320
-"""Of its motion: two nodes a mean, and up to 64 knots."""
-_EARLY = 1e-4  # of a dwell: its first block
-_LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of it
-_MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in dwells
+"""Points of a test's motion: two nodes for each mean, and up to 64 knots."""
+_EARLY = 1e-4  # share of a dwell that its first block takes
+_LONGER = 3.0  # largest ratio of a block to the one before; else the last takes nearly all
+_MOVING = 1.0 / 3.0  # share of the blocks for all movements: their forces are simpler than dwells'
 
 
 def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
-    """Tests (T,) that begin when each has waited after ``clock`` (s), whose force is 0."""
+    """Return the record of T tests, each of which begins when it has waited after ``clock`` (s).
+
+    The measured force is 0, as there is none yet.
+    """
     motions, nodes, blocks = zip(*(_one(design, rig) for design in designs), strict=True)
-    time, place, speed, rate = (
+    time, displacement, velocity, acceleration = (
         jnp.asarray(np.stack(column)) for column in zip(*motions, strict=True)
     )
     start = jnp.asarray([clock + design.wait for design in designs])
     columns = [jnp.asarray(np.stack(column)) for column in zip(*blocks, strict=True)]
     number = jnp.full(start.shape, float(rig.done))
-    motion = Motion(time, place, speed, rate, start, number=number)
+    motion = Motion(time, displacement, velocity, acceleration, start, number=number)
     return Record(motion, jnp.asarray(np.stack(nodes)), Blocks(*columns))
 
 
 def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp], tuple[Array, ...]]:
+    """Return the columns of one design's motion, its nodes, and the columns of its blocks."""
     path = design.trajectory
     edges = _edges(design, rig.interval)
     begin, end = (np.concatenate(parts) for parts in zip(*edges, strict=True))
     width = end - begin
     count = _kept(np.maximum(np.round(width / rig.interval), 1.0), rig.rows)
     middle, half = 0.5 * (begin + end), 0.5 * width * (1.0 - 1.0 / count)
-    # mean plus and minus one sd of evenly spaced readings
+    # two nodes a block: the mean plus and minus one sd of evenly spaced readings
     spread = width * np.sqrt(np.maximum(1.0 - count**-2, 0.0) / 12.0)
     nodes = np.stack([middle - spread, middle + spread], axis=1)
     grid = np.unique(np.concatenate([path.knots, nodes.ravel()]))
-    places = np.searchsorted(grid, nodes)
+    indices = np.searchsorted(grid, nodes)
     grid = _filled(grid, POINTS)
     motion = (grid, path.displacement(grid), path.velocity(grid), path.acceleration(grid))
     one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
     none = np.zeros_like(one)
     fields = (none, count, middle - half, middle + half, one, one, none, none)
-    return motion, _filled(places, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
+    return motion, _filled(indices, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
 
 
 def _kept(count: Array, rows: int) -> Array:
-    """Readings of each block, where a logger keeps no more than so many: none has more than c."""
+    """Return the number of readings of each block where a logger keeps ``rows`` at most.
+
+    The longest blocks lose readings first, down to a common number.
+    """
     if count.sum() <= rows:
         return count
     ordered = np.sort(count)
@@ -71,13 +78,13 @@ def _kept(count: Array, rows: int) -> Array:
 
 
 def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
-    """Begin and end of the blocks of each movement and dwell."""
+    """Return begin and end (s) of the blocks of each movement and dwell."""
     stretches = design.stretches
     moves = sum(kind in MOVING for kind, *_ in stretches)
     dwells = max(len(stretches) - moves, 1)
     move = max(int(_MOVING * BLOCKS) // moves, 1)
     rest = (BLOCKS - move * moves) // dwells
-    found = []
+    blocks = []
     for kind, start, stop in stretches:
         length = stop - start
         parts = int(np.clip(length / interval, 1, move if kind in MOVING else rest))
@@ -87,17 +94,21 @@ def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
             first = max(2.0 * interval / length, _EARLY, _LONGER ** (1.0 - parts))
             shares = np.concatenate([[0.0], np.geomspace(min(first, 0.5), 1.0, parts)])
         edges = start + length * shares
-        found.append((edges[:-1], edges[1:]))
-    return found
+        blocks.append((edges[:-1], edges[1:]))
+    return blocks
 
 
 def _filled(values: NDArray, size: int) -> NDArray:
+    """Return values padded to a length with their last one."""
     missing = [(0, size - len(values))] + [(0, 0)] * (values.ndim - 1)
     return np.pad(values, missing, mode="edge")
 
 
-def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Locations:
-    """Where a discrepancy is looked at, in the middle of the blocks (n,) of a design."""
+def locations_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Locations:
+    """Return the arguments of a discrepancy at the middles (n,) in s of the blocks of a design.
+
+    force (n,): the force (N) there; peak: the largest force (N).
+    """
     stretches = design.stretches
     starts = np.array([start for _, start, _ in stretches])
     which = np.searchsorted(starts[1:], middle, side="right")

@@ -1,4 +1,4 @@
-"""What is proposed, as ``design.json`` holds it."""
+"""The result of a design of tests, as ``design.json`` holds it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 
-class Hypothesis(Part, frozen=True):
-    """An explanation of the tests that were done, its probability, and what it is told by."""
+class ExplanationSummary(Part, frozen=True):
+    """An explanation of the tests that were done, in words, with its probability and cause."""
 
     words: str
     probability: float
@@ -17,7 +17,7 @@ class Hypothesis(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """By nested Monte Carlo, each with the sd of its error."""
+    """The bits about the constants and the cause by nested Monte Carlo, with sds of the errors."""
 
     constants: float | None
     constants_error: float | None
@@ -29,7 +29,7 @@ class Limits(Part, frozen=True, rename={
     "depth": "depth_mm", "speed": "speed_mm_s", "acceleration": "acceleration_mm_s2",
     "interval": "interval_s",
 }):  # fmt: skip
-    """What the rig can do, in the units of ``units``."""
+    """The limits of the rig, in the file's units."""
 
     depth: float
     speed: float
@@ -43,13 +43,30 @@ class Proposed(Part, frozen=True, rename={
     "hold": "hold_s", "rest": "rest_s", "pause": "pause_s", "duration": "duration_s",
     "share": "retraction_share", "evidence": "expected_2_ln_bayes_factor",
 }):  # fmt: skip
-    """A test.
+    """A proposed test and what it would tell.
 
-    pause: before it; minutes: of rig time, with the pause; constants, cause: bits in closed form
-    beyond the tests before it (cause: the bound from below, cause_most from above); total: of all
-    that was asked for, judged where that was done; per_minute: the same per minute; evidence:
-    between the two nearest explanations of two causes, with the tests before it; judged: of this
-    test alone.
+    Parameters
+    ----------
+    name, words
+        Its name, and the test in words.
+    depth, speed, acceleration
+        Of every press (mm, mm/s, mm/s2).
+    hold, share, rest, cycles
+        Times (s) at depth and after the retraction, share of the depth by which the platen
+        retracts, and number of cycles.
+    pause, duration, minutes
+        Time before the test (s), of the test (s), and of both (min).
+    constants, cause, cause_most
+        Bits in closed form beyond what the tests before it tell; of the cause the bounds from below
+        and above.
+    per_minute, total
+        Bits about everything that was asked for, per minute and in all. They are by Monte Carlo
+        where that was done.
+    evidence
+        Expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together
+        with the tests before it.
+    judged
+        Bits by Monte Carlo of this test alone.
     """
 
     name: str
@@ -74,7 +91,7 @@ class Proposed(Part, frozen=True, rename={
 
 
 class Width(Part, frozen=True):
-    """Sd of a constant now, and as expected after all tests, under the likeliest explanation."""
+    """The sd of a constant now and after all tests, by the most probable explanation."""
 
     unit: str
     mean: float
@@ -83,13 +100,38 @@ class Width(Part, frozen=True):
 
 
 class NextTests(Result, frozen=True, kw_only=True):
-    """Which tests to do next: ``design.json``.
+    """The tests to do next: ``design.json``.
 
-    constants: those asked for; cause: whether which cause is right was asked for; causes: sets of
-    effects that are in doubt, each with its probability over all laws; entropy: bits that are
-    missing to know which is right; outside: probability that none of the hypotheses is all of it;
-    missed: size of what they leave, which is reckoned with; tests: proposed, in order; considered:
-    the best for the first place; together: all tests.
+    Parameters
+    ----------
+    pad, units
+        Name of the pad, and units of its file.
+    constants, cause
+        Constants that were asked for, and whether the cause was.
+    limits, minutes, seed
+        Limits of the rig, time there is, and seed.
+    screened
+        Number of designs that fitted.
+    hypotheses
+        The explanations.
+    entropy
+        Bits that are missing to know which cause is right.
+    outside
+        Probability that something unmodelled is there.
+    missed
+        Size of what the explanations leave (N), which counts as an error of every test.
+    tests
+        The proposed tests in order.
+    considered
+        The best tests for the first of the series.
+    together
+        Bits by Monte Carlo of all proposed tests.
+    widths
+        Sds of the constants now and after all tests.
+    notices
+        What one should know.
+    causes
+        Probability of each set of effects over all laws.
     """
 
     pad: str
@@ -100,7 +142,7 @@ class NextTests(Result, frozen=True, kw_only=True):
     minutes: float
     seed: int
     screened: int
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[ExplanationSummary, ...]
     entropy: float
     outside: float
     missed: float

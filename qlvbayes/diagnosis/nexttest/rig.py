@@ -1,4 +1,4 @@
-"""What a rig can do."""
+"""The limits of a rig."""
 
 from __future__ import annotations
 
@@ -9,28 +9,37 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import Experiment
 
-SET_POINTS = 1000.0  # a second: rate of the file of set-points, as of the paper's controller
-_SLOWEST = 1e-5  # of the top speed: nobody waits longer
+SET_POINTS = 1000.0
+"""Set-points a second in the file for the rig, as the paper's controller takes them."""
+_SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
 
 
 @dataclass(frozen=True)
 class Rig:
-    """Limits of a test: greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
+    """The limits of a test on a rig.
 
-    interval: between two readings (s) at the least; rows: readings that are kept of a test, of long
-    dwells the fewest; done: how many tests the pad has had.
+    Parameters
+    ----------
+    depth, speed, acceleration
+        Greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
+    interval
+        Least time between two readings (s).
+    rows
+        Number of readings that are kept of a test; long dwells lose readings first.
+    done
+        Number of tests that the pad has had.
     """
 
     depth: float
     speed: float
     acceleration: float
     interval: float = 1.0 / SET_POINTS
-    rows: int = 10_000_000  # all of them
+    rows: int = 10_000_000  # no logger keeps fewer
     done: int = 0
 
     @classmethod
-    def of_tests(cls, experiment: Experiment) -> Rig:
-        """What the tests that were done show that it can do, and its logger."""
+    def from_tests(cls, experiment: Experiment) -> Rig:
+        """Return the limits that the tests reached, and those of their logger."""
         scales = experiment.scales
         acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
         rows = max(trial.test.time.size for trial in experiment.trials)
@@ -38,12 +47,21 @@ class Rig:
         return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows, done)
 
     @classmethod
-    def of_ranges(cls, covered: Covered) -> Rig:
-        """The same from their ranges: from rest to the fastest rate within half the depth."""
+    def from_ranges(cls, covered: Covered) -> Rig:
+        """Return the limits from the ranges that the tests cover.
+
+        The acceleration reaches the fastest rate within half the depth.
+        """
         return cls(covered.depth, covered.fastest, covered.fastest**2 / covered.depth)
 
     def limited(self, depth: float | None, speed: float | None, acceleration: float | None) -> Rig:
-        """With the limits that are given; InputError where one is not above 0."""
+        """Return the rig with the limits that are given.
+
+        Raises
+        ------
+        InputError
+            A limit is not above 0.
+        """
         given = {"depth": depth, "speed": speed, "acceleration": acceleration}
         for name, value in given.items():
             if value is not None and not (value > 0.0 and math.isfinite(value)):
@@ -56,5 +74,5 @@ class Rig:
         )
 
     def slowest(self, longest: float) -> float:
-        """Least speed (mm/s) by which a ramp takes a quarter of the longest test (s)."""
+        """Return the speed (mm/s) at which a ramp takes a quarter of the longest test (s)."""
         return min(max(_SLOWEST * self.speed, 4.0 * self.depth / longest), self.speed)

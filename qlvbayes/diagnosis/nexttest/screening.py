@@ -1,4 +1,4 @@
-"""Many designs at once in closed form: the products by which `information` judges them."""
+"""The products of many designs, from which `information` computes bits in closed form."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.errors import Errors, Whitening
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors, Whitening
 from qlvbayes.diagnosis.nexttest.information import Products
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
@@ -20,28 +20,32 @@ from qlvbayes.motion.record import Record
 Array = NDArray[np.float64]
 
 TOGETHER = 64
-"""Designs that are run at once: one compiled shape for any number of them."""
+"""Designs that are run at once, so that one compiled shape serves any number of them."""
 
 
-def screened(
-    belief: Belief, designs: Sequence[Design], rig: Rig, errors: Errors, clock: float
+def screen(
+    belief: Belief, designs: Sequence[Design], rig: Rig, errors: ReadingErrors, clock: float
 ) -> tuple[Products, NDArray[np.bool_]]:
-    """Products of each design (T,), and which designs give finite forces."""
-    found = []
+    """Return the products of T designs, and a mask (T,) of those that give finite forces.
+
+    clock: time (s) at which the wait before each test begins.
+    """
+    blocks = []
     for first in range(0, len(designs), TOGETHER):
         some = list(designs[first : first + TOGETHER])
         full = some + some[:1] * (TOGETHER - len(some))
         record = record_of(full, rig, clock)
-        found.append(_products(belief, some, record, rig, errors))
+        blocks.append(_products(belief, some, record, rig, errors))
     sizes = tuple(one.size for one in belief.explanations)
-    values = np.concatenate(found)
+    values = np.concatenate(blocks)
     sound = np.asarray(np.isfinite(values).all(axis=(1, 2)))
     return Products(np.where(sound[:, None, None], values, 0.0), sizes), sound
 
 
 def _products(
-    belief: Belief, designs: Sequence[Design], record: Record, rig: Rig, errors: Errors
+    belief: Belief, designs: Sequence[Design], record: Record, rig: Rig, errors: ReadingErrors
 ) -> Array:
+    """Return the products (T, V, V) of T designs with their record."""
     rows = []
     for one in belief.explanations:
         force, slopes = one.slopes(np.zeros((1, one.size)), record)
@@ -60,9 +64,12 @@ def _products(
 
 
 def whitening(
-    design: Design, place: int, record: Record, rig: Rig, errors: Errors, force: Array
+    design: Design, index: int, record: Record, rig: Rig, errors: ReadingErrors, force: Array
 ) -> Whitening:
-    """Of a design that is at some place of a record; force (B,): about what will be measured."""
-    own = jax.tree.map(lambda x: np.asarray(x)[place], record)
+    """Return the whitening of a design, which is the test ``index`` of a record.
+
+    force (B,): the expected block means of the force (N).
+    """
+    own = jax.tree.map(lambda x: np.asarray(x)[index], record)
     covariance = errors.covariance(design, rig, own, force)
     return Whitening(np.asarray(own.blocks.real), covariance)

@@ -1,4 +1,4 @@
-"""The best tests for the time there is: screened, the best few judged, then one after another."""
+"""The plan of a series: the tests that tell most within the time there is."""
 
 from __future__ import annotations
 
@@ -9,38 +9,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, drawn
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, draw_designs
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.judging import Judged, judged
+from qlvbayes.diagnosis.nexttest.montecarlo import MonteCarloBits, monte_carlo_bits
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screened
+from qlvbayes.diagnosis.nexttest.screening import screen
 from qlvbayes.io.checks import InputError
 
 Array = NDArray[np.float64]
 
 SCREENED = 1024
-"""Designs that are drawn."""
+"""Number of designs that are drawn."""
 BEST = 5
-"""Of these, that are judged without taking forces for linear."""
+"""Number of designs whose bits are also computed by Monte Carlo."""
 MOST = 5
-"""Tests in a series."""
-_AS_GOOD = 0.01  # bits, by which a total may be less than the most: the shortest of these is taken
+"""Largest number of tests in a series."""
+_AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest test is taken then
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What the tests are for: names of constants, and whether for the cause.
+class Goal:
+    """What the tests are for: to know constants, or the cause, or both.
 
-    Constants are known better by every test, so that bits a minute count. A cause is found or not:
-    all bits within the time there is count, as the quickest test tells a part of the question only.
+    Every test makes constants better known, so that bits per minute count. Of a cause all bits
+    within the time there is count, as the quickest test tells only a part of the answer.
+
+    Parameters
+    ----------
+    constants
+        Names of the constants that are asked for.
+    cause
+        Whether the cause is asked for.
     """
 
     constants: tuple[str, ...]
     cause: bool
 
     def total(self, constants: Array, cause: Array) -> Array:
-        """Bits of what is wished for."""
+        """Return the bits about everything that is asked for."""
         return (constants if self.constants else 0.0) + (cause if self.cause else 0.0 * cause)
 
 
@@ -48,9 +55,17 @@ class Wish:
 class Option:
     """A test and what it would tell.
 
-    constants, cause, cause_most: bits in closed form, beyond what the series before it tells (the
-    bound from below and from above); evidence: expected 2 ln Bayes factor between the two nearest
-    explanations of two causes; judged: by nested Monte Carlo, of this test alone.
+    Parameters
+    ----------
+    design
+        The test.
+    constants, cause, cause_most
+        Bits in closed form beyond what the series before it tells; of the cause the bounds from
+        below and above.
+    evidence
+        Expected 2 ln(Bayes factor) between the two nearest explanations of two causes.
+    judged
+        Bits by Monte Carlo of this test alone; None where they were not computed.
     """
 
     design: Design
@@ -58,43 +73,53 @@ class Option:
     cause: float
     cause_most: float
     evidence: float
-    judged: Judged | None = None
+    judged: MonteCarloBits | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What was planned.
+    """A planned series of tests.
 
-    tests: the next ones, in order; options: the best for the first place, the best first; screened:
-    how many designs fitted; judged: all tests together; now, after: products of no test and of all.
+    Parameters
+    ----------
+    tests
+        The tests in order.
+    options
+        The best options for the first test, the best first.
+    screened
+        Number of designs that fitted.
+    judged
+        Bits by Monte Carlo of all tests together.
+    now, after
+        Products of no test and of all tests.
     """
 
     tests: tuple[Option, ...]
     options: tuple[Option, ...]
     screened: int
-    judged: Judged | None
+    judged: MonteCarloBits | None
     now: Products
     after: Products
 
     @property
     def minutes(self) -> float:
-        """Of rig time."""
+        """Minutes of rig time."""
         return sum(one.design.minutes for one in self.tests)
 
 
 def bits_for_constants(belief: Belief, products: Products, names: Sequence[str]) -> Array:
-    """(T,) averaged over the explanations by their probability."""
+    """Return the bits (T,) about constants, averaged over the explanations."""
     total = np.zeros(len(products.values))
     for k, one in enumerate(belief.explanations):
-        total += one.probability * products.bits_for(k, one.asked(names))
+        total += one.probability * products.bits_for(k, one.directions(names))
     return total
 
 
-def planned_series(
+def plan_series(
     belief: Belief,
     rig: Rig,
-    errors: Errors,
-    wish: Wish,
+    errors: ReadingErrors,
+    goal: Goal,
     *,
     minutes: float,
     tests: int,
@@ -102,87 +127,133 @@ def planned_series(
     seed: int = 0,
     count: int = SCREENED,
     best: int = BEST,
-    tell: Callable[[str], None] = lambda text: None,
+    report: Callable[[str], None] = lambda text: None,
 ) -> Series:
-    """Tests that tell most in at most ``minutes`` together; of constants alone, most per minute.
+    """Return the series of tests that tells most within the time there is.
 
-    The first is the best of those judged; the others are added one by one by the closed form, what
-    the ones before them tell being known. Raises InputError where no test fits into the time.
+    The first test is the best by Monte Carlo. The others are added one by one by the closed form,
+    given what the tests before them tell. For constants alone, bits per minute count.
+
+    Parameters
+    ----------
+    belief
+        Explanations with their probabilities.
+    rig
+        Limits of the rig.
+    errors
+        Errors of the readings.
+    goal
+        What the tests are for.
+    minutes
+        Time for all tests together.
+    tests
+        Largest number of tests.
+    clock
+        Time (s) on the pad's clock after the tests that were done.
+    seed
+        Seed of the designs and of Monte Carlo.
+    count, best
+        Number of designs that are drawn, and of those whose bits are computed by Monte Carlo.
+    report
+        Is called with a line of text before each step that takes a while.
+
+    Raises
+    ------
+    InputError
+        No test fits into the time, or none has a finite force.
     """
-    tell(f"screening {count} tests")
-    designs = drawn(rig, belief.recovery, 60.0 * minutes, count, seed)
+    report(f"screening {count} tests")
+    designs = draw_designs(rig, belief.recovery, 60.0 * minutes, count, seed)
     if not designs:
         raise _no_time(belief, minutes)
-    products, sound = screened(belief, designs, rig, errors, clock)
+    products, finite = screen(belief, designs, rig, errors, clock)
     none = Products.none(products.sizes)
-    if not sound.any():
+    if not finite.any():
         raise InputError("no test has a finite force", remedy="give lower limits of the rig")
 
-    def judge(some: Sequence[Option]) -> Judged | None:
+    def judge(some: Sequence[Option]) -> MonteCarloBits | None:
         if best == 0:
             return None
         own = [one.design for one in some]
-        return judged(belief, own, rig, errors, wish.constants, clock=clock, seed=seed)
+        return monte_carlo_bits(belief, own, rig, errors, goal.constants, clock=clock, seed=seed)
 
-    options = _options(belief, designs, products, wish, none)
-    plan = _Plan(belief, wish, designs, products, sound, minutes, min(tests, MOST))
-    allowed = plan.best_share(options)
-    first = [options[k] for k in _best(options, wish, allowed)[: max(best, 1)]]
-    tell(f"judging the best {len(first)}")
+    options = _options(belief, designs, products, goal, none)
+    plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST))
+    allowed = plan.allowed_first(options)
+    first = [options[k] for k in _best_first(options, goal, allowed)[: max(best, 1)]]
+    report(f"judging the best {len(first)}")
     first = [replace(one, judged=judge([one])) for one in first]
-    first = [first[k] for k in _best(first, wish, np.full(len(first), True))]
-    chosen, told = plan.grown(first[0])
-    tell("judging them together")
-    return Series(tuple(chosen), tuple(first), int(sound.sum()), judge(chosen), none, told)
+    first = [first[k] for k in _best_first(first, goal, np.full(len(first), True))]
+    chosen, after = plan.extend(first[0])
+    report("judging them together")
+    return Series(tuple(chosen), tuple(first), int(finite.sum()), judge(chosen), none, after)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """Of what a series is made: designs (T,) with their products, which are sound, and limits."""
+    """The designs from which a series is put together, and its limits.
+
+    Parameters
+    ----------
+    belief, goal
+        Explanations with their probabilities, and what the tests are for.
+    designs, products
+        T designs with their products.
+    finite
+        Which of them (T,) give finite forces.
+    minutes, tests
+        Time for all tests, and their largest number.
+    """
 
     belief: Belief
-    wish: Wish
+    goal: Goal
     designs: Sequence[Design]
     products: Products
-    sound: NDArray[np.bool_]
+    finite: NDArray[np.bool_]
     minutes: float
     tests: int
 
-    def best_share(self, options: Sequence[Option]) -> NDArray[np.bool_]:
-        """Which may come first: all that fit, or those that leave their share to each other test.
+    def allowed_first(self, options: Sequence[Option]) -> NDArray[np.bool_]:
+        """Return a mask (T,) of the options that may come first.
 
-        Where all bits count, the longest test may leave no time for others that tell more than it.
+        These are all that fit, or only those that leave a share of the time to each other test,
+        whichever leads to the better series: where all bits count, the longest test may leave no
+        time for others that tell more than itself.
         """
-        if not self.wish.cause or self.tests == 1:
-            return self.sound
+        if not self.goal.cause or self.tests == 1:
+            return self.finite
         length = np.array([one.design.minutes for one in options])
-        found = [self.sound, self.sound & (length <= self.minutes / self.tests)]
-        kept = [some for some in found if some.any()]
-        series = [self.grown(options[int(_best(options, self.wish, some)[0])]) for some in kept]
-        totals = [sum(bits(one, self.wish) for one in chosen) for chosen, _ in series]
+        masks = [self.finite, self.finite & (length <= self.minutes / self.tests)]
+        kept = [mask for mask in masks if mask.any()]
+        firsts = [options[int(_best_first(options, self.goal, mask)[0])] for mask in kept]
+        totals = [sum(bits(one, self.goal) for one in self.extend(one)[0]) for one in firsts]
         return kept[int(np.argmax(totals))]
 
-    def grown(self, first: Option) -> tuple[list[Option], Products]:
-        """The best tests after a first one, each the best of what fits; products (1,) of all."""
+    def extend(self, first: Option) -> tuple[list[Option], Products]:
+        """Return the series that begins with a test, and the products (1,) of all its tests.
+
+        Each further test is the best of those that fit into the rest of the time.
+        """
         chosen = [first]
-        told = self.products[np.array([list(self.designs).index(first.design)])]
+        total = self.products[np.array([list(self.designs).index(first.design)])]
         while len(chosen) < self.tests:
             left = self.minutes - sum(one.design.minutes for one in chosen)
             pause = self.belief.recovery.time(chosen[-1].design.duration)
             waiting = [replace(one, wait=max(one.wait, pause)) for one in self.designs]
-            more = _options(self.belief, waiting, self.products, self.wish, told)
+            more = _options(self.belief, waiting, self.products, self.goal, total)
             length = np.array([one.design.minutes for one in more])
-            share = self.sound & (length <= left / (self.tests - len(chosen)))
-            fits = share if self.wish.cause and share.any() else self.sound & (length <= left)
+            share = self.finite & (length <= left / (self.tests - len(chosen)))
+            fits = share if self.goal.cause and share.any() else self.finite & (length <= left)
             if not fits.any():
                 break
-            k = int(_best(more, self.wish, fits)[0])
+            k = int(_best_first(more, self.goal, fits)[0])
             chosen.append(more[k])
-            told = told + self.products[np.array([k])]
-        return chosen, told
+            total = total + self.products[np.array([k])]
+        return chosen, total
 
 
 def _no_time(belief: Belief, minutes: float) -> InputError:
+    """Return the error that no test fits into the time."""
     least = max(belief.recovery.time(1.0), LEAST_WAIT)
     return InputError(
         f"no test fits into {minutes:g} minutes: the pause before one takes {least:.0f} s or more",
@@ -190,45 +261,47 @@ def _no_time(belief: Belief, minutes: float) -> InputError:
     )
 
 
-def bits(one: Option, wish: Wish) -> float:
-    """Of what is wished for, judged where that was done."""
+def bits(one: Option, goal: Goal) -> float:
+    """Return the bits about everything asked for, by Monte Carlo where that was done."""
     if one.judged is not None:
-        found = float(wish.total(np.array(one.judged.constants), np.array(one.judged.cause)))
-        if np.isfinite(found):
-            return found
-    return float(wish.total(np.array(one.constants), np.array(one.cause)))
+        judged = float(goal.total(np.array(one.judged.constants), np.array(one.judged.cause)))
+        if np.isfinite(judged):
+            return judged
+    return float(goal.total(np.array(one.constants), np.array(one.cause)))
 
 
-def rate(one: Option, wish: Wish) -> float:
-    """The same per minute."""
-    return bits(one, wish) / one.design.minutes
+def rate(one: Option, goal: Goal) -> float:
+    """Return the bits about everything asked for per minute."""
+    return bits(one, goal) / one.design.minutes
 
 
 def _options(
-    belief: Belief, designs: Sequence[Design], products: Products, wish: Wish, told: Products
+    belief: Belief, designs: Sequence[Design], products: Products, goal: Goal, before: Products
 ) -> list[Option]:
-    """Every design, after the tests of which the products are ``told`` (1,)."""
+    """Return every design as an option after tests with the products ``before`` (1,)."""
     p, groups = belief.probabilities, belief.groups
-    after = products + told
-    constants = bits_for_constants(belief, after, wish.constants)
-    constants -= bits_for_constants(belief, told, wish.constants)
-    bounds = zip(after.bits_for_cause(p, groups), told.bits_for_cause(p, groups), strict=True)
+    after = products + before
+    constants = bits_for_constants(belief, after, goal.constants)
+    constants -= bits_for_constants(belief, before, goal.constants)
+    bounds = zip(after.bits_for_cause(p, groups), before.bits_for_cause(p, groups), strict=True)
     low, high = (np.maximum(new - old, 0.0) for new, old in bounds)
     columns = (constants, low, high, evidence(after, groups))
     rows = zip(designs, *(column.tolist() for column in columns), strict=True)
     return [Option(*row) for row in rows]
 
 
-def _best(options: Sequence[Option], wish: Wish, allowed: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Places of the options, the best first; those not allowed come last.
+def _best_first(
+    options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    """Return the indices of the options, the best first; those not allowed come last.
 
-    Where all bits count, the quickest of those that tell as good as most comes first.
+    Where all bits count, the shortest of those that tell nearly the most comes first.
     """
-    worth = bits if wish.cause else rate
-    found = np.where(allowed, [worth(one, wish) for one in options], -np.inf)
-    order = np.argsort(-found, kind="stable")
-    if not wish.cause:
+    worth = bits if goal.cause else rate
+    values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)
+    order = np.argsort(-values, kind="stable")
+    if not goal.cause:
         return order
-    near = [k for k in order if found[k] >= found[order[0]] - _AS_GOOD]
+    near = [k for k in order if values[k] >= values[order[0]] - _AS_GOOD]
     first = min(near, key=lambda k: options[k].design.minutes)
     return np.array([first, *(k for k in order if k != first)])

@@ -1,6 +1,7 @@
-"""Which further test would tell explanations apart: the best of some that the rig can do.
+"""Suggestions: the best further tests to separate explanations.
 
-The engine is that of ``qlvbayes design`` (`nexttest`), with fewer tests and the closed form alone.
+The computation is that of ``qlvbayes design`` (`nexttest`), with fewer designs and the closed form
+alone.
 """
 
 from __future__ import annotations
@@ -9,40 +10,50 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
-from qlvbayes.diagnosis.nexttest.design import Design, drawn
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.candidate import Candidate, described
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.design import Design, draw_designs
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.information import evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
+from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screen
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Suggestion
-from qlvbayes.diagnosis.weighed import Weighed, described
 from qlvbayes.inference.density import Density
 from qlvbayes.motion.experiment import Experiment
 
 NOTHING = "no effect"
 UNLISTED = "something unlisted"
-"""Causes that no effect's name tells."""
-_LONGEST = 600.0  # s, with the pause before it: what 'design' takes for granted
-_TOLD = 5
+"""Causes that are not the name of an effect."""
+_LONGEST = 600.0  # s, with the pause before the test: the default of 'qlvbayes design'
+_SUGGESTED = 5  # tests
 
 
-def suggest(experiment: Experiment, density: Density, found: Sequence[Weighed]) -> list[Suggestion]:
-    """The best tests, best first; the evidence is that between the two nearest explanations."""
-    rig, belief = Rig.of_tests(experiment), believed(density, found)
-    designs = drawn(rig, belief.recovery, _LONGEST, TOGETHER, 0)
-    worth = promised(experiment, rig, belief, designs, max(one.mode.size for one in found))
-    order = np.argsort(-worth, kind="stable")[:_TOLD]
+def suggest(
+    experiment: Experiment, density: Density, candidates: Sequence[Candidate]
+) -> list[Suggestion]:
+    """Return the tests that best separate some candidates, the best first.
+
+    A test is as good as the evidence that it is expected to give between the two nearest
+    candidates.
+    """
+    rig, belief = Rig.from_tests(experiment), equal_belief(density, candidates)
+    designs = draw_designs(rig, belief.recovery, _LONGEST, TOGETHER, 0)
+    missed = max(one.mode.size for one in candidates)
+    worth = expected_evidence(experiment, rig, belief, designs, missed)
+    order = np.argsort(-worth, kind="stable")[:_SUGGESTED]
     units = experiment.units
     return [Suggestion(designs[k].words(units), float(worth[k])) for k in order]
 
 
-def believed(density: Density, found: Sequence[Weighed]) -> Belief:
-    """Explanations that are equally likely, in an order that is always the same."""
-    ordered = sorted(found, key=lambda one: described(one.hypothesis))
-    return normalised(
+def equal_belief(density: Density, candidates: Sequence[Candidate]) -> Belief:
+    """Return a belief in which all candidates are equally probable.
+
+    Its order does not depend on that of the candidates.
+    """
+    ordered = sorted(candidates, key=lambda one: described(one.hypothesis))
+    return Belief.from_explanations(
         [
             explanation_of_mode(
                 density,
@@ -58,18 +69,21 @@ def believed(density: Density, found: Sequence[Weighed]) -> Belief:
     )
 
 
-def promised(
+def expected_evidence(
     experiment: Experiment, rig: Rig, belief: Belief, designs: Sequence[Design], missed: float
 ) -> np.ndarray:
-    """Expected 2 ln Bayes factor (T,) by each test alone; missed: by the explanations (N)."""
+    """Return the expected 2 ln(Bayes factor) (T,) between the nearest explanations by each test.
+
+    missed: size (N) of what the explanations leave.
+    """
     scales = experiment.scales
-    errors = Errors(experiment.floor, scales.force, missed)
-    return evidence(screened(belief, designs, rig, errors, scales.clock)[0])
+    errors = ReadingErrors(experiment.floor, scales.force, missed)
+    return evidence(screen(belief, designs, rig, errors, scales.clock)[0])
 
 
 def cause_of(effects: Collection[str], families: Families) -> str:
-    """What a set of effects is told by: their families, whatever form and laws they have."""
-    listed = [name for name in effects if name not in families.outside]
-    names = sorted({families.of.get(name, name) for name in listed})
+    """Return the cause that a set of effects stands for: their families, in words."""
+    listed = [name for name in effects if name not in families.unmodelled]
+    names = sorted({families.family_of.get(name, name) for name in listed})
     unlisted = [UNLISTED] if len(listed) < len(effects) else []
     return " + ".join((*names, *unlisted)) or NOTHING

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.comparison.side import Side
-from qlvbayes.diagnosis.result import Laws
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.result import LawPair
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.relaxation.prony import Prony
@@ -34,7 +34,7 @@ class DrawnHypothesis(Part, frozen=True):
     probability: posterior, over all hypotheses that were seen.
     """
 
-    base: Laws
+    base: LawPair
     effects: tuple[str, ...]
     probability: float
     constants: dict[str, tuple[float, ...]]
@@ -89,7 +89,7 @@ def drawn_hypotheses(
     work, rng = found.work, np.random.default_rng(seed)
     seen = {
         (one.hypothesis.base, tuple(work.search.added(one.hypothesis))): one
-        for one in work.search.seen.values()
+        for one in work.search.candidates.values()
     }
     told = found.result.alternatives
     total = sum(one.probability for one in told)
@@ -113,7 +113,7 @@ def drawn_hypotheses(
     )
 
 
-def _draws(weighed: Weighed, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _draws(weighed: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
     own, found = weighed.point.own, weighed.evidence
     thetas = rng.multivariate_normal(

@@ -1,33 +1,34 @@
-"""The verdict in plain language: what to do next, where, what, how sure, and why not another."""
+"""The verdict in plain language: what is missing, what to do next, and what that rests on."""
 
 from __future__ import annotations
 
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
-from qlvbayes.diagnosis.telling.work import Work
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.motion.pulling import pull_notices
 
-_MOST_BIASES = 3
-_LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
-_MOST_CELLS = 4
-_HANDFUL = 10  # block means: what half of the evidence rests on, below which it is said
-_SURE = 0.95  # probability of a base law, from which it goes unsaid
-_LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
-_LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
+_MOST_BIASES = 3  # effects hidden in the constants that are reported
+_LINEAR = 0.5  # relative change of a constant up to which slopes predict it
+_MOST_CELLS = 4  # phases that are listed by name
+_HANDFUL = 10  # block means: half of the evidence in fewer of them is reported
+_SURE = 0.95  # probability of the base laws from which they are not mentioned
+_LIKELY = 0.5  # probability that nothing is missing from which the text says so
+_LITTLE = 0.01  # probability of all other explanations up to which they are not mentioned
 
 
-def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
-    """A few short paragraphs: the verdict in a line, what to do next, and what that rests on."""
+def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
+    """Return the verdict in one line, what to do next, and what that rests on, as paragraphs."""
     grounds = {
-        "adequate": _of_adequate,
-        "missing_effect": _of_missing,
-        "ambiguous": _of_ambiguous,
-        "partly_explained": _of_partly,
-        "unexplained": _of_unexplained,
+        Verdict.ADEQUATE: _adequate_grounds,
+        Verdict.MISSING_EFFECT: _missing_effect_grounds,
+        Verdict.AMBIGUOUS: _ambiguous_grounds,
+        Verdict.PARTLY_EXPLAINED: _partly_explained_grounds,
+        Verdict.UNEXPLAINED: _unexplained_grounds,
     }[d.verdict]
     pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
     text = [
@@ -35,9 +36,9 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
         *(f"{_upper(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
-        *_certain(d),
+        *_certainty(d),
     ]
-    if d.verdict != "adequate":
+    if d.verdict != Verdict.ADEQUATE:
         text += [_where(d), *_runner_up(d)]
     return [
         *text,
@@ -45,15 +46,15 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
         *_few_readings(d),
         *_not_ruled_out(d),
         *_refused(d),
-        *_honest(d),
+        *_discrepancy(d),
         *_unseen(d),
-        *_bent(d, work),
+        *_biases(d, work),
     ]
 
 
-def _verdict(d: DiagnosisResult, work: Work) -> str:
-    """In one line."""
-    if d.verdict == "adequate":
+def _verdict(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the verdict in one line."""
+    if d.verdict == Verdict.ADEQUATE:
         none = percent(d.probability_of("none"))
         if d.probability_of("none") < _LIKELY:
             return (
@@ -61,17 +62,17 @@ def _verdict(d: DiagnosisResult, work: Work) -> str:
                 f"is: {none})."
             )
         return f"nothing is missing that these tests can show (probability {none})."
-    if d.verdict == "ambiguous":
+    if d.verdict == Verdict.AMBIGUOUS:
         besides = f" besides {joined(list(d.effects[:-1]))}" if d.effects[:-1] else ""
         return (
             f"something is missing{besides}, and these tests cannot tell which of "
             f"{joined(_with_probability(d, d.group), 'or')} it is."
         )
-    if d.verdict == "unexplained":
+    if d.verdict == Verdict.UNEXPLAINED:
         return "unexplained: something is missing that no effect of the list explains."
     named = joined([_seen(d, work, effect) for effect in d.effects])
     many = len(d.effects) > 1
-    if d.verdict == "missing_effect":
+    if d.verdict == Verdict.MISSING_EFFECT:
         return f"missing effect{'s' * many}: {named}."
     return (
         f"partly explained: {named} {'are' if many else 'is'} missing, and something else that no "
@@ -79,37 +80,37 @@ def _verdict(d: DiagnosisResult, work: Work) -> str:
     )
 
 
-def _seen(d: DiagnosisResult, work: Work, effect: str) -> str:
-    """An effect, what one sees of it, and how sure it is."""
+def _seen(d: DiagnosisResult, work: DiagnosisWork, effect: str) -> str:
+    """Return an effect with what one sees of it and its probability."""
     kind = work.search.density.space.effects[d.forms.get(effect, effect)]
     return f"{effect} ({kind.seen}; probability {percent(d.probability_of(effect))})"
 
 
 def _first(d: DiagnosisResult, pulls: tuple[str, ...]) -> str:
-    """What comes before the step that the verdict asks for: a loose pad that pulls is none."""
+    """Return what comes before the step that the verdict asks for: a loose pad cannot pull."""
     if not pulls or "adhesion" in (*d.stages[0].effects, *d.effects):
         return ""
     return f"say first how the specimen is held, for {_own(d, pulls[0])}. Then "
 
 
 def _own(d: DiagnosisResult, notice: str) -> str:
-    """A notice without the pad's name, which the first line has."""
+    """Return a notice without the pad's name, which the first line has."""
     return notice.removeprefix(f"pad {d.pad}: ")
 
 
-def _next(d: DiagnosisResult, work: Work) -> str:
-    """The step that follows from the verdict."""
-    if d.verdict == "adequate" and d.probability_of("none") < _LIKELY:
+def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the step that follows from the verdict."""
+    if d.verdict == Verdict.ADEQUATE and d.probability_of("none") < _LIKELY:
         return "another test, as qlvbayes design OUT --for cause proposes, would tell more."
-    if d.verdict == "adequate" and not d.changed:
+    if d.verdict == Verdict.ADEQUATE and not d.changed:
         return "use the constants; no effect has to be added."
-    if d.verdict in ("adequate", "missing_effect"):
+    if d.verdict in (Verdict.ADEQUATE, Verdict.MISSING_EFFECT):
         with_it = " with it" if len(d.effects) == 1 else " with them" if d.effects else ""
         return (
             f"use the constants of a fit to all tests{with_it}. qlvbayes study makes this fit; "
             f"after qlvbayes diagnose type {_command(d)}"
         )
-    if d.verdict == "ambiguous":
+    if d.verdict == Verdict.AMBIGUOUS:
         if not d.suggestions:
             return "a test that tells them apart: qlvbayes design OUT --for cause proposes one."
         best = d.suggestions[0]
@@ -131,16 +132,17 @@ def _next(d: DiagnosisResult, work: Work) -> str:
 
 
 def _command(d: DiagnosisResult) -> str:
-    """That fits the hypothesis told to all tests."""
-    usual, base = Choices(), d.base
+    """Return the command that fits the selected hypothesis to all tests."""
+    default, base = Choices(), d.base
     words = ["qlvbayes fit FILE -o OUT --all-tests"]
-    words += [f"--elastic {base.elastic}"] * (base.elastic != usual.law)
-    words += [f"--relaxation {base.relaxation}"] * (base.relaxation != usual.relaxing)
+    words += [f"--elastic {base.elastic}"] * (base.elastic != default.law)
+    words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
     added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
     return " ".join([*words, *(f"--add {name}" for name in added)])
 
 
-def _of_adequate(d: DiagnosisResult, work: Work) -> str:
+def _adequate_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the error that is left, and the most probable effect that is not needed."""
     hidden = {unseen.effect for unseen in d.not_identifiable}
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
@@ -155,21 +157,21 @@ def _of_adequate(d: DiagnosisResult, work: Work) -> str:
     return text
 
 
-def _certain(d: DiagnosisResult) -> list[str]:
-    """How often names with such evidence were right in blind studies."""
+def _certainty(d: DiagnosisResult) -> list[str]:
+    """Return how often effects with such evidence were there in blind studies."""
     known = {one.effect: one.certainty for one in d.ranking}
     names = [name for name in dict.fromkeys((*d.effects, *d.group)) if name in known]
     rated = [(name, one) for name in names if (one := known[name]) is not None]
     text, learnt = [], calibration()
     if rated:
-        said = joined([f"{name} {percent(one)}" for name, one in rated])
+        listed = joined([f"{name} {percent(one)}" for name, one in rated])
         bins = sorted({learnt.bin_of(one) for _, one in rated}, reverse=True)
         counts = [
             f"{100.0 * low:.0f} to {100.0 * high:.0f} % were there in {k} of {n} cases"
             for low, high, n, k in bins
         ]
         text.append(
-            f"Certainty by experience: {said}. In {learnt.studies} blind studies on other rigs, "
+            f"Certainty by experience: {listed}. In {learnt.studies} blind studies on other rigs, "
             f"effects with a certainty of {joined(counts, 'and with')}."
         )
     if new := [name for name in names if known[name] is None]:
@@ -180,16 +182,18 @@ def _certain(d: DiagnosisResult) -> list[str]:
     return text
 
 
-def _of_missing(d: DiagnosisResult, work: Work) -> str:
+def _missing_effect_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the constants of the effects, and what they do to the error."""
     return f"Constants: {_named(d)}. {_change(d)}{_left(d, work, ', and ')}"
 
 
 def _named(d: DiagnosisResult) -> str:
-    """Effects with their values."""
+    """Return the named effects with their values."""
     return joined([_with_value(d, effect) for effect in d.effects])
 
 
-def _of_ambiguous(d: DiagnosisResult, work: Work) -> str:
+def _ambiguous_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return what the first of the group does to the error, and the averaged constants."""
     constants = [f"{name} = {e}" for name, e in d.constants.items()]
     return (
         f"{_change(d, 'With the first')}.{'' if _is_sound(d, work) else f' {_small(d, work)}'} "
@@ -197,27 +201,28 @@ def _of_ambiguous(d: DiagnosisResult, work: Work) -> str:
     )
 
 
-def _of_partly(d: DiagnosisResult, work: Work) -> str:
-    """Some of it has a name."""
+def _partly_explained_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the share of the error that the named effects take, and what is left."""
     share = d.remainder.share_of_error if d.remainder else None
     taken = f" They take {_share(1.0 - share)} of the error." if share is not None else ""
     taken = taken.replace("They take", "It takes") if len(d.effects) == 1 else taken
     return f"Constants: {_named(d)}. {_change(d)}.{taken} {_structure(d, work)}"
 
 
-def _of_unexplained(d: DiagnosisResult, work: Work) -> str:
-    listed = [name for name in d.tried if name not in work.search.families.outside]
-    tried = f" The best that the list offers, {joined(listed)}, is not enough." if listed else ""
+def _unexplained_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the effects that were not enough, and the structure that is left."""
+    known = [name for name in d.tried if name not in work.search.families.unmodelled]
+    tried = f" The best that the list offers, {joined(known)}, is not enough." if known else ""
     return f"No effect is named.{tried} {_structure(d, work)}"
 
 
-def _is_free_elasticity(d: DiagnosisResult, work: Work) -> bool:
-    """Whether a free curve of stiffness over depth, and no listed law, leaves noise alone."""
-    return d.base.elastic not in work.search.listed and _is_sound(d, work)
+def _is_free_elasticity(d: DiagnosisResult, work: DiagnosisWork) -> bool:
+    """Return whether only a free curve of stiffness over depth leaves nothing but noise."""
+    return d.base.elastic not in work.search.nameable_laws and _is_sound(d, work)
 
 
-def _structure(d: DiagnosisResult, work: Work) -> str:
-    """Where a systematic error is left, and how large it is."""
+def _structure(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return where a systematic error is left, and how large it is."""
     last = d.stages[-1]
     if _is_free_elasticity(d, work):
         return (
@@ -238,16 +243,16 @@ def _structure(d: DiagnosisResult, work: Work) -> str:
 
 
 def _base(d: DiagnosisResult) -> list[str]:
-    """Which laws the tests ask for, where they are not the ones chosen or not sure."""
+    """Return which laws the tests ask for, where these are not the chosen ones or not certain."""
     chosen = d.stages[0].base
     others = [base for base in d.bases if base.pair != d.base.pair]
     if d.base.pair == chosen.pair and d.base.probability >= _SURE:
         return []
-    said = f"The likeliest laws are {d.base} ({percent(d.base.probability)})"
+    text = f"The likeliest laws are {d.base} ({percent(d.base.probability)})"
     if d.base.pair != chosen.pair:
-        said += f" instead of {chosen}"
+        text += f" instead of {chosen}"
     rest = [f"{base} ({percent(base.probability)})" for base in others[:2]]
-    return [f"{said}; next come {joined(rest)}." if rest else f"{said}."]
+    return [f"{text}; next come {joined(rest)}." if rest else f"{text}."]
 
 
 def _with_probability(d: DiagnosisResult, names: tuple[str, ...]) -> list[str]:
@@ -255,7 +260,7 @@ def _with_probability(d: DiagnosisResult, names: tuple[str, ...]) -> list[str]:
 
 
 def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
-    """What laws and effects do to the error on tests left out."""
+    """Return what the laws and effects do to the error on tests left out."""
     with_it = "With them" if with_it == "With it" and len(d.effects) > 1 else with_it
     first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
     if first is None or last is None:
@@ -271,8 +276,8 @@ def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
     )
 
 
-def _left(d: DiagnosisResult, work: Work, joint: str) -> str:
-    """The end of a sentence on the last model: noise alone, or little, with its size and place."""
+def _left(d: DiagnosisResult, work: DiagnosisWork, joint: str) -> str:
+    """Return the end of a sentence: what the selected model leaves is noise, or how large it is."""
     last = d.stages[-1]
     if _is_sound(d, work):
         return f"{joint}no phase of any test is off by more than noise ({_p(last.p_value)})."
@@ -284,8 +289,8 @@ def _left(d: DiagnosisResult, work: Work, joint: str) -> str:
     return f". {_small(d, work)}"
 
 
-def _small(d: DiagnosisResult, work: Work) -> str:
-    """A systematic error that is certain but does not matter."""
+def _small(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return a sentence on a systematic error that is certain but does not matter."""
     p = _p(d.stages[-1].p_value)
     if d.remainder is not None and d.remainder.excess == d.remainder.rms == 0.0:
         return f"A systematic error is certain but too small to be measured ({p})."
@@ -295,30 +300,32 @@ def _small(d: DiagnosisResult, work: Work) -> str:
     )
 
 
-def _size(d: DiagnosisResult, work: Work) -> str:
-    """How large an error that matters is."""
+def _size(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return a sentence on the size of an error that matters."""
     if d.remainder is None or d.remainder.rms == 0.0:
         return ""
     return f" Without the noise it amounts to {_measure(d, work)}."
 
 
-def _measure(d: DiagnosisResult, work: Work) -> str:
-    """The systematic part where it is largest, else what all samples hold beyond the noise."""
-    left, unit = d.remainder, d.units.force
-    if left is None:
+def _measure(d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the size of the systematic error in the cell where it is largest.
+
+    Where no cell shows any, it is what all samples hold beyond the noise.
+    """
+    rest, unit = d.remainder, d.units.force
+    if rest is None:
         return ""
-    if left.rms > 0.0:
-        place, most = f"in the {NAMES[left.phase]} of {left.test}", f", {left.upper95:.2g} {unit}"
+    if rest.rms > 0.0:
         return (
-            f"{_share(left.share_of_peak)} of the peak force ({left.rms:.2g} {unit}{most} at most) "
-            f"{place}"
+            f"{_share(rest.share_of_peak)} of the peak force ({rest.rms:.2g} {unit}, "
+            f"{rest.upper95:.2g} {unit} at most) in the {NAMES[rest.phase]} of {rest.test}"
         )
-    share = _share(left.excess / work.experiment.scales.force)
-    return f"{share} of the peak force ({left.excess:.2g} {unit}) over all tests"
+    share = _share(rest.excess / work.experiment.scales.force)
+    return f"{share} of the peak force ({rest.excess:.2g} {unit}) over all tests"
 
 
-def _is_sound(d: DiagnosisResult, work: Work) -> bool:
-    """Whether the hypothesis told passes the adequacy test."""
+def _is_sound(d: DiagnosisResult, work: DiagnosisWork) -> bool:
+    """Return whether the selected hypothesis passes the adequacy test."""
     return d.stages[-1].p_value >= work.search.settings.false_alarms
 
 
@@ -335,7 +342,7 @@ def _noise(d: DiagnosisResult) -> str:
 
 
 def _error(d: DiagnosisResult, value: float) -> str:
-    """With the digits that the noise allows."""
+    """Return a force with the digits that the noise allows."""
     return f"{to_noise(value, d.noise)} {d.units.force}"
 
 
@@ -344,6 +351,7 @@ def _offset(d: DiagnosisResult, bias: float) -> str:
 
 
 def _where(d: DiagnosisResult) -> str:
+    """Return where the baseline model fails worst."""
     worst = d.stages[0].worst
     return (
         f"The plain model fails worst in the {NAMES[worst.phase]} of {worst.test} "
@@ -357,7 +365,7 @@ def _rate(rate: float | None, units: UnitSystem) -> str:
 
 
 def _few_readings(d: DiagnosisResult) -> list[str]:
-    """Names that rest on a handful of readings."""
+    """Return a warning for each effect whose evidence lies in a handful of readings."""
     few = [
         (one.effect, one.half)
         for one in d.ranking
@@ -372,7 +380,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
-    """The likeliest effect that is not named, of those that the tests could show."""
+    """Return the most probable effect that is not named, of those that the tests could show."""
     taken = {*d.tried, *d.group, "none", *(one.effect for one in d.not_identifiable)}
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
@@ -387,7 +395,7 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
 
 
 def _refused(d: DiagnosisResult) -> list[str]:
-    """Effects that are likely by the fit alone."""
+    """Return the effects that are probable by the fit but were refused."""
     return [f"{one.effect} is likely by the fit, but not named: {one.reason}." for one in d.refused]
 
 
@@ -396,25 +404,26 @@ def _upper(text: str) -> str:
 
 
 def _not_ruled_out(d: DiagnosisResult) -> list[str]:
-    """Explanations besides the verdict's own."""
+    """Return the explanations that remain possible besides the verdict's own."""
     own = [{*d.effects[:-1], name} for name in d.group] if len(d.group) > 1 else [set(d.effects)]
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
-    if not others or d.verdict in ("adequate", "unexplained"):
+    if not others or d.verdict in (Verdict.ADEQUATE, Verdict.UNEXPLAINED):
         return []
-    said = [
+    listed = [
         f"{joined(list(o.effects), 'with') or 'nothing'} ({percent(o.probability)})" for o in others
     ]
     rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
     if rest > _LITTLE:
-        said.append(f"others ({percent(rest)} together)")
+        listed.append(f"others ({percent(rest)} together)")
     return [
-        f"The tests do not rule out other explanations: {joined(said)}. The constants in "
+        f"The tests do not rule out other explanations: {joined(listed)}. The constants in "
         "diagnosis.json are averaged over all of these."
     ]
 
 
-def _honest(d: DiagnosisResult) -> list[str]:
-    if d.verdict not in ("partly_explained", "unexplained") or d.discrepancy == 0.0:
+def _discrepancy(d: DiagnosisResult) -> list[str]:
+    """Return how the unmodelled part was described, where there is one."""
+    if not d.verdict.has_unmodelled or d.discrepancy == 0.0:
         return []
     return [
         "What is left was described by a smooth function of time, depth and speed (discrepancy.csv)"
@@ -424,25 +433,25 @@ def _honest(d: DiagnosisResult) -> list[str]:
 
 
 def _unseen(d: DiagnosisResult) -> list[str]:
-    """By reason, in one sentence each."""
+    """Return which effects the tests cannot show, grouped by the reason."""
     reasons: dict[str, list[str]] = {}
     for entry in d.not_identifiable:
         if entry.effect not in d.tried:
             reasons.setdefault(entry.reason.partition(" (")[0], []).append(entry.effect)
     if not reasons:
         return []
-    said = "; ".join(f"{joined(effects)} ({reason})" for reason, effects in reasons.items())
-    return [f"These tests cannot show {said}."]
+    listed = "; ".join(f"{joined(effects)} ({reason})" for reason, effects in reasons.items())
+    return [f"These tests cannot show {listed}."]
 
 
-def _bent(d: DiagnosisResult, work: Work) -> list[str]:
-    """Effects that would hide in the constants, the invisible ones first."""
+def _biases(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
+    """Return the effects that would hide in the constants without being seen."""
     hidden = [bias for bias in d.biases if not bias.visible and bias.effect not in d.tried]
     return [_bias(bias, _unit(bias.amplitude, d, work)) for bias in hidden[:_MOST_BIASES]]
 
 
-def _unit(name: str, d: DiagnosisResult, work: Work) -> str:
-    """Of an effect's constant; empty for a pure number."""
+def _unit(name: str, d: DiagnosisResult, work: DiagnosisWork) -> str:
+    """Return the unit of an effect's constant, empty for a pure number."""
     effect, _, constant = name.partition(".")
     unit = d.units.of(work.search.density.space.effects[effect].units[constant.partition("[")[0]])
     return "" if unit == "1" else f" {unit}"
@@ -450,23 +459,24 @@ def _unit(name: str, d: DiagnosisResult, work: Work) -> str:
 
 def _bias(bias: ParameterBias, unit: str) -> str:
     (first, change), *others = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
-    said = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
+    changes = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
     constant = bias.amplitude.partition(".")[2]
     return (
-        f"If {bias.effect} were there ({constant} = {bias.size:.2g}{unit}), {said}, and these "
+        f"If {bias.effect} were there ({constant} = {bias.size:.2g}{unit}), {changes}, and these "
         "tests would not show it."
     )
 
 
 def _off(change: float) -> str:
-    """A relative change in words."""
+    """Return a relative change in words."""
     by = "more than half" if abs(change) > _LINEAR else f"{100.0 * abs(change):.0f} %"
     return f"{by} too {'high' if change > 0.0 else 'low'}"
 
 
 def _with_value(d: DiagnosisResult, effect: str) -> str:
+    """Return an effect with the values of its constants."""
     form = d.forms.get(effect, effect)
     own = {n: e for n, e in d.stages[-1].parameters.items() if n.startswith(f"{form}.")}
     values = ", ".join(f"{name.partition('.')[2]} = {e}" for name, e in own.items())
-    said = effect if form == effect else f"{effect} by the law of {form}"
-    return f"{said} ({values})" if values else said
+    name = effect if form == effect else f"{effect} by the law of {form}"
+    return f"{name} ({values})" if values else name

@@ -1,4 +1,4 @@
-"""From a finished search to all that is told of it."""
+"""The summary of a finished search: every field of ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.certainty import certainty
-from qlvbayes.diagnosis.checks.outcome import LEAST, Outcome
+from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
     parameter_biases,
@@ -19,7 +20,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
     unmeasured,
     unseen,
 )
-from qlvbayes.diagnosis.checks.vetoes import decided
+from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.protocol import protocol_of
@@ -33,10 +34,10 @@ from qlvbayes.diagnosis.result import (
     Suggestion,
     Worst,
 )
-from qlvbayes.diagnosis.search import Search, Tell
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.diagnosis.telling.work import Work
-from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import percent
 from qlvbayes.laws.resolution import unresolved_times
@@ -47,27 +48,41 @@ from qlvbayes.motion.record import Record
 Array = NDArray[np.float64]
 
 
-def summed_up(
+def summarize(
     experiment: Experiment,
     search: Search,
     kinds: Sequence[type[AbstractEffect]],
     bonded: bool,
-    tell: Tell,
+    report: Report,
 ) -> Diagnosis:
-    """All that is told of a finished search."""
-    outcome = Outcome(experiment, search)
-    decision, refused = decided(outcome, tell)
-    told = outcome.seen[decision.told]
-    path = _path(search, told)
-    tell("what these tests cannot show")
-    plain = search.modes[search.usual][0]
+    """Return the diagnosis that follows from a finished search.
+
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    search
+        The finished search.
+    kinds
+        Candidate effects.
+    bonded
+        Whether the specimen is fixed to the platen.
+    report
+        Is called with a line of text before each step that takes a while.
+    """
+    outcome = SearchOutcome(experiment, search)
+    decision, refused = final_decision(outcome, report)
+    selected = outcome.candidates[decision.selected]
+    path = _path(search, selected)
+    report("what these tests cannot show")
+    baseline = search.modes[search.baseline][0]
     protocol = protocol_of(experiment, bonded=bonded, settings=search.settings)
-    added = responses(search, plain)
+    added = responses(search, baseline)
     bases = tuple(Base(*laws, share) for laws, share in decision.base.items() if share >= LEAST)
-    own = told.hypothesis.base
-    candidates = [kind for kind in kinds if kind.name not in search.usual.effects]
+    own = selected.hypothesis.base
+    candidates = [kind for kind in kinds if kind.name not in search.baseline.effects]
     stages = tuple(outcome.stage(one) for one in path)
-    left, worst = outcome.left(told), stages[0].worst
+    remainder, worst = outcome.remainder(selected), stages[0].worst
     result = DiagnosisResult(
         pad=experiment.pad,
         units=experiment.units,
@@ -75,13 +90,13 @@ def summed_up(
         verdict=decision.verdict,
         effects=decision.tried,
         group=decision.group,
-        forms=_forms(search, told, decision),
+        forms=_forms(search, selected, decision),
         base=Base(*own, decision.base[own]),
         bases=bases,
-        outside=decision.outside,
+        outside=decision.unmodelled,
         alternatives=outcome.alternatives(),
-        not_ruled_out=outcome.sets() if decision.verdict != "unexplained" else (),
-        constants=outcome.constants(told),
+        not_ruled_out=outcome.sets() if decision.verdict is not Verdict.UNEXPLAINED else (),
+        constants=outcome.constants(selected),
         heldout_of_all=outcome.heldout_of_all(),
         stages=stages,
         ranking=_with_certainty(outcome.ranking(), stages, experiment.floor.total),
@@ -89,29 +104,30 @@ def summed_up(
             *unseen(added, search, protocol),
             *unmeasured(candidates, protocol),
         ),
-        biases=tuple(parameter_biases(added, plain)),
+        biases=tuple(parameter_biases(added, baseline)),
         coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
         notices=(
             *unlikely_over_all(outcome, decision),
             *_not_counted(outcome),
-            *_notices(experiment, search, told),
+            *_notices(experiment, search, selected),
         ),
         suggestions=_suggestions(outcome, decision),
         checks=tuple(Checked(name, **vars(one)) for name, one in search.checks.items()),
-        discrepancy=told.mode.size,
-        tolerance=left.tolerance,
-        remainder=left.told,
+        discrepancy=selected.mode.size,
+        tolerance=remainder.tolerance,
+        remainder=remainder.record,
         worst=Worst(worst.test, worst.phase, worst.rmse, worst.bias),
     )
-    adequacies = tuple(outcome.tested(one) for one in path)
-    return Diagnosis(result, Work(experiment, search, outcome.samples, path, adequacies))
+    adequacies = tuple(outcome.adequacy(one) for one in path)
+    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies)
+    return Diagnosis(result, work)
 
 
 def _with_certainty(
     ranking: Sequence[Ranked], stages: Sequence[Stage], noise: float
 ) -> tuple[Ranked, ...]:
-    """Each effect with how often one with such evidence was there in blind studies."""
+    """Return the ranking with the certainty of each effect, by blind studies."""
     return tuple(
         structs.replace(
             one,
@@ -123,31 +139,34 @@ def _with_certainty(
     )
 
 
-def _forms(search: Search, told: Weighed, decision: Decision) -> dict[str, str]:
-    """Members of families that stand for an effect named, where that is not the listed law."""
-    own = search.families.named(told.hypothesis.effects)
+def _forms(search: Search, selected: Candidate, decision: Decision) -> dict[str, str]:
+    """Return the forms of the named effects, where they are not the candidate effect itself."""
+    own = search.families.forms_in(selected.hypothesis.effects)
     return {name: own[name] for name in decision.tried if own.get(name, name) != name}
 
 
-def _path(search: Search, told: Weighed) -> tuple[Weighed, ...]:
-    """From the plain model that was chosen, by the told one's laws, effect after effect."""
-    hypothesis = replace(told.hypothesis, effects=search.usual.effects)
-    search.see(hypothesis)
-    steps = [search.usual, hypothesis]
-    left = set(search.added(told.hypothesis))
+def _path(search: Search, selected: Candidate) -> tuple[Candidate, ...]:
+    """Return the steps from the baseline to the selected hypothesis.
+
+    The first step takes its laws, and each further step adds the most probable effect that is left.
+    """
+    hypothesis = replace(selected.hypothesis, effects=search.baseline.effects)
+    search.evaluate(hypothesis)
+    steps = [search.baseline, hypothesis]
+    left = set(search.added(selected.hypothesis))
     while len(left) > 1:
         for name in left:
-            search.see(steps[-1].plus(name), told.hypothesis)
+            search.evaluate(steps[-1].plus(name), selected.hypothesis)
         best = max(left, key=lambda name: search.log_posterior(steps[-1].plus(name)))
         steps.append(steps[-1].plus(best))
         left.remove(best)
-    steps.append(told.hypothesis)
+    steps.append(selected.hypothesis)
     known = [one for one in dict.fromkeys(steps) if one in search.modes]
     return tuple(search.modes[one][0] for one in known)
 
 
-def _suggestions(outcome: Outcome, decision: Decision) -> tuple[Suggestion, ...]:
-    """Tests that would tell the members of a group apart."""
+def _suggestions(outcome: SearchOutcome, decision: Decision) -> tuple[Suggestion, ...]:
+    """Return the tests that would best distinguish the members of a group."""
     rest = set(decision.effects)
     points = []
     for name in decision.group:
@@ -157,13 +176,17 @@ def _suggestions(outcome: Outcome, decision: Decision) -> tuple[Suggestion, ...]
             if weight.effects == rest | {name}
         ]
         if same:
-            points.append(outcome.seen[max(same)[1]])
-    found = suggest(outcome.experiment, outcome.search.density, points) if len(points) > 1 else []
-    return tuple(found)
+            points.append(outcome.candidates[max(same)[1]])
+    if len(points) < 2:
+        return ()
+    return tuple(suggest(outcome.experiment, outcome.search.density, points))
 
 
-def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
-    """Effects that are named only after a veto: over all hypotheses they are not as likely."""
+def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
+    """Return a notice for each effect that is named only after a veto.
+
+    Over all hypotheses such an effect is not as probable.
+    """
     return [
         f"pad {outcome.experiment.pad}: {name} is named after other effects were refused "
         f"(probability {percent(decision.inclusion[name])}); over all hypotheses its "
@@ -173,36 +196,36 @@ def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
     ]
 
 
-def _not_counted(outcome: Outcome) -> list[str]:
-    """How many hypotheses take no part in the decision, or predict no number somewhere."""
-    every, said = f"of {len(outcome.weights)} hypotheses", []
+def _not_counted(outcome: SearchOutcome) -> list[str]:
+    """Return notices on hypotheses whose evidence or predictions are not finite."""
+    every, notices = f"of {len(outcome.weights)} hypotheses", []
     if count := sum(not weight.counts for weight in outcome.weights):
-        said.append(
+        notices.append(
             f"{count} {every} left out of the decision: their evidence is not a finite number"
         )
     if count := len(outcome.unpredicted):
-        said.append(
+        notices.append(
             f"{count} {every} predict no finite force at some samples, which counts as zero force"
         )
-    return [f"pad {outcome.experiment.pad}: {text}" for text in said]
+    return [f"pad {outcome.experiment.pad}: {text}" for text in notices]
 
 
-def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str, ...]:
-    """What the tests have from each other, by the hypothesis told."""
+def _notices(experiment: Experiment, search: Search, selected: Candidate) -> tuple[str, ...]:
+    """Return notices on the tests by the selected hypothesis, and on an early end of the search."""
     space = search.density.space
-    constants = told.point.constants
+    constants = selected.point.constants
 
     def predict(record: Record) -> Array:
-        return space.forces(told.hypothesis, constants[None], record)[0]
+        return space.forces(selected.hypothesis, constants[None], record)[0]
 
     carried = carryover_notices(experiment, experiment.trials, space.record, predict)
     clock = () if experiment.rested else clock_notices(experiment)
-    model = told.point.own.posterior.with_constants(jnp.asarray(constants))[0]
+    model = selected.point.own.posterior.with_constants(jnp.asarray(constants))[0]
     times = unresolved_times(model.relaxation, experiment.scales)
-    said = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
+    notices = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
     if search.ended_early:
-        said.append(
+        notices.append(
             f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, because "
             "very many fit alike: probabilities are those among these hypotheses"
         )
-    return (*carried, *clock, *said)
+    return (*carried, *clock, *notices)

@@ -1,4 +1,4 @@
-"""From a pad's tests and the user's choices to a search over hypotheses."""
+"""The set-up of a search over hypotheses, from a pad's tests and the user's choices."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.protocol import protocol_of
-from qlvbayes.diagnosis.search import Search, Tell
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.marginal_likelihood import known_floor
@@ -28,7 +28,16 @@ from qlvbayes.priors.natural import in_own_numbers
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
-    """The experiment with a history and a noise floor as the user wants them taken."""
+    """Return an experiment with the history and the noise floor that the user's choices ask for.
+
+    Parameters
+    ----------
+    experiment
+        The tests of one pad, with the noise floor as measured.
+    choices
+        ``rested`` says that the pad has recovered between tests; the noise model may give the
+        floor's sds (N) and its correlation time (s).
+    """
     floor, noise = experiment.floor, choices.build(experiment.scales)[1]
     if isinstance(noise, Floor):
         floor = known_floor(floor, noise)
@@ -37,29 +46,44 @@ def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
     return replace(experiment, rested=choices.rested, floor=floor)
 
 
-def search_of(
+def build_search(
     experiment: Experiment,
     choices: Choices | None = None,
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
-    settings: Settings | None = None,
-    tell: Tell = lambda text: None,
+    settings: DiagnosisSettings | None = None,
+    report: Report = lambda text: None,
 ) -> Search:
-    """A search, not begun yet, over every law and effect that these tests can speak of.
+    """Return a search that has not begun yet, over all laws and effects that the tests can show.
 
-    Beside the effects of ``kinds`` their other forms and what names nothing are looked for. Effects
-    made of a velocity or an acceleration that the records do not give are left out. Raises
-    InputError where the noise model chosen is not Gaussian.
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    choices
+        The baseline model: laws, effects that it has already, noise, priors.
+    kinds
+        Candidate effects. Their other forms and the unmodelled effects are searched too. An effect
+        of a velocity or an acceleration that the records do not give is left out.
+    settings
+        Prior probabilities, thresholds and the breadth of the search.
+    report
+        Is called with a line of text before each step that takes a while.
+
+    Raises
+    ------
+    InputError
+        The noise model chosen is not Gaussian.
     """
-    choices, settings = choices or Choices(), settings or Settings()
+    choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)
     model, noise = choices.build(experiment.scales)
     if not isinstance(noise, AbstractGaussian):
         raise InputError(
             "the diagnosis needs normal noise", remedy="use --noise floor or --noise white"
         )
-    listed = {kind.name for kind in kinds}
-    kinds = (*kinds, *(one for one in FORMS if one.family() in listed), *OUTSIDE)
+    names = {kind.name for kind in kinds}
+    kinds = (*kinds, *(one for one in FORMS if one.family() in names), *OUTSIDE)
     space = _space(experiment, choices, model, kinds, settings)
     discrepancy = Discrepancy.from_blocks(
         experiment,
@@ -68,11 +92,11 @@ def search_of(
         settings.tolerance,
         settings.discrepancy,
     )
-    names = frozenset(effect.name for effect in model.effects)
-    usual = Hypothesis(choices.law, choices.relaxing, names)
-    families = Families.of_kinds(type(effect) for effect in space.effects.values())
+    own = frozenset(effect.name for effect in model.effects)
+    baseline = Hypothesis(choices.law, choices.relaxing, own)
+    families = Families.from_kinds(type(effect) for effect in space.effects.values())
     density = Density(space, discrepancy.whitener, discrepancy)
-    return Search(density, settings, usual, families, tell)
+    return Search(density, settings, baseline, families, report)
 
 
 def _space(
@@ -80,9 +104,9 @@ def _space(
     choices: Choices,
     model: Model,
     kinds: Sequence[type[AbstractEffect]],
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> Space:
-    """Laws and effects with their priors: the user's own, and all others' defaults."""
+    """Return all laws and effects, with default priors unless the user gave others."""
     scales = experiment.scales
     protocol = protocol_of(experiment, bonded=choices.bonded, settings=settings)
     effects = {effect.name: effect for effect in model.effects}
@@ -97,7 +121,7 @@ def _space(
     relaxation: dict[str, AbstractRelaxation] = {
         kind.name: kind.default(scales) for kind in choices.laws.relaxation if kind is not Prony
     }
-    # a Prony series of the user's own number of modes only: one more is an effect
+    # only the user's number of Prony modes: one mode more is an effect
     relaxation[f"prony:{choices.modes}"] = Prony.with_modes(scales, choices.modes)
     elastic[choices.law] = model.elastic
     relaxation[choices.relaxing] = model.relaxation

@@ -1,4 +1,4 @@
-r"""What the hypothesis told leaves, as a smooth function of what the tests do.
+r"""The discrepancy: what the selected hypothesis leaves, as a smooth function of the motion.
 
 With the discrepancy's whitened features B (`inference.errors.features`), the variances D of its
 rough part and of noise, and the size s that is likeliest, the coefficients w ~ N(0, s^2) given the
@@ -6,8 +6,8 @@ whitened residual r of the block means are normal,
 
 .. math:: C = (s^{-2} + B D^{-1} B^T)^{-1}, \quad \hat w = C B D^{-1} r,
 
-and the discrepancy at any sample is phi^T w. An alarm, not an explanation: it says nothing about
-what is missing, and must not be read as a correction of the material's constants.
+and the discrepancy at any sample is phi^T w. It is an alarm, not an explanation: it says nothing
+about what is missing, and must not be read as a correction of the material's constants.
 """
 
 from __future__ import annotations
@@ -17,40 +17,40 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.telling.work import Work
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.inference.errors.features import Features, Locations
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
-    """The discrepancy at one test's samples (n,): mean and sd (N)."""
+class DiscrepancyBand:
+    """Mean (N) and sd (N) of the discrepancy at one test's samples (n,)."""
 
     mean: Array
     sd: Array
 
 
-def discrepancy(work: Work) -> list[Band]:
-    """Of every trial's samples; nothing where the likeliest size is none."""
-    samples, told = work.samples, work.told
-    size, point = told.mode.size, told.point
+def discrepancy(work: DiagnosisWork) -> list[DiscrepancyBand]:
+    """Return the discrepancy at every test's samples; it is zero where its likeliest size is."""
+    samples, selected = work.samples, work.selected
+    size, point = selected.mode.size, selected.point
     if size == 0.0:
-        return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
+        return [DiscrepancyBand(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
     blocks = samples.space.record.blocks
     prior = work.search.settings.discrepancy
     features = Features.from_locations(
         Locations.from_blocks(work.experiment, samples.trials, blocks, prior)
     )
-    # the smooth functions alone: what looks like an effect has no place of its own in a sample
+    # only the smooth functions: the signatures of effects are not defined at single samples
     smooth = len(features.factor)
     mean, root = work.search.density.discrepancy.weights(point.residual, size, smooth)
-    forces = samples.predict(told.hypothesis, point.constants[None])
-    found = []
+    forces = samples.predict(selected.hypothesis, point.constants[None])
+    bands = []
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
         places = Locations.from_trial(
             work.experiment, trial, k, trial.test.time[rows], forces[k][0], prior
         )
         own = features(places)
-        found.append(Band(mean @ own, np.sqrt(np.sum((root @ own) ** 2, axis=0))))
-    return found
+        bands.append(DiscrepancyBand(mean @ own, np.sqrt(np.sum((root @ own) ** 2, axis=0))))
+    return bands

@@ -1,0 +1,75 @@
+"""A candidate: a hypothesis at one of its modes, with the evidence about that mode."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from qlvbayes.inference.amplitude_prior import log_noticeable
+from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.evidence import Evidence, evidence
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.modes import Mode
+from qlvbayes.priors.natural import Natural
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A hypothesis at one of its modes.
+
+    Parameters
+    ----------
+    hypothesis
+        Base laws and effects.
+    mode
+        A local maximum of its posterior density.
+    evidence
+        Moments of the posterior about the mode, and its integral for each size of discrepancy.
+    log_evidence
+        Log of the marginal likelihood, for effects that are large enough to matter.
+    error
+        Sd of the log evidence where it was sampled; nan where it is Laplace's approximation.
+    """
+
+    hypothesis: Hypothesis
+    mode: Mode
+    evidence: Evidence
+    log_evidence: float
+    error: float = math.nan
+
+    @property
+    def point(self) -> Point:
+        """The constants at the mode, with the forces and slopes there."""
+        return self.mode.point
+
+
+def candidate_at(
+    density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float
+) -> Candidate:
+    """Return a hypothesis at a mode with Laplace's evidence about it.
+
+    Parameters
+    ----------
+    density
+        Posterior density of any hypothesis on the pad's tests.
+    hypothesis, mode
+        The hypothesis, and one of its modes.
+    tolerance
+        Share of the peak force below which an effect does not matter: the prior of an effect's
+        amplitude leaves out what is smaller.
+    """
+    laplace = evidence(density, mode.point)
+    log = laplace.log
+    for leaf in mode.point.own.leaves:
+        if isinstance(leaf.prior, Natural) and math.isfinite(log):
+            k = leaf.theta[0]
+            sd = math.sqrt(max(laplace.covariance[k, k], 0.0))
+            log += log_noticeable(leaf.prior.inner, float(laplace.mean[k]), sd, tolerance)
+    mode.point.separation.forget_but(mode.size)
+    return Candidate(hypothesis, mode, laplace, log)
+
+
+def described(hypothesis: Hypothesis) -> str:
+    """Return a hypothesis in words, such as ``exponential, prony:2 + friction``."""
+    laws = f"{hypothesis.elastic}, {hypothesis.relaxation}"
+    return " + ".join((laws, *sorted(hypothesis.effects)))

@@ -1,0 +1,141 @@
+"""The summary of a planned series of tests: every field of ``design.json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
+from qlvbayes.diagnosis.nexttest.montecarlo import MonteCarloBits
+from qlvbayes.diagnosis.nexttest.result import (
+    Bits,
+    ExplanationSummary,
+    Limits,
+    NextTests,
+    Proposed,
+    Width,
+)
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.series import Goal, Option, Series, bits, rate
+from qlvbayes.diagnosis.nexttest.setpoints import names_of
+from qlvbayes.io.units import UnitSystem
+
+_DOUBT = 0.5  # probability of something unmodelled from which a notice says so
+
+
+def summarize(
+    pad: str,
+    units: UnitSystem,
+    belief: Belief,
+    rig: Rig,
+    errors: ReadingErrors,
+    goal: Goal,
+    series: Series,
+    *,
+    minutes: float,
+    seed: int,
+) -> NextTests:
+    """Return the result of a planned series, in the units of the tests that were done.
+
+    Parameters
+    ----------
+    pad, units
+        Name of the pad, and units of its file.
+    belief, rig, errors, goal, series
+        The belief, the limits of the rig, the errors of readings, the goal, and the series.
+    minutes, seed
+        Time there is, and seed of the plan.
+    """
+    own = names_of(len(series.tests))
+    tests = [_proposed(name, one, units, goal) for name, one in zip(own, series.tests, strict=True)]
+    return NextTests(
+        pad=pad,
+        units=units,
+        constants=goal.constants,
+        cause=goal.cause,
+        limits=Limits(rig.depth, rig.speed, rig.acceleration, rig.interval, rig.rows),
+        minutes=minutes,
+        seed=seed,
+        screened=series.screened,
+        hypotheses=tuple(
+            ExplanationSummary(one.words, one.probability, one.cause) for one in belief.explanations
+        ),
+        entropy=belief.entropy,
+        outside=belief.outside,
+        missed=errors.missed,
+        tests=tuple(tests),
+        considered=tuple(
+            _proposed(f"option-{k + 1}", one, units, goal) for k, one in enumerate(series.options)
+        ),
+        together=_bits(series.judged),
+        widths=_widths(belief, series, units),
+        notices=tuple(_notices(belief, errors, series, units)),
+        causes=belief.causes,
+    )
+
+
+def _proposed(name: str, one: Option, units: UnitSystem, goal: Goal) -> Proposed:
+    """Return the record of one test."""
+    design = one.design
+    return Proposed(
+        name=name,
+        words=design.words(units),
+        depth=design.depth,
+        speed=design.speed,
+        acceleration=design.acceleration,
+        hold=design.hold,
+        share=design.share,
+        rest=design.rest,
+        cycles=design.cycles,
+        pause=design.wait,
+        duration=design.duration,
+        minutes=design.minutes,
+        constants=one.constants,
+        cause=one.cause,
+        cause_most=one.cause_most,
+        per_minute=rate(one, goal),
+        evidence=one.evidence,
+        judged=_bits(one.judged),
+        total=bits(one, goal),
+    )
+
+
+def _bits(one: MonteCarloBits | None) -> Bits | None:
+    """Return the record of bits by Monte Carlo, in which what is not finite is None."""
+    if one is None:
+        return None
+    values = (one.constants, one.constants_error, one.cause, one.cause_error)
+    return Bits(*(value if math.isfinite(value) else None for value in values))
+
+
+def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Width]:
+    """Return the sds of the constants now and after all tests."""
+    one = belief.explanations[0]
+    now, after = (p.sds(0, one.gradient)[0] for p in (series.now, series.after))
+    return {
+        name: Width(units.of(kind), float(mean), float(a), float(b))
+        for name, kind, mean, a, b in zip(one.names, one.kinds, one.centre, now, after, strict=True)
+        if a > 0.0
+    }
+
+
+def _notices(
+    belief: Belief, errors: ReadingErrors, series: Series, units: UnitSystem
+) -> Sequence[str]:
+    """Return what one should know of the plan."""
+    notices = []
+    if belief.outside > _DOUBT:
+        notices.append(
+            f"with probability {belief.outside:.2g} something is there that none of these "
+            "explanations holds: what they leave counts as an error of every test, and bits for "
+            "the cause distinguish only between them"
+        )
+    if errors.missed > 0.0:
+        notices.append(
+            f"{errors.missed:.2g} {units.force} that the model leaves count as an error of every "
+            "test"
+        )
+    if belief.recovery.time(series.tests[-1].design.duration) >= 3600.0:
+        notices.append("the pad recovers more slowly than within an hour: pauses end before it has")
+    return notices

@@ -1,0 +1,126 @@
+"""Force curves of a diagnosis's first and last model, with bands that hold 90 % of readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.motion.experiment import Trial
+
+Array = NDArray[np.float64]
+
+_BAND = (0.05, 0.95)
+_NOISES = ndtri((np.arange(20) + 0.5) / 20.0)  # noise in sds, added to each draw at even quantiles
+
+
+@dataclass(frozen=True, eq=False)
+class ForceBand:
+    """The force (N) of one model at one test's samples (n,).
+
+    Parameters
+    ----------
+    mean
+        Force at the constants of highest posterior density.
+    low, high
+        5 % and 95 % quantiles of single readings, from Laplace's approximation of the constants,
+        the discrepancy and the noise floor.
+    """
+
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One test's samples (n,), as measured and by two models.
+
+    Parameters
+    ----------
+    trial
+        The test.
+    time, observed
+        Times (s) and measured forces (N).
+    phase
+        Kind of phase of each sample.
+    floor
+        Sd of the noise (N), measured without a model.
+    baseline, final
+        Force of the baseline model and of the selected one; both are the same where nothing was
+        added.
+    """
+
+    trial: Trial
+    time: np.ndarray
+    phase: np.ndarray
+    observed: np.ndarray
+    floor: np.ndarray
+    baseline: ForceBand
+    final: ForceBand
+
+
+def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]:
+    """Return each test's samples with the forces of a diagnosis's baseline and selected models.
+
+    Parameters
+    ----------
+    diagnosis
+        The diagnosis of one pad.
+    draws
+        Number of draws of the constants.
+    seed
+        Seed of the draws.
+    """
+    work = diagnosis.work
+    samples = work.samples
+    rng = np.random.default_rng(seed)
+    baseline = _bands(work, work.path[0], draws, rng)
+    final = _bands(work, work.selected, draws, rng) if len(work.path) > 1 else baseline
+    return [
+        Curve(
+            trial,
+            trial.test.time[rows],
+            samples.phases(k),
+            trial.test.force[rows],
+            samples.floor(k),
+            baseline[k],
+            final[k],
+        )
+        for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True))
+    ]
+
+
+def _bands(
+    work: DiagnosisWork, candidate: Candidate, draws: int, rng: np.random.Generator
+) -> list[ForceBand]:
+    """Return the force of one candidate at every test's samples."""
+    own, size = candidate.point.own, candidate.mode.size
+    thetas = rng.multivariate_normal(
+        candidate.point.theta,
+        candidate.evidence.covariance,
+        draws,
+        check_valid="ignore",
+        method="eigh",
+    )
+    thetas = np.concatenate([candidate.point.theta[None], own.within(thetas)])
+    forces = work.samples.predict(candidate.hypothesis, own.constants(thetas))
+    bands = []
+    for k, force in enumerate(forces):
+        sd = np.hypot(work.samples.floor(k), size)
+        low, high = _quantiles(force[1:], sd)
+        bands.append(ForceBand(force[0], low, high))
+    return bands
+
+
+def _quantiles(force: Array, sd: Array) -> tuple[Array, Array]:
+    """Return 5 % and 95 % quantiles (n,) of forces (W, n) with normal noise of sd (n,) added."""
+    finite = np.isfinite(force).all(axis=1)
+    readings = force[finite, None] + sd * _NOISES[:, None]
+    low, high = np.quantile(readings.reshape(-1, force.shape[1]), _BAND, axis=0)
+    return low, high

@@ -1,0 +1,33 @@
+"""The diagnosis of one pad: the result, what it was computed from, and its text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.diagnosis.summary.words import paragraphs
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What one pad's tests say about the model, and what that was computed from.
+
+    Parameters
+    ----------
+    result
+        What ``diagnosis.json`` holds.
+    work
+        The search and the samples, for figures and predictions.
+    """
+
+    result: DiagnosisResult
+    work: DiagnosisWork
+
+    def paragraphs(self) -> list[str]:
+        """Return what is missing in plain words: a few short paragraphs, the verdict first."""
+        return paragraphs(self.result, self.work)
+
+    def text(self) -> str:
+        """Return the paragraphs with an empty line between them: ``diagnosis.txt``."""
+        return "\n\n".join(self.paragraphs())

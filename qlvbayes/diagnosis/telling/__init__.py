@@ -1,1 +1,0 @@
-"""From a finished search to what is said of it."""
