@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from qlvbayes.diagnosis.summary.words import _first
 
+from qlvbayes.diagnosis.summary.words import _first
 from qlvbayes.evaluation.study import measured
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
