@@ -18,6 +18,8 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.summarizing import summarize
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.inference.evidence import evidence as laplace_evidence
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
@@ -107,20 +109,23 @@ def nested_audit(
     """Return evidences by nested sampling next to Laplace's approximation of the same.
 
     The baseline model and the ``best`` most probable hypotheses are sampled under the noise floor
-    alone, without a discrepancy, which takes a minute or two each.
+    alone, without a discrepancy, which takes a minute or two each. Laplace's approximation is about
+    the mode under that noise, which may lie elsewhere than the mode with a discrepancy.
     """
     # imported here, as few ask for it and blackjax is slow to import
     from qlvbayes.inference.nested_sampling import nested_evidence
 
     order = sorted(search.modes, key=search.log_posterior, reverse=True)
+    alone = search.density.of_noise_alone
     audit = []
     for hypothesis in dict.fromkeys([search.baseline, *order[:best]]):
         name = described(hypothesis)
         report(f"nested sampling: {name}")
-        candidate = search.modes[hypothesis][0]
-        laplace = float(candidate.evidence.by_size[0] - search.density.discrepancy.log_prior[0])
-        laplace += search.density.log_constant
-        sampled = nested_evidence(candidate.point.own.posterior, seed)
+        point = search.modes[hypothesis][0].point
+        mode = find_mode(alone, hypothesis, point.theta)
+        assert mode is not None  # it is finite at the mode with a discrepancy
+        laplace = laplace_evidence(alone, mode.point).log + alone.log_constant
+        sampled = nested_evidence(point.own.posterior, seed)
         agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
         audit.append(EvidenceComparison(name, laplace, sampled.log_evidence, sampled.error, agrees))
     return tuple(audit)

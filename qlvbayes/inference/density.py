@@ -126,9 +126,15 @@ class Density:
     def coarse(self) -> Density:
         """Return the density under white noise of 0.5 % of the peak force, without discrepancy."""
         size = _COARSE * float(np.max(np.abs(self._force)))
-        whitener = self.whitener.with_independent_noise(size)
-        none = Discrepancy.none(whitener, self.discrepancy.peak)
-        return Density(self.space, whitener, none)
+        return self._without_discrepancy(self.whitener.with_independent_noise(size))
+
+    @cached_property
+    def of_noise_alone(self) -> Density:
+        """Return the density under the noise floor, without discrepancy."""
+        return self._without_discrepancy(self.whitener)
+
+    def _without_discrepancy(self, whitener: Whitener) -> Density:
+        return Density(self.space, whitener, Discrepancy.none(whitener, self.discrepancy.peak))
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
         """Return the density with another space, whose priors may differ, about the same record.
