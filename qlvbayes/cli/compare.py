@@ -100,7 +100,7 @@ def compare_command(
 def _pairs(
     found: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
-    """What is compared; InputError where there are no two of it."""
+    """Return what is compared; raise InputError where there are no two of it."""
     known = {saved.pad: saved for saved in found}
     if names := known_names(pads, known, folder):
         found = [known[name] for name in dict.fromkeys(names)]

@@ -42,13 +42,13 @@ err = Plain(stderr=True, width=None if sys.stderr.isatty() else 1000)
 
 
 def command_line() -> str:
-    """What was typed, so that it can be typed again."""
+    """Return what was typed, so that it can be typed again."""
     return as_typed("qlvbayes", *sys.argv[1:])
 
 
 @contextmanager
 def counting(what: str, label: str = "") -> Iterator[Report]:
-    """A progress bar of so many ``what``; silent where stderr is no terminal."""
+    """Show a progress bar of so many ``what``; stay silent where stderr is no terminal."""
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -69,7 +69,7 @@ def counting(what: str, label: str = "") -> Iterator[Report]:
 
 @contextmanager
 def waiting(label: str) -> Iterator[Callable[[str], None]]:
-    """A spinner, and a function that says more beside it; silent where stderr is no terminal."""
+    """Show a spinner and yield a function that adds a word; silent where stderr is no terminal."""
     if not err.is_terminal:
         yield lambda text: None
         return

@@ -130,7 +130,7 @@ class Said:
     pad_from: str | None
 
     def answers(self) -> Answers:
-        """As the files are read with them; InputError where one cannot be used."""
+        """Return the answers for reading files; raise InputError where one cannot be used."""
         return Answers.of(
             self.sign, self.contact, self.units, self.area, self.pads, self.tests, self.pad_from
         )

@@ -89,7 +89,10 @@ def design_command(
 
 
 def _pads(folder: Path, names: str) -> list[str]:
-    """Those asked for, or all that have a fit or a diagnosis; InputError where there is none."""
+    """Return the pads asked for, or all that have a fit or a diagnosis.
+
+    Raise InputError where there is none.
+    """
     known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
     if not known:
         raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
@@ -97,7 +100,7 @@ def _pads(folder: Path, names: str) -> list[str]:
 
 
 def _tests(found: NextTests) -> Table:
-    """A row a test, and one of all."""
+    """Return a table with a row for each test, and one for all."""
     doubt = ", ".join(f"{name} ({share:.0%})" for name, share in found.causes.items())
     caption = f"{found.entropy:.2f} bits are missing to tell apart {doubt}" if found.cause else None
     table = Table(title=f"pad {found.pad}: the next tests", caption=caption)
@@ -128,7 +131,7 @@ def _bits(closed: float, judged: Bits | None, name: str) -> str:
 
 
 def _a_minute(found: NextTests, judged: Bits) -> str:
-    """Of all tests together."""
+    """Return the information a minute of all tests together."""
     asked = [judged.constants] * bool(found.constants) + [judged.cause] * found.cause
     known = [value for value in asked if value is not None]
     return f"{sum(known) / sum(one.minutes for one in found.tests):.2f}" if known else ""

@@ -70,7 +70,7 @@ def export_command(
 
 
 def _only_pad(folder: Path) -> str:
-    """Its name, empty where there is none; InputError where there are several."""
+    """Return the only pad's name or an empty text; raise InputError where there are several."""
     pads = sorted(path.parent.name for path in folder.glob("*/posterior.nc"))
     if len(pads) > 1:
         what = f"several pads are in this folder: {', '.join(pads)}"

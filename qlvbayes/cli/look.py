@@ -172,7 +172,7 @@ def _as_it_is(file: Path) -> _Read:
 def _of_machines(
     files: Sequence[Path], said: Said, formats_file: Path | None
 ) -> tuple[_Read, tuple[InputError, ...]]:
-    """What could be read of some files, and why others could not."""
+    """Return what could be read of some files, and why others could not."""
     nothing = Said(None, None, None, None, (), (), None)
     if len(files) == 1 and formats_file is None and said == nothing:
         return _as_it_is(files[0]), ()
@@ -191,7 +191,7 @@ def _of_machines(
 
 
 def _typed(said: Said, formats_file: Path | None) -> list[str]:
-    """The options as they are typed to ``convert``."""
+    """Return the options as they are typed to ``convert``."""
     given = {
         "--sign": said.sign,
         "--contact": said.contact,

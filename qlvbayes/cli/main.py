@@ -40,7 +40,7 @@ _COMMANDS = {
 
 
 def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
-    """Of some commands by their names, by default all."""
+    """Return the application with some commands by name, by default all."""
     app = _bare()
     for name in names:
         module, _, function = _COMMANDS[name].partition(".")
@@ -49,7 +49,7 @@ def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
 
 
 def overview() -> typer.Typer:
-    """Every command by its name and description alone, read from the source.
+    """Return every command by its name and description alone, read from the source.
 
     For the list of commands, and for a word that is none of them: nothing else is imported.
     """
@@ -60,14 +60,14 @@ def overview() -> typer.Typer:
 
 
 def _description(module: str, function: str) -> str:
-    """A command's docstring."""
+    """Return a command's docstring."""
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
     found = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == function)
     return ast.get_docstring(next(found)) or ""
 
 
 def _bare() -> typer.Typer:
-    """Without commands."""
+    """Return the application without commands."""
     app = typer.Typer(
         help="Viscoelastic constants of soft pads from force-displacement tests.\n\n"
         "Begin with: qlvbayes study FILE.csv -o OUT",
@@ -105,7 +105,7 @@ def run() -> None:
 
 
 def _words() -> list[str]:
-    """What was typed; of a line that a shell asks to complete only if it ends in an option.
+    """Return what was typed; of a line that a shell asks to complete only if it ends in an option.
 
     A command's options take a second or more to import, and file names the shell completes alone.
     """
@@ -117,7 +117,7 @@ def _words() -> list[str]:
 
 
 def _offer() -> str:
-    """The bundled measurements, where they are there."""
+    """Return the bundled measurements, where they are there."""
     file = bundled("hidden.csv")
     command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
     return f", or try a simulated pad: {command}" if file.exists() else ""

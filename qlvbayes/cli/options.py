@@ -153,12 +153,12 @@ class WorkOptions:
     shard: ShardText = None
 
     def engine(self) -> AbstractContextManager[Engine | None]:
-        """What works, for a ``with``; None where this process does it."""
+        """The engine for a ``with`` statement; None where this process does the work."""
         return opened_engine(self.jobs or cores(), self.cluster)
 
     @property
     def part(self) -> Shard:
-        """Which part; InputError where it is none."""
+        """The part that is run; raise InputError where it is none."""
         return Shard.from_text(self.shard) if self.shard else Shard()
 
 
@@ -181,7 +181,7 @@ class ModelOptions:
     laws_file: LawsFile = None
 
     def choices(self, study: Measurements) -> Choices:
-        """The model's description; InputError where an option cannot be used."""
+        """Return the model's description; raise InputError where an option cannot be used."""
         law, count = relaxation_of(self.relaxation, self.modes)
         bonded = study.units.bonded_default if self.bonded is None else self.bonded
         choices = Choices(
@@ -204,7 +204,7 @@ class ModelOptions:
         return choices
 
     def choices_of(self, source: Source) -> Choices:
-        """Of all pads together; InputError too where --use names a test that a single file lacks.
+        """Return the model's description for pads; raise InputError also on an unknown --use.
 
         Of several files one is read at a time, so that no test can be missed before the last.
         """
@@ -215,7 +215,7 @@ class ModelOptions:
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose parameters that are groups of options take these one by one."""
+    """Return a command whose parameters that are groups of options take these one by one."""
     hints = get_type_hints(command, include_extras=True)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     single: dict[str, Parameter] = {}
@@ -258,7 +258,7 @@ def share_of(text: str) -> float:
 
 
 def thresholds(tolerance: str) -> DiagnosisSettings:
-    """How sure the diagnosis must be, and what is too small to matter."""
+    """Return how sure the diagnosis must be, and what is too small to matter."""
     return DiagnosisSettings(tolerance=share_of(tolerance))
 
 
@@ -283,7 +283,10 @@ def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
 
 
 def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
-    """The names in ``A, B``; InputError where a folder has no fit (or ``what``) of one."""
+    """Return the names in ``A, B``.
+
+    Raise InputError where a folder has no fit (or ``what``) of one.
+    """
     for name in (found := among(names, known)):
         if name not in known:
             raise InputError(
@@ -293,7 +296,10 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
 
 
 def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
-    """The named pads of some files, or all; InputError on an unknown name in a single file."""
+    """Return the named pads of some files, or all.
+
+    Raise InputError on an unknown name in a single file.
+    """
     source = Source.of(files, shard=part)
     if source.read is None:
         return replace(source, only=tuple(split_names(pads)))

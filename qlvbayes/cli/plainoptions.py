@@ -59,6 +59,6 @@ def among(text: str, known: Collection[str]) -> list[str]:
 
 
 def chosen_pads(study: Measurements, names: str) -> list[Pad]:
-    """The named pads, or all; InputError on an unknown name."""
+    """Return the named pads, or all; raise InputError on an unknown name."""
     known = [pad.name for pad in study.pads]
     return [study.pad(name) for name in among(names, known)] or list(study.pads)

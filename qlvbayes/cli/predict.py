@@ -82,7 +82,7 @@ def predict_command(
 
 
 def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypotheses]:
-    """Of each pad its fit, or what its diagnosis left; InputError where there is neither."""
+    """Return each pad's fit or hypotheses; raise InputError where there is neither."""
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
     files = sorted(folder.glob(f"*/{FILE}")) if which == "averaged" else []
@@ -100,7 +100,7 @@ def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypoth
 def _source(
     place: Path, fit: Saved | None, left: Hypotheses | None, which: str, watcher: Terminal
 ) -> Saved | Hypotheses:
-    """The hypotheses where there are several and they are of the fit's tests; else the fit."""
+    """Return the hypotheses where there are several for the fit's tests, else the fit."""
     if left is not None and fit is not None and fit.covered not in (None, left.covered):
         watcher.notice(f"pad {fit.pad}: its diagnosis is of other tests than its fit, and left out")
     elif left is not None and (fit is None or len(left.hypotheses) > 1):
@@ -115,7 +115,7 @@ def _source(
 
 
 def _undecided(place: Path) -> bool:
-    """Whether a diagnosis that was made before its constants were kept left several hypotheses."""
+    """Return whether a diagnosis without kept constants left several hypotheses."""
     file = place / "diagnosis.json"
     return file.is_file() and len(DiagnosisResult.read(file).alternatives) > 1
 
@@ -139,7 +139,7 @@ def _chosen(
 
 
 def _table(found: Sequence[Forecast]) -> Table:
-    """The answer's largest value and its last, with 90 % bands."""
+    """Return the answer's largest value and its last, with 90 % bands."""
     first = found[0]
     moved = first.program.quantity == "displacement"
     name = first.units.force_name if moved else first.units.displacement_name

@@ -19,14 +19,14 @@ _MOST = 8  # hypotheses shown
 
 
 def significant(value: float, sd: float) -> str:
-    """A number with two digits of its sd (four significant ones where it has none)."""
+    """Return a number with two digits of its sd (four significant ones where it has none)."""
     if sd <= 0.0:
         return f"{value:.4g}"
     return f"{value:.{max(0, 1 - floor(log10(sd)))}f}"
 
 
 def constants_table(summary: FitSummary) -> Table:
-    """One pad: every constant with its interval and diagnostics."""
+    """Return the table of one pad: every constant with its interval and diagnostics."""
     title = f"pad {summary.pad}: constants, by {summary.sampler}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("constant")
@@ -48,14 +48,14 @@ def constants_table(summary: FitSummary) -> Table:
 
 
 def constants_line(summary: FitSummary) -> str:
-    """One pad of many: its constants without those of the noise."""
+    """Return the line of one pad of many: its constants without those of the noise."""
     shown = [(name, c) for name, c in summary.parameters.items() if not name.startswith("noise.")]
     values = ", ".join(f"{name} {significant(c.median, c.sd)} ± {c.sd:.2g}" for name, c in shown)
     return f"pad {summary.pad}: {values}"
 
 
 def verdict_line(found: DiagnosisResult) -> str:
-    """One pad of many: its verdict with what it names."""
+    """Return the line of one pad of many: its verdict with what it names."""
     named = ", ".join(found.group or found.effects)
     verdict = found.verdict.replace("_", " ")
     return f"pad {found.pad}: {verdict}{': ' + named if named else ''}"
@@ -67,7 +67,7 @@ def _interval(c: Constant) -> str:
 
 
 def pads_table(summaries: Sequence[FitSummary]) -> Table:
-    """All pads side by side: median (90 % interval)."""
+    """Return the table of all pads side by side: median (90 % interval)."""
     table = Table(
         title="constants: median (90 % interval)", title_justify="left", title_style="bold"
     )
@@ -92,7 +92,7 @@ def _cell(c: Constant | None) -> str:
 
 
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
-    """One pad: every cell of test and phase against the noise floor, failing ones marked."""
+    """Return a pad's table: every test and phase over the noise floor, failing ones marked."""
     title = f"pad {check.pad}: prediction errors, noise floor {plain(check.noise)} {force_unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     for name in ("test", "role", "phase"):
@@ -162,7 +162,7 @@ def _cells(c: Contrast) -> list[str | Text]:
 
 
 def steps_table(found: DiagnosisResult, unit: str) -> Table:
-    """The error after each step against the noise floor."""
+    """Return the error after each step against the noise floor."""
     title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("model")
@@ -187,7 +187,7 @@ def steps_table(found: DiagnosisResult, unit: str) -> Table:
 
 
 def ranking_table(found: DiagnosisResult, unit: str) -> Table:
-    """What the plain model may lack, likeliest first, over all base laws and companions."""
+    """Return what the plain model may lack, likeliest first, over all base laws and companions."""
     title = f"pad {found.pad}: what the plain model may lack"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
@@ -202,7 +202,7 @@ def ranking_table(found: DiagnosisResult, unit: str) -> Table:
 
 
 def _model(stage: Stage, chosen: LawPair) -> str:
-    """Its laws, where they are not those chosen, and its effects."""
+    """Return a step's laws, where they are not those chosen, and its effects."""
     return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 

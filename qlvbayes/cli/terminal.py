@@ -52,16 +52,16 @@ class Terminal(Watcher):
         return source
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
-        """A spinner."""
+        """Show a spinner."""
         return waiting(f"{self._place}{label}")
 
     def sampling(self, label: str) -> AbstractContextManager[Progress]:
-        """A progress bar."""
+        """Show a progress bar."""
         return counting("steps", f"{self._place}{label}")
 
     @contextmanager
     def overall(self, size: int, *, alone: bool) -> Iterator[Callable[[int, int], None]]:
-        """A progress bar of pads; of pads one by one, which have bars of their own, words."""
+        """Show a progress bar of pads; one by one they have bars of their own, and words do."""
         self._brief = size > _TABLES
         if not alone:
             with counting("pads") as tell:
@@ -81,23 +81,23 @@ class Terminal(Watcher):
         self._place = ""
 
     def notice(self, text: str) -> None:
-        """A line, once: several steps may find the same."""
+        """Print a notice once: several steps may give the same."""
         if text not in self._noticed:
             self._noticed.add(text)
             err.print(f"notice: {text}")
 
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
-        """What is in the tests, before anything is fitted."""
+        """Print what is in the tests, before anything is fitted."""
         if not self.quiet:
             show_look(replace(look, notices=()), figures)
 
     def starting(self, lines: Sequence[str]) -> None:
-        """What is fitted, the noise floor, and the priors."""
+        """Print what is fitted, the noise floor, and the priors."""
         if not (self.quiet or self._brief):
             out.print("\n".join(lines))
 
     def fitted(self, summary: FitSummary) -> None:
-        """The constants, and what speaks against the chain."""
+        """Print the constants, and what speaks against the chain."""
         if self._brief and not self.quiet:
             out.print(constants_line(summary), soft_wrap=True)
         elif not self.quiet:
@@ -106,7 +106,7 @@ class Terminal(Watcher):
             err.print(f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red")
 
     def checked(self, check: CheckResult) -> None:
-        """The errors by test and phase."""
+        """Print the errors by test and phase."""
         if self._brief and not self.quiet:
             fails = f"{len(check.failing)} of {len(check.cells)} phases of its tests"
             out.print(f"pad {check.pad}: the fit fails in {fails}", soft_wrap=True)
@@ -116,7 +116,7 @@ class Terminal(Watcher):
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
     ) -> None:
-        """The steps, the ranking, the verdict in words."""
+        """Print the steps, the ranking and the verdict in words."""
         if self.quiet:
             return
         if self._brief:
@@ -140,7 +140,7 @@ def _lasting(seconds: float) -> str:
 
 
 def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
-    """Where the results are, if there are any; for machines ``file`` of each pad, in a list."""
+    """Print where the results are, if there are any; for machines the ``file`` of each pad."""
     if as_json:
         found = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
         print(json.dumps(list(found), allow_nan=False))
@@ -151,5 +151,5 @@ def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
 
 
 def show_figures(figures: Sequence[Path]) -> None:
-    """Where they are."""
+    """Print where the figures are."""
     out.print("figures:", *(f"  {path}" for path in figures), sep="\n")

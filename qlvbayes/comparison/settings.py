@@ -37,12 +37,12 @@ class Settings:
         return self.known and self.depth > _NEAR * self.reach.depth
 
     def outside_rates(self, rate: float) -> bool:
-        """Whether a speed is beyond a pad's tests."""
+        """Return whether a speed is beyond a pad's tests."""
         reach = self.reach
         return self.known and not reach.slowest / _NEAR <= rate <= _NEAR * reach.fastest
 
     def outside_frequencies(self, frequency: float) -> bool:
-        """Whether a frequency is beyond a pad's tests."""
+        """Return whether a frequency is beyond a pad's tests."""
         low, high = _band(self.reach)
         return self.known and not low / _NEAR <= frequency <= _NEAR * high
 

@@ -86,14 +86,14 @@ def is_grouped(case: Case) -> bool:
 
 
 def names_kin(case: Case) -> bool:
-    """Whether exactly one effect is named, and the hidden form may be called by it."""
+    """Return whether exactly one effect is named, and the hidden form may be called by it."""
     (name,) = case["names"]
     named = _named(case)
     return case["verdict"] in _SURE and len(named) == 1 and named <= set(case["kin"][name])
 
 
 def names_wrongly(case: Case) -> bool:
-    """Whether an effect that is not hidden is named without a rival."""
+    """Return whether an effect that is not hidden is named without a rival."""
     return case["verdict"] in _SURE and not _named(case) <= _allowed(case)
 
 
@@ -110,17 +110,17 @@ def _allowed(case: Case) -> set[str]:
 
 
 def is_unexplained(case: Case) -> bool:
-    """Whether structure is found and no effect is named for it."""
+    """Return whether structure is found and no effect is named for it."""
     return bool(case["verdict"] == "unexplained")
 
 
 def has_failed(case: Case) -> bool:
-    """Whether the program stopped with an error."""
+    """Return whether the program stopped with an error."""
     return bool(case["verdict"] == "failed")
 
 
 def is_right(case: Case) -> bool:
-    """Whether the verdict is right, by the kind of what is hidden."""
+    """Return whether the verdict is right, by the kind of what is hidden."""
     return names_kin(case) if case["kind"] == "form" else is_grouped(case)
 
 

@@ -26,16 +26,16 @@ class CheckStep:
     seed: int
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """As `check_into`."""
+        """Check the fit in the folder; see `check_into`."""
         check_into(folder, load(folder / "posterior.nc"), study, seed=self.seed, watcher=watcher)
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """As `tell_check`."""
+        """Report the check in the folder; see `tell_check`."""
         tell_check(folder, watcher)
 
 
 def tell_check(folder: Path, watcher: Watcher) -> None:
-    """What a check left in a folder."""
+    """Report the check that lies in a folder."""
     check = CheckResult.read(folder / "check.json")
     for text in check.notices:
         watcher.notice(text)

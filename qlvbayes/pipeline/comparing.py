@@ -24,7 +24,7 @@ Group = tuple[str, Sequence[Saved]]
 
 
 def saved_pads(out: Path, data: Path | None = None) -> list[Saved]:
-    """Every fit in a folder; InputError where there is none.
+    """Return every fit in a folder; raise InputError where there is none.
 
     Where a file does not say what its tests cover and which fluid is in the pad, the measurements
     do, in ``data`` or where the file says they are, if they are there.
@@ -49,12 +49,12 @@ def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Measurement
 
 
 def pad_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
-    """Every pair of pads."""
+    """Return every pair of pads."""
     return list(combinations([(saved.pad, [saved]) for saved in pads], 2))
 
 
 def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
-    """Every pair of fluids of which there are two specimens or more."""
+    """Return every pair of fluids of which there are two specimens or more."""
     fluids: dict[str, list[Saved]] = {}
     for saved in pads:
         if saved.fluid:

@@ -146,7 +146,7 @@ def _figures(found: Found, folder: Path) -> list[Path]:
 def _present(
     folder: Path, out: Path, asked: Sequence[str], data: Path | None
 ) -> tuple[Present, bool]:
-    """What is known, and whether the cause is asked for, which has to be in doubt then."""
+    """Return what is known, and whether the cause is asked for, which has to be in doubt then."""
     fit, judged = folder / "posterior.nc", folder / "diagnosis.json"
     result = DiagnosisResult.read(judged) if judged.is_file() else None
     if result is None and not fit.is_file():
@@ -194,7 +194,7 @@ def likely(found: Sequence[Alternative], families: Families) -> list[Alternative
 
 
 def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
-    """What a fit's posterior says; of the rig, what its measurements say if they are there."""
+    """Return what is known by a fit's posterior, and of the rig by its measurements if given."""
     if saved.covered is None:
         raise InputError(
             f"the posterior of pad {saved.pad} does not say what its tests cover",
@@ -279,7 +279,7 @@ def _thresholds(result: DiagnosisResult) -> DiagnosisSettings | None:
 
 
 def _run(out: Path) -> Run:
-    """The last run that diagnosed."""
+    """Return the last run that diagnosed."""
     path = out / "run.json"
     runs = Runs.read(path).runs if path.is_file() else {}
     run = runs.get("diagnose", runs.get("study"))

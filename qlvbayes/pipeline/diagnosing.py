@@ -33,7 +33,7 @@ class DiagnoseStep:
     thresholds: DiagnosisSettings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """As `diagnose_into`."""
+        """Diagnose the pad; see `diagnose_into`."""
         diagnose_into(
             folder,
             study.pads[0],
@@ -45,7 +45,7 @@ class DiagnoseStep:
         )
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """The verdict."""
+        """Report the verdict."""
         from qlvbayes.plots.diagnosis_files import FIGURES
 
         result = DiagnosisResult.read(folder / "diagnosis.json")

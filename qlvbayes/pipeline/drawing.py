@@ -48,7 +48,7 @@ class Known:
 
 
 def references_of(place: Path, given: Path | None) -> Known | None:
-    """The file of reference values: what is given, else paper_table1.csv in the data's folder.
+    """Return the file of references: the one given, else paper_table1.csv beside the data.
 
     None where there is none. Raises InputError where a given file cannot be used.
     """

@@ -38,7 +38,7 @@ class FitStep:
     settings: Settings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """As `fit_into`."""
+        """Fit the pad; see `fit_into`."""
         fit_into(
             folder,
             study.pads[0],
@@ -51,12 +51,12 @@ class FitStep:
         )
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """As `tell_fit`."""
+        """Report the fit in the folder; see `tell_fit`."""
         tell_fit(folder, watcher)
 
 
 def tell_fit(folder: Path, watcher: Watcher) -> None:
-    """What a fit left in a folder."""
+    """Report the fit that lies in a folder."""
     summary = FitSummary.read(folder / "summary.json")
     for text in summary.notices:
         watcher.notice(text)
@@ -123,7 +123,7 @@ def fit_into(
 
 
 def _begun(experiment: Experiment, choices: Choices) -> tuple[str, ...]:
-    """What is fitted, the noise floor, and the priors."""
+    """Return what is fitted, the noise floor, and the priors."""
     tests = ", ".join(
         f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
         for trial in experiment.with_role("fit")

@@ -61,7 +61,7 @@ def _data_folder(out: Path, pads: list[str]) -> Path:
 
 
 def _finals(out: Path, run: Run, engine: Engine | None, watcher: Watcher) -> Tally:
-    """Of the pads of a study that were diagnosed, the last fits that are not there."""
+    """Run the last fits that the diagnosed pads of a study lack."""
     pads = [file.parents[1].name for file in sorted(out.glob("*/plain/check.json"))]
     pads = [pad for pad in pads if (out / pad / "diagnosis.json").exists()]
     new = any_new(out, pads, Choices.from_dict(run.choices))
@@ -79,7 +79,7 @@ def _finals(out: Path, run: Run, engine: Engine | None, watcher: Watcher) -> Tal
 
 
 def _is_final(folder: Path, *, new: bool) -> bool:
-    """Whether the pad's last fit is the one that its verdict and the other pads ask for."""
+    """Return whether the pad's last fit is the one that its verdict and the other pads ask for."""
     if not (folder / "check.json").exists():
         return False
     last, plain = (facts_of(folder / part / "posterior.nc") for part in ("", "plain"))
@@ -94,7 +94,7 @@ def _choices(facts: dict) -> Choices:
 
 
 def _studies(out: Path, pads: list[str]) -> Iterator[Measurements | Fault]:
-    """The measurements of some pads, from where their fits say that they are."""
+    """Yield the measurements of some pads, read from where their fits say that they are."""
     reader = Reader()
     for pad in pads:
         try:
@@ -105,7 +105,7 @@ def _studies(out: Path, pads: list[str]) -> Iterator[Measurements | Fault]:
 
 
 class Reader:
-    """The measurements of saved fits; the last file is kept, as the next pad is often in it.
+    """Reads the measurements of saved fits; keeps the last file, as the next pad is often in it.
 
     data: where they are, if that is not where the fits say.
     """
@@ -116,7 +116,7 @@ class Reader:
         self._study: Measurements | None = None
 
     def study(self, saved: Saved) -> Measurements:
-        """Of the one pad; InputError where they are gone or have changed since."""
+        """Return the study of one pad; raise InputError where it is gone or has changed since."""
         source = Path(saved.source)
         if self._data is not None:
             source = self._data / source.name if self._data.is_dir() else self._data

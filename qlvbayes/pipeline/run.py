@@ -151,7 +151,7 @@ def finish(
     watcher: Watcher,
     engine: Engine | None = None,
 ) -> None:
-    """What is made of all pads: constants, forces, comparisons, report."""
+    """Write what concerns all pads: constants, forces, comparisons, report."""
     with watcher.doing("figures of all pads"):
         draw_constants(out, references)
         draw_forces_at_rates(out)
@@ -161,7 +161,7 @@ def finish(
 
 
 def _look(source: Source, out: Path, choices: Choices, watcher: Watcher) -> None:
-    """At the tests of one file, before anything is fitted."""
+    """Look at the tests of one file, before anything is fitted."""
     wanted = [study.pads[0] for study in source if isinstance(study, Measurements)]
     with watcher.doing("looking"):
         look, figures = look_into(
@@ -172,17 +172,17 @@ def _look(source: Source, out: Path, choices: Choices, watcher: Watcher) -> None
 
 
 def verdict(out: Path, pad: str) -> DiagnosisResult:
-    """Of a pad, as it was left."""
+    """Return the verdict on a pad, as its file has it."""
     return DiagnosisResult.read(out / pad / "diagnosis.json")
 
 
 def any_new(out: Path, pads: Iterable[str], choices: Choices) -> bool:
-    """Whether the verdict on some pad names what the model did not have."""
+    """Return whether the verdict on some pad names what the model did not have."""
     return any(fuller(choices, verdict(out, pad)) != choices for pad in pads)
 
 
 def fuller(choices: Choices, found: DiagnosisResult) -> Choices:
-    """The choices with the laws and effects that a verdict names."""
+    """Return the choices with the laws and effects that a verdict names."""
     new = (found.forms.get(name, name) for name in found.effects if name not in choices.effects)
     return replace(_on_laws(choices, found), effects=(*choices.effects, *new))
 
@@ -199,7 +199,7 @@ def _diagnosed_in(out: Path) -> list[str]:
 
 
 def _others(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
-    """The pads that are done, once more; what failed was told."""
+    """Yield the pads that are done, once more; faults were reported before."""
     pads, failed = set(done.pads), {fault.of for fault in done.faults}
     for one in source:
         if isinstance(one, Fault):
@@ -220,7 +220,7 @@ def run_finals(
     engine: Engine | None,
     watcher: Watcher,
 ) -> Tally:
-    """What the verdicts name: the same tests of every pad, so that comparing them is fair.
+    """Fit what the verdicts name to the same tests of every pad, so that comparing is fair.
 
     new: whether any of them names something; else the plain fits are taken over.
     """
@@ -243,7 +243,7 @@ def _final_work(out: Path, study: Measurements, chosen: ChoicesOf, settings: Set
 
 
 def _take_over(folder: Path) -> None:
-    """The plain fit and its check as those of the pad."""
+    """Copy the baseline fit and its check to the pad's folder."""
     for file in filter(Path.is_file, (folder / "plain").iterdir()):
         write_whole(folder / file.name, file.read_bytes())
 
@@ -260,14 +260,14 @@ class PlainStep:
     thresholds: DiagnosisSettings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """Into the folder, and ``plain`` in it."""
+        """Fit and check the baseline model in ``plain``, and diagnose the pad."""
         _fit_and_check(
             folder / "plain", study, self.choices, self.settings, watcher, all_tests=False
         )
         self._diagnosis.run(folder, study, watcher)
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """As each of them does."""
+        """Report what the steps left."""
         _tell_fit(folder / "plain", watcher)
         self._diagnosis.tell(folder, watcher)
 
@@ -287,11 +287,11 @@ class FinalStep:
     settings: Settings
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """Into the folder."""
+        """Fit the pad and check the fit."""
         _fit_and_check(folder, study, self.choices, self.settings, watcher, all_tests=True)
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """As each of them does."""
+        """Report what the steps left."""
         _tell_fit(folder, watcher)
 
 
@@ -323,7 +323,7 @@ def _tell_fit(folder: Path, watcher: Watcher) -> None:
 
 
 def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
-    """With the base laws that the verdict stands on, if it has any; a Prony series keeps its modes.
+    """Return choices with the verdict's base laws, if any; a Prony series keeps its modes.
 
     What the user said of the constants of a law goes with it.
     """
@@ -344,5 +344,5 @@ def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
 
 
 def _constant(setting: str) -> str:
-    """The constant's name in ``v[2]=0.14``, without its number."""
+    """Return the constant's name in ``v[2]=0.14``, without its number."""
     return setting.partition("=")[0].partition("[")[0].strip()

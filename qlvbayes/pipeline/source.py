@@ -44,7 +44,7 @@ class Source:
         only: Sequence[str] = (),
         shard: Shard | None = None,
     ) -> Source:
-        """Of measurements, a file, several files, or a folder of them.
+        """Return the source for measurements, a file, several files, or a folder of them.
 
         Raises InputError where a single file cannot be read or lacks a pad that is wanted, where
         there are no files, or where two have one name.
@@ -65,14 +65,14 @@ class Source:
 
     @property
     def size(self) -> int:
-        """How many pads there are in this part; of several files, how many of these."""
+        """Number of pads in this part; of several files, the number of files."""
         if self.read is None:
             return len(self.shard.part(self.files))
         return len(self.shard.part(self._wanted(self.read)))
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What was noticed on reading a single file."""
+        """Notices from reading a single file."""
         return self.read.notices if self.read else ()
 
     @property
@@ -84,11 +84,11 @@ class Source:
 
     @property
     def whole(self) -> Measurements:
-        """For what is noted of a run: the one study, or where its files are."""
+        """The one study, or an empty one that says where the files are."""
         return self.read or Measurements((), PAD, str(self.place), "", ())
 
     def __iter__(self) -> Iterator[Measurements | Fault]:
-        """A study of one pad after the other, and a fault for a file that cannot be read."""
+        """Yield a study of each pad, and a fault for each file that cannot be read."""
         if self.read is not None:
             for pad in self.shard.part(self._wanted(self.read)):
                 yield alone(self.read, pad)
@@ -110,12 +110,12 @@ class Source:
 
 
 def alone(study: Measurements, pad: Pad) -> Measurements:
-    """One pad of a study as a study."""
+    """Return one pad of a study as a study."""
     return Measurements((pad,), study.units, study.source, study.sha256, study.notices)
 
 
 def named_after(file: Path, study: Measurements) -> Measurements:
-    """The study of one file among several: its pads' names tell them from those of other files.
+    """Return the study of one file among several, with pad names that no other file has.
 
     ``B.csv`` with one pad of no name, or called B, gives B; with pads 1 and 2, B-1 and B-2.
     Raises InputError where such a name cannot be that of a folder.
@@ -132,12 +132,12 @@ def named_after(file: Path, study: Measurements) -> Measurements:
 
 
 def renamed(pad: Pad, name: str) -> Pad:
-    """The same pad under another name."""
+    """Return the same pad under another name."""
     return replace(pad, name=name, tests=tuple(replace(test, pad=name) for test in pad.tests))
 
 
 def pad_of(study: Measurements, name: str) -> Measurements:
-    """A pad by the name that it has among several files, or in its own; as a study of one pad.
+    """Return a study of one pad, by its name among several files or in its own.
 
     Raises InputError where there is none.
     """
@@ -154,7 +154,7 @@ def _known(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
 
 
 def _files(path: Path) -> list[Path]:
-    """A file, or those of a folder that may hold measurements."""
+    """Return the file, or those files of a folder that may hold measurements."""
     if not path.is_dir():
         return [path]
     found = [
@@ -173,7 +173,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _stem(file: Path) -> str:
-    """A file's name without its kind: of ``B.csv.gz`` B."""
+    """Return a file's name without its kind: of ``B.csv.gz`` B."""
     name = file.name.removesuffix(".gz")
     return name.rpartition(".")[0] or name
 

@@ -184,7 +184,7 @@ class Study(Measurements):
         return iter(self._specimens)
 
     def __len__(self) -> int:
-        """How many pads there are."""
+        """Return how many pads there are."""
         return len(self.pads)
 
     def __repr__(self) -> str:
@@ -253,7 +253,7 @@ class Study(Measurements):
 
     @cached_property
     def _specimens(self) -> dict[str, Specimen]:
-        """Each once, so that its tests are made ready once."""
+        """Specimens by name, each made once, so that its tests are prepared once."""
         return {pad.name: Specimen(pad) for pad in self.pads}
 
 

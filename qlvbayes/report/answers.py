@@ -31,7 +31,7 @@ class Answer:
 
 
 def answers(results: Results, compared: Sequence[Comparing], remedies: dict) -> tuple[Answer, ...]:
-    """In the order of the sections; what was not done names the command that does it."""
+    """Return the answers in the order of the sections; a missing step names its command."""
     pads = results.pads
     return (
         Answer(
@@ -57,7 +57,7 @@ def answers(results: Results, compared: Sequence[Comparing], remedies: dict) -> 
 
 
 def split_first(text: str) -> tuple[str, str]:
-    """The first sentence, and the rest; no line breaks within a share."""
+    """Return the first sentence, and the rest; no line breaks within a share."""
     for sign in (" %", "> 99.9", "< 0.1"):
         text = text.replace(sign, sign.replace(" ", NBSP))
     head, stop, rest = text.partition(". ")

@@ -58,7 +58,7 @@ BADGES = {
 
 
 def verdict_box(pad: PadResults, remedy: str) -> Box:
-    """The box of one pad; ``remedy`` is the command that would diagnose it."""
+    """Return the box of one pad; ``remedy`` is the command that would diagnose it."""
     found = pad.diagnosis
     verdict = found.verdict if found else ""
     shown = (found.group or found.effects) if found else ()
@@ -77,7 +77,7 @@ def verdict_box(pad: PadResults, remedy: str) -> Box:
 
 
 def seen(name: str) -> str:
-    """What one would see of an effect; nothing for a user's own."""
+    """Return what one would see of an effect; nothing for a user's own."""
     try:
         return find(name).seen
     except InputError:
@@ -85,7 +85,7 @@ def seen(name: str) -> str:
 
 
 def verdict_line(found: DiagnosisResult) -> str:
-    """The verdict in one line; named effects follow it."""
+    """Return the verdict in one line; named effects follow it."""
     many = len(found.effects) > 1
     return {
         "adequate": f"Nothing is missing that these tests can show{_on_laws(found)}.",
@@ -100,13 +100,13 @@ def verdict_line(found: DiagnosisResult) -> str:
 
 
 def besides(found: DiagnosisResult) -> str:
-    """What an ambiguous verdict is sure of; the last effect stands for the group."""
+    """Return what an ambiguous verdict is sure of; the last effect stands for the group."""
     sure = list(found.effects[:-1])
     return f" besides {joined(sure)}" if sure else ""
 
 
 def _on_laws(found: DiagnosisResult) -> str:
-    """The base laws, where they are not those chosen."""
+    """Return the base laws, where they are not those chosen."""
     if not found.changed:
         return ""
     return f", with other laws than were chosen: {joined(found.changed)}"
@@ -166,7 +166,7 @@ def _warnings(pad: PadResults) -> list[str]:
 
 
 def _other_laws(pad: PadResults) -> list[str]:
-    """Where the fit has not the laws that the diagnosis asks for."""
+    """Return a sentence where the fit lacks the laws that the diagnosis asks for."""
     found, chosen = pad.diagnosis, pad.final.facts.get("choices")
     if found is None or chosen is None or found.verdict == "unexplained":
         return []
@@ -194,7 +194,7 @@ def _notices(pad: PadResults) -> list[str]:
 
 
 def _small(pad: PadResults) -> list[str]:
-    """What is left where the verdict does not count it."""
+    """Return a sentence on a remainder that the verdict does not count."""
     found = pad.diagnosis
     left = found.remainder if found else None
     if found is None or left is None or not left.sure:

@@ -14,7 +14,7 @@ _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 
 def chart_of(pad: PadResults) -> dict | None:
-    """What the script draws for one pad: numbers only; None where there are no curves.
+    """Return what the script draws for one pad: numbers only; None where there are no curves.
 
     Per test the measured force, the last model's mean and 90 % band and, where effects were added,
     the plain model's mean, at the same times (s); and time and force of readings left out.
@@ -34,7 +34,7 @@ def chart_of(pad: PadResults) -> dict | None:
 
 
 def _first(pad: PadResults, names: list[str]) -> int:
-    """The test to begin with: where the model, or the plain one, fails worst; else the fastest."""
+    """Return the test that is shown first: where a model fails worst, else the fastest."""
     for model in (pad.final, pad.plain):
         worst = model.check.worst if model and model.check else None
         if worst and worst.test in names:
@@ -43,7 +43,7 @@ def _first(pad: PadResults, names: list[str]) -> int:
 
 
 def _plain_means(pad: PadResults) -> dict[str, TestCurves]:
-    """The plain model's, by test, where it is not the last model."""
+    """Return the plain model's, by test, where it is not the last model."""
     plain: Model | None = pad.plain
     if plain is None or plain.curves is None or plain.effects == pad.final.effects:
         return {}

@@ -43,7 +43,7 @@ class Model:
 
     @property
     def effects(self) -> list[str]:
-        """In the model."""
+        """Names of the effects in the model."""
         known = self.summary or self.check
         return list(known.effects) if known else []
 
@@ -61,12 +61,12 @@ class PadResults:
 
     @property
     def force_unit(self) -> str:
-        """Of the measured force."""
+        """Unit of the measured force."""
         return str(self.final.facts.get("force_unit", "N"))
 
     @property
     def speed_unit(self) -> str:
-        """Of the loading rate."""
+        """Unit of the loading rate."""
         displacement = str(self.final.facts.get("displacement_unit", "mm"))
         return "1/s" if displacement == "1" else f"{displacement}/s"
 
@@ -103,7 +103,7 @@ def collect(out: Path) -> Results:
 
 
 def pad_folders(out: Path) -> list[Path]:
-    """Of all pads in a folder of results; InputError where there are none."""
+    """Return the folders of all pads; raise InputError where there are none."""
     folders = [path for path in sorted(out.glob("*")) if any((path / m).exists() for m in MARKS)]
     if not folders:
         raise InputError(
@@ -115,13 +115,13 @@ def pad_folders(out: Path) -> list[Path]:
 
 
 def runs_in(out: Path) -> dict[str, Run]:
-    """By which commands a folder was made, by step; empty where it does not say."""
+    """Return the runs that made a folder, by step; empty where it does not say."""
     noted = read_if_there(Runs, out / "run.json")
     return noted.runs if noted else {}
 
 
 def pad_in(folder: Path) -> PadResults:
-    """One pad, as far as it is there."""
+    """Return one pad, as far as it is there."""
     final = _model(folder)
     plain = folder / "plain"
     diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
@@ -152,7 +152,7 @@ def _compared(folder: Path) -> Compared:
 
 
 def read_if_there(kind: type[Kind], path: Path) -> Kind | None:
-    """A result in a file; None where there is no file."""
+    """Return a result in a file; None where there is no file."""
     return kind.read(path) if path.exists() else None
 
 
@@ -195,7 +195,7 @@ def _damaged(path: Path) -> InputError:
 
 
 def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
-    """What ``summary.json`` would say; the units and the choices that ours carry as attributes.
+    """Return what ``summary.json`` would say, with units and choices from the attributes.
 
     Raises InputError where the file is no posterior with our names of the constants.
     """

@@ -50,7 +50,7 @@ class Comparing:
 
 
 def comparing_of(found: Compared) -> Comparing:
-    """One comparison as it is shown."""
+    """Return one comparison as it is shown."""
     told = found.found
     first, second = told.names
     notices = told.notices
@@ -71,7 +71,7 @@ def comparing_of(found: Compared) -> Comparing:
 
 
 def _in_a_line(told: Comparison) -> str:
-    """Whether they differ, and in which constants, or quantities if there are none."""
+    """Return whether they differ, and in which constants, or quantities if there are none."""
     pair = " and ".join(told.names)
     where = _grouped(told, told.of_group("constants") or told.contrasts)
     if told.differ and where.startswith("different "):
@@ -85,7 +85,7 @@ def _in_a_line(told: Comparison) -> str:
 
 
 def _grouped(told: Comparison, contrasts: Sequence[Contrast]) -> str:
-    """Which quantities differ, which are equal, which are open."""
+    """Return which quantities differ, which are equal, which are open."""
     found: dict[str, list[str]] = {}
     for one in contrasts:
         found.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)

@@ -69,7 +69,7 @@ class Shifts:
 
 
 def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
-    """Every constant that any of the pads has: the material's, the effects', the noise's."""
+    """Return every constant that any of the pads has: the material's, the effects', the noise's."""
     units: dict[str, str] = {}
     for pad in pads:
         units |= {name: c.unit for name, c in _parameters(pad.final).items()}
@@ -87,7 +87,7 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
 
 
 def constants_words(pad: PadResults) -> str | None:
-    """One sentence of what is known of a pad's constants and from what."""
+    """Return one sentence of what is known of a pad's constants and from what."""
     summary = pad.final.summary
     if summary is None:
         return None
@@ -100,7 +100,10 @@ def constants_words(pad: PadResults) -> str | None:
 
 
 def shifts_of(pad: PadResults) -> Shifts | None:
-    """How the constants moved when the named effects came in; None where nothing was added."""
+    """Return how the constants moved when the named effects came in.
+
+    Return None where nothing was added.
+    """
     if pad.plain is None or pad.plain.effects == pad.final.effects:
         return None
     before, after = _parameters(pad.plain), _parameters(pad.final)
@@ -158,7 +161,7 @@ def _value(c: Constant | None) -> Value:
 
 
 def _of_laws(pad: PadResults) -> dict[str, str]:
-    """What the constants of a pad's laws mean; nothing where a file of the user's own has gone."""
+    """Return the meanings of the constants of a pad's laws, none if the user's file is gone."""
     try:
         given = Choices.from_dict(json.loads(pad.final.facts.get("choices", "{}")))
         laws = (
@@ -171,7 +174,7 @@ def _of_laws(pad: PadResults) -> dict[str, str]:
 
 
 def _meaning(name: str, meanings: dict[str, str]) -> str:
-    """In words."""
+    """Return the meaning of a constant in words."""
     match = _INDEXED.fullmatch(name)
     if match and match[1] == "c":
         index = int(match[2])
@@ -186,7 +189,7 @@ def _meaning(name: str, meanings: dict[str, str]) -> str:
 
 
 def _place(name: str) -> tuple[int, str, int]:
-    """The paper's order: m, b, c, v; then effects; then noise."""
+    """Return the rank of a constant in the paper's order: m, b, c, v; effects; noise."""
     match = _INDEXED.fullmatch(name)
     if match:
         return ("cv".index(match[1]) + 2, "", int(match[2]))

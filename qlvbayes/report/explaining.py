@@ -54,7 +54,7 @@ class Explaining:
 
 
 def explaining_of(pad: PadResults) -> Explaining | None:
-    """What the diagnosis found; None where it was not done."""
+    """Return what the diagnosis found; None where it was not done."""
     found = pad.diagnosis
     if found is None:
         return None
@@ -73,7 +73,7 @@ def explaining_of(pad: PadResults) -> Explaining | None:
 
 
 def _spoken(pad: PadResults) -> tuple[str, ...]:
-    """The paragraphs of diagnosis.txt below a heading that names the pad."""
+    """Return the paragraphs of diagnosis.txt below a heading that names the pad."""
     said = [text.removeprefix(f"Pad {pad.name}: ").replace("+-", "±") for text in pad.words]
     return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
 
@@ -91,7 +91,7 @@ def _step(stage: Stage, chosen: LawPair, noise: float) -> Step:
 
 
 def _model(stage: Stage, chosen: LawPair) -> str:
-    """Its laws, where they are not those chosen, and its effects."""
+    """Return a step's laws, where they are not those chosen, and its effects."""
     return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 

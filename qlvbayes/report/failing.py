@@ -83,7 +83,7 @@ class Failing:
 
 
 def failing_of(pad: PadResults) -> Failing | None:
-    """What the check found; None where it was not done."""
+    """Return what the check found; None where it was not done."""
     check = pad.final.check
     if check is None:
         return None
@@ -184,7 +184,7 @@ def _detail(cell: residuals.Cell, noise: float) -> Detail:
 
 
 def _repeated(check: CheckResult) -> tuple[Repeated, ...]:
-    """A row a test and kind of phase; results of older versions have none."""
+    """Return a row a test and kind of phase; results of older versions have none."""
     rows: dict[tuple[str, str], list[residuals.Cycle]] = {}
     for cycle in check.cycles:
         rows.setdefault((cycle.test, cycle.phase), []).append(cycle)

@@ -99,7 +99,7 @@ class Embedder:
         self._left = most
 
     def __call__(self, folder: Path, name: str, of: str = "") -> Figure | None:
-        """The figure ``name``.png of a folder; None where it was not drawn."""
+        """Return the figure ``name``.png of a folder; None where it was not drawn."""
         path = folder / f"{name}.png"
         if not path.exists():
             return None

@@ -65,7 +65,7 @@ class Methods:
 
 
 def methods_of(results: Results) -> Methods:
-    """What lies in ``posterior.nc`` and ``run.json``, as far as they are there."""
+    """Return what lies in ``posterior.nc`` and ``run.json``, as far as they are there."""
     choices = _choices(results)
     runs = list(results.runs.values())
     return Methods(
@@ -100,7 +100,7 @@ def _laws(choices: dict) -> tuple[str, str]:
 
 
 def _thresholds(results: Results) -> tuple[str, ...]:
-    """Those that the first diagnosis used, in words; those without, by name."""
+    """Return the thresholds of the first diagnosis in words, the others by name."""
     told = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
     used = next((settings for settings in told if settings), None)
     known = asdict(used.thresholds) if used else {}
@@ -111,12 +111,12 @@ def _thresholds(results: Results) -> tuple[str, ...]:
 
 
 def _counted(fields: dict[str, float]) -> str:
-    """As ``beam = 2, near = 25``."""
+    """Return numbers as ``beam = 2, near = 25``."""
     return ", ".join(f"{name} = {value:g}" for name, value in fields.items())
 
 
 def _comparisons(results: Results) -> str:
-    """How pads were compared, from what the first comparison says of itself."""
+    """Return how pads were compared, from what the first comparison says of itself."""
     if not results.comparisons:
         return ""
     found = results.comparisons[0].found
@@ -132,7 +132,7 @@ def _comparisons(results: Results) -> str:
 
 
 def source_name(results: Results) -> str | None:
-    """The measurements' file name, if all pads come from one."""
+    """Return the measurements' file name, if all pads come from one."""
     names = {name for name, _ in _sources(results)}
     return names.pop() if len(names) == 1 else None
 
@@ -168,7 +168,7 @@ def _versions(results: Results) -> dict[str, str]:
 
 
 def _commands(results: Results) -> tuple[str, ...]:
-    """Where no command was noted: the one that fits with the same choices."""
+    """Return commands, where none was noted the one that fits with the same choices."""
     name = source_name(results)
     if name is None:
         return ()

@@ -28,7 +28,7 @@ def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
 
 
 def to_sd(value: float | None, sd: float | None) -> str:
-    """A number with two digits of its sd; four significant ones where it has none."""
+    """Return a number with two digits of its sd; four significant ones where it has none."""
     if value is None or not sd or not isfinite(sd):
         return number(value, 4)
     places = max(0, 1 - floor(log10(sd)))
@@ -36,7 +36,7 @@ def to_sd(value: float | None, sd: float | None) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A probability, never rounded to certainty; no line breaks in it."""
+    """Return a probability, never rounded to certainty; no line breaks in it."""
     if share is None or not isfinite(share):
         return DASH
     return wording.percent(share).replace(" ", NBSP)

@@ -45,7 +45,7 @@ class Overview:
 
 
 def overview_of(folders: Sequence[Path]) -> Overview:
-    """Of the folders of pads, one read after the other."""
+    """Return the overview of pads, whose folders are read one after the other."""
     lines = tuple(map(_line, folders))
     known = Counter(name for line in lines for name in line.constants)
     verdicts = Counter(line.verdict for line in lines)
@@ -54,7 +54,7 @@ def overview_of(folders: Sequence[Path]) -> Overview:
 
 
 def is_older(page: Path, folder: Path) -> bool:
-    """Whether a pad's page is missing, or older than what it tells of."""
+    """Return whether a pad's page is missing, or older than what it tells of."""
     if not page.exists():
         return True
     made = page.stat().st_mtime_ns

@@ -69,7 +69,7 @@ class PadView:
 
 
 def page(results: Results) -> str:
-    """The whole HTML text; nothing in it refers to anything outside it."""
+    """Return the whole HTML text; nothing in it refers to anything outside it."""
     remedies = _remedies(results)
     embed = Embedder(results.out)
     compared = [comparing_of(found) for found in results.comparisons]
@@ -143,7 +143,7 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
 
 
 def _asset(folder: str, name: str) -> Markup:
-    """A file of this package as it stands: styles and scripts, which must not be escaped."""
+    """Return a file of this package as it stands: styles and scripts, which must not be escaped."""
     return Markup(files("qlvbayes.report").joinpath(folder, name).read_text(encoding="utf-8"))
 
 
@@ -192,6 +192,6 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
 
 
 def _write_own(out: Path, folder: Path) -> None:
-    """The page of one pad of many, in its own folder."""
+    """Write the page of one pad of many into its own folder."""
     results = Results(folder, (pad_in(folder),), (), runs_in(out))
     write_whole(folder / REPORT, page(results).encode())

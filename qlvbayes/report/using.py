@@ -37,7 +37,7 @@ class Using:
 
 
 def using_of(results: Results) -> Using | None:
-    """Of the first pad that was fitted; None where none was."""
+    """Return how the first fitted pad is used; None where none was fitted."""
     fitted = [pad for pad in results.pads if (pad.folder / "posterior.nc").exists()]
     if not fitted:
         return None
@@ -62,7 +62,7 @@ def using_of(results: Results) -> Using | None:
 
 
 def _program(pad: PadResults) -> str:
-    """A press as deep and as fast as the tests went, where that is known."""
+    """Return a press as deep and as fast as the tests went, where that is known."""
     unit = str(pad.final.facts.get("displacement_unit", "mm")).replace("1", "strain")
     try:
         covered = json.loads(pad.final.facts.get("covered", ""))

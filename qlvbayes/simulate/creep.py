@@ -38,7 +38,7 @@ class Load:
 
 
 def creep_protocol(load: float) -> tuple[Load, ...]:
-    """To `load` (N) in 0.1 s, 30 s; back to 30 % of it in 0.3 s, 30 s."""
+    """Return a load programme: to `load` (N) in 0.1 s, 30 s; back to 30 % in 0.3 s, 30 s."""
     return Load(load, 0.1, 30.0), Load(0.3 * load, 0.3, 30.0)
 
 
@@ -140,7 +140,7 @@ def creep_study(
     max_rows: int | None = None,
     clocks: Mapping[str, float] | None = None,
 ) -> list[SimulatedTest]:
-    """One creep test at each load (N) on each pad, with 120 s of rest before each of the others.
+    """Simulate a creep test at each load (N) on each pad, with 120 s of rest in between.
 
     Tests are named 'B-0.5N'. clocks: of each pad (s) when its first one begins; 0 without.
     """

@@ -69,7 +69,7 @@ def prony2(t: Array, c1: float, v1: float, c2: float, v2: float) -> Array:
 
 
 def prony3(t: Array, c1: float, v1: float, c2: float, v2: float, c3: float, v3: float) -> Array:
-    """As prony2, of three modes."""
+    """Return g(t) of three Prony modes."""
     return prony2(t, c1, v1, c2, v2) + c3 * np.expm1(-v3 * t)
 
 
@@ -109,7 +109,7 @@ class Law:
         return ELASTIC[self.elastic](depth, *self.curve)
 
     def stiffness(self, depth: Array) -> Array:
-        """Its slope (N/mm), by central differences over 2e-6 mm."""
+        """Return its slope (N/mm), by central differences over 2e-6 mm."""
         step = 1e-6
         return (self.force(depth + step) - self.force(depth - step)) / (2.0 * step)
 

@@ -117,7 +117,7 @@ class Stepper:
 
 
 def _models(source: Source | Model, draws: int) -> Model:
-    """A model whose numbers have a leading axis, of at most so many draws."""
+    """Return a model whose numbers have a leading axis, of at most so many draws."""
     if isinstance(source, Model):
         return jax.tree.map(lambda x: jnp.asarray(x, dtype=float)[None], source)
     return side_of(source, "draws").some(draws).models

@@ -40,7 +40,7 @@ def variance(length: Array, count: Array, z: complex) -> NDArray[np.complex128]:
 
 
 def _steps(length: Array, count: Array, z: complex) -> tuple[NDArray[np.bool_], Array]:
-    """Which means are over several instants, and z times their distance (elsewhere 1)."""
+    """Return which means are over several instants, and z times their distance (elsewhere 1)."""
     x = z * length / np.maximum(count - 1.0, 1.0)
     several = (count > 1.0) & (np.abs(x) > _NONE)
     return several, np.where(several, x, 1.0)

@@ -144,7 +144,7 @@ def _precision(x: Array) -> tuple[Array, float]:
 
 
 def _smooth_precision(x: Array) -> tuple[Array, float]:
-    """The same (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope.
+    """Return means (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope.
 
     A second-order low-pass (Butterworth's) of white noise: over a gap the state moves by A = e^-x
     [[cos x + sin x, 2^(1/2) sin x], [-2^(1/2) sin x, cos x - sin x]] and gains W = 1 - A A^T.

@@ -31,7 +31,7 @@ class PermanentSet(Effect):
         return remains, np.where(remains > 0, slowed, 0.0)
 
     def kinks(self, largest: Array) -> Array:
-        """Where the pad loses the platen, and where the depth becomes the largest so far."""
+        """Return where the pad loses the platen, and where the depth becomes the largest so far."""
         return np.concatenate([self.share * largest, largest])
 
 
@@ -58,7 +58,7 @@ class ContactOffset(Effect):
         return remains, np.where(remains > 0, velocity, 0.0)
 
     def kinks(self, largest: Array) -> Array:
-        """Where contact begins."""
+        """Return where contact begins."""
         return np.array([self.gap])
 
 
@@ -75,7 +75,7 @@ class Backlash(Effect):
     play: float
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """The operator of play along the nodes."""
+        """Return the operator of play along the nodes."""
         position, followed = float(depth.flat[0]), []
         for d in depth.ravel().tolist():
             position = max(position, d) if d > position else min(position, d + self.play)
@@ -86,7 +86,7 @@ class Backlash(Effect):
         return behind, np.where(waits, 0.0, velocity)
 
     def kinks(self, largest: Array) -> Array:
-        """Where the platen follows again on the way back."""
+        """Return where the platen follows again on the way back."""
         return largest - self.play
 
 
@@ -126,7 +126,7 @@ class FrameCompliance(Effect):
     compliance: float
 
     def deflection(self, force: Array) -> Array:
-        """How far the frame yields, mm."""
+        """Return how far the frame yields, mm."""
         return self.compliance * force
 
 

@@ -81,5 +81,5 @@ class Effect:
         return force
 
     def deflection(self, force: Array) -> Array:
-        """How far the frame yields, mm."""
+        """Return how far the frame yields, mm."""
         return np.zeros_like(force)

@@ -251,5 +251,5 @@ class BendingFrame(FrameCompliance):
     force: float
 
     def deflection(self, force: Array) -> Array:
-        """How far the frame yields, mm; to tension as to the same pressure."""
+        """Return how far the frame yields, mm; to tension as to the same pressure."""
         return self.compliance * force / (1.0 + np.abs(force) / self.force)

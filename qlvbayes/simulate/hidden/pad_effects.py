@@ -24,7 +24,7 @@ class ExtraRelaxationMode(Effect):
     v: float
 
     def modes(self, shares: Array, rates: Array) -> tuple[Array, Array]:
-        """One more mode; the others shrink to leave it room."""
+        """Return one more mode; the others shrink to leave it room."""
         return np.append((1.0 - self.c) * shares, self.c), np.append(rates, self.v)
 
 

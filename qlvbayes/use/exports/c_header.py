@@ -30,7 +30,7 @@ class CHeader(AbstractTarget):
 
 
 def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
-    """The header and the table of draws, with the words of the target that holds them."""
+    """Return the header and the table of draws, with the words of the target that holds them."""
     law = formulas_of(pad)
     name = pad.identifier
     language = C(name)
@@ -55,7 +55,7 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
 
 
 def formulas_of(pad: ExportedPad) -> Formulas:
-    """The elastic law's formulas; InputError where it has none."""
+    """Return the elastic law's formulas; raise InputError where it has none."""
     name = type(pad.elastic).name
     if name not in FORMULAS:
         raise InputError(
@@ -66,7 +66,7 @@ def formulas_of(pad: ExportedPad) -> Formulas:
 
 
 def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
-    """What a template says of the layers: ``pieces`` is empty of a pad without effects.
+    """Return what a template says of the layers: ``pieces`` is empty of a pad without effects.
 
     Such a pad has contact only, whose header is written by hand, with slopes for Newton's method.
     """
@@ -82,7 +82,7 @@ def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
 
 
 def _touch(pieces: Sequence[Piece], language: Language) -> str | None:
-    """Where it is remembered whether the specimen is touched."""
+    """Return where it is remembered whether the specimen is touched."""
     way = language.top
     for piece in reversed(pieces):
         if piece.touch is not None:
@@ -108,7 +108,7 @@ class C(Language):
         self.prefix = prefix
 
     def library(self, name: str) -> str:
-        """A macro, of the function for float or for double."""
+        """Return a macro, of the function for float or for double."""
         return f"{self.prefix.upper()}_{name.upper()}"
 
     def number(self, value: float) -> str:
@@ -116,11 +116,11 @@ class C(Language):
         return f"{self.prefix.upper()}_R({value!r})"
 
     def constant(self, name: str) -> str:
-        """A member of the struct."""
+        """Return a member of the struct."""
         return f"k->{name}"
 
     def own(self, name: str) -> str:
-        """With the pad's name before it."""
+        """Return a name with the pad's before it."""
         return f"{self.prefix}_{name}"
 
     def either(self, condition: str, yes: str, no: str) -> str:
@@ -142,17 +142,17 @@ class C(Language):
         return "\n".join([f"/* {told} */", head, "{", *lines, f"    return {result};", "}", ""])
 
     def truth(self, value: bool) -> str:
-        """A number."""
+        """Return a number."""
         return str(int(value))
 
     def opposite(self, condition: str) -> str:
-        """By an exclamation mark."""
+        """Return the negation, by an exclamation mark."""
         return f"(!{condition})"
 
     top = "s->top"
 
     def within(self, way: str, member: str) -> str:
-        """Of the state that lies there."""
+        """Return the member of the state that lies there."""
         return f"{way}.{member.removeprefix('s->')}"
 
     def memory(self, place: int) -> str:
@@ -160,11 +160,11 @@ class C(Language):
         return f"s->m[{place}]"
 
     def beneath(self, place: int, count: int) -> str:
-        """A member of the layer's own struct."""
+        """Return a member of the layer's own struct."""
         return "s->below" if count == 1 else f"s->below[{place}]"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """A constant."""
+        """Return a constant."""
         kind = "int" if truth else f"{self.prefix}_real"
         return f"const {kind} {name} = {text};"
 
@@ -173,15 +173,15 @@ class C(Language):
         return f"s->m[{place}] = {text};"
 
     def declared(self, below: str, name: str) -> str:
-        """A struct."""
+        """Return a struct."""
         return f"{self.prefix}_{below}_state {name};"
 
     def copy(self, below: str, name: str, place: str) -> str:
-        """The whole struct."""
+        """Return the whole struct."""
         return f"{self.prefix}_{below}_state {name} = {place};"
 
     def keep(self, place: str, name: str) -> str:
-        """The whole struct."""
+        """Return the whole struct."""
         return f"{place} = {name};"
 
     def begin(self, below: str, place: str, displacement: str) -> str:
@@ -194,7 +194,7 @@ class C(Language):
         return call if name is None else f"const {self.prefix}_real {name} = {call}"
 
     def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
-        """A struct and two functions."""
+        """Return a struct and two functions."""
         p, state = self.prefix, f"{self.prefix}_{piece.name}_state"
         count = "" if piece.beneath == 1 else f"[{piece.beneath}]"
         members = [f"    {p}_{below}_state below{count};"]
@@ -217,7 +217,7 @@ class C(Language):
         return "\n".join(text)
 
     def late(self, piece: Piece, below: str) -> str:
-        """From a template."""
+        """Return the code of a template."""
         names = {"p": self.prefix, "P": self.prefix.upper(), "delay": piece.constants[0]}
         return template("late.h.j2", piece=piece, below=below, most=LINES, **names)
 

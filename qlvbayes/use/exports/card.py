@@ -28,7 +28,7 @@ ONE_DRAW = "the posterior: one draw only, with the intervals above"
 
 
 def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = ()) -> list[str]:
-    """The lines, without comment signs; ``extra``: what else does not go along."""
+    """Return the lines, without comment signs; ``extra``: what else does not go along."""
     lines = [
         f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
         + (f", from {pad.source}" if pad.source else ""),
@@ -55,18 +55,18 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
 
 
 def commented(lines: Iterable[str], sign: str) -> str:
-    """The lines in ASCII, each behind a comment sign."""
+    """Return the lines in ASCII, each behind a comment sign."""
     text = "\n".join(f"{sign} {line}".rstrip() for line in lines) + "\n"
     return text.encode("ascii", "backslashreplace").decode()
 
 
 def in_comment(lines: Iterable[str]) -> list[str]:
-    """The lines where no comment of C or XML begins anew, or ends before its time."""
+    """Return the lines where no comment of C or XML begins anew, or ends before its time."""
     return [_SIGNS.sub(r"\g<0> ", line) for line in lines]
 
 
 def template(file: str, /, **values: object) -> str:
-    """A file of ``templates/`` filled in."""
+    """Return a file of ``templates/`` filled in."""
     environment = Environment(
         loader=PackageLoader("qlvbayes.use.exports"),
         undefined=StrictUndefined,
@@ -110,7 +110,7 @@ def _relaxation(pad: ExportedPad) -> str:
 
 
 def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
-    """Those that do not go along, each with the reason; and why there is no way back."""
+    """Return those that do not go along, each with the reason; and why there is no way back."""
     lost = pad.left_out if target.steps else dict.fromkeys(pad.effects, target.without_steps)
     found = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
     if target.steps and pad.one_way:
@@ -119,7 +119,7 @@ def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
 
 
 def _long_term(pad: ExportedPad) -> list[str]:
-    """Whether what never relaxes is known, or only how little of it there may be."""
+    """Return whether what never relaxes is known, or only how little of it there may be."""
     share = next((x for x in pad.intervals if x.name == "c[0]"), None)
     if share is None or share.low > _BOUND * share.high:
         return []

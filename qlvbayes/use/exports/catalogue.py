@@ -41,7 +41,7 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
 
 
 def find(name: str) -> type[AbstractTarget]:
-    """The target of that name; InputError lists the known ones otherwise."""
+    """Return the target of that name, or raise InputError, which lists the known ones."""
     for target in TARGETS:
         if target.name == name:
             return target

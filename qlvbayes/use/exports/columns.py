@@ -8,7 +8,7 @@ _DIGITS = 17  # after which a double is itself again
 
 
 def column(value: float, width: int, exponent: str = "e") -> str:
-    """A number, to the right of its column; ``exponent`` is empty where a solver reads 1.5-3.
+    """Return a number right-aligned in its column; ``exponent``: empty for solvers that read 1.5-3.
 
     Raises InputError where not one digit has room.
     """

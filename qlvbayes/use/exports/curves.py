@@ -83,7 +83,7 @@ class Curves(AbstractTarget):
 
 
 def _stated(pad: ExportedPad, hold: float) -> list[str]:
-    """The share left after a jump and a decade of times, where it was held so long."""
+    """Return the share left after a jump and a decade of times, where it was held so long."""
     lines = []
     for time in _STATED:
         ends = _banded(pad, ("", ""), partial(relaxed, time=np.array([time])))
@@ -130,7 +130,7 @@ def _stiffness(pad: ExportedPad, draws: Draws) -> np.ndarray:
 
 
 def _units(pad: ExportedPad, specimen: Geometry | None) -> tuple[str, str, float]:
-    """Of stiffness and compliance, and by what the pad's own stiffness is multiplied."""
+    """Return units of stiffness and compliance, and the factor of the pad's own stiffness."""
     if specimen is None and not pad.units.dimensionless:
         if pad.stiffness(0.0) == 0.0:
             raise InputError(
@@ -144,7 +144,7 @@ def _units(pad: ExportedPad, specimen: Geometry | None) -> tuple[str, str, float
 def _banded(
     pad: ExportedPad, column: tuple[str, str], curve: Callable[[Draws], np.ndarray]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """The middle draw's curve and the ends of the band, by name and unit."""
+    """Return the middle draw's curve and the ends of the band, by name and unit."""
     name, unit = column
     low, high = np.quantile(curve(pad.table), _BAND, axis=0)
     return {column: curve(pad.middle)[0], (f"{name}_low", unit): low, (f"{name}_high", unit): high}

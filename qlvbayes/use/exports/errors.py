@@ -80,7 +80,7 @@ def _table(
 
 
 def _words(pressed: Pressing) -> list[str]:
-    """What the table is of, and what follows from it."""
+    """Return what the table is of, and what follows from it."""
     if pressed.absent:
         return [
             f"Set against the pad's own model, not against measured forces: {pressed.absent}.",

@@ -100,11 +100,11 @@ class Expressions:
         self._calls = calls
 
     def constant(self, value: float | bool) -> Expression:
-        """A number, or true or false."""
+        """Return a number, or true or false."""
         return self._node("constant", (), value)
 
     def named(self, name: str, value: Any) -> Expression:
-        """An input; ``name`` is its kind, ``value`` which of them."""
+        """Return an input; ``name`` is its kind, ``value`` which of them."""
         return self._node(name, (), value)
 
     def call(self, op: str, *args: Expression, value: Any = None) -> Expression:
@@ -115,7 +115,7 @@ class Expressions:
         return self._simpler(op, args) or self._node(op, args, value)
 
     def of(self, program: core.ClosedJaxpr, inputs: Sequence[Expression]) -> list[Expression]:
-        """What the program makes of single numbers: the elements of all its results, in order.
+        """Return all elements of the program's results, in order, from single numbers.
 
         Raises TranslationError naming an instruction that has no expression.
         """

@@ -66,7 +66,7 @@ class Fmu(AbstractTarget):
 
 
 def _si(unit: str) -> float:
-    """What one of the unit is in m, N or Pa."""
+    """Return what one of the unit is in m, N or Pa."""
     lengths = {"mm": 1e-3, "um": 1e-6, "nm": 1e-9, "m": 1.0, "1": 1.0}
     forces = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kPa": 1e3, "MPa": 1e6, "Pa": 1.0}
     return (lengths | forces)[unit]
@@ -79,7 +79,7 @@ def _guid(sources: dict[str, bytes]) -> str:
 
 
 def _binary(sources: dict[str, bytes]) -> bytes | None:
-    """The shared library; None where this machine cannot make one."""
+    """Return the shared library; None where this machine cannot make one."""
     gcc = shutil.which("gcc")
     if gcc is None or platform.system() != "Linux" or platform.machine() != "x86_64":
         return None

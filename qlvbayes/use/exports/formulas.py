@@ -18,17 +18,17 @@ Function = Callable[..., float]
 
 
 def size(x: float) -> float:
-    """The magnitude of x."""
+    """Return the magnitude of x."""
     return -x if x < 0.0 else x
 
 
 def smaller(x: float, y: float) -> float:
-    """The smaller of both."""
+    """Return the smaller of both."""
     return x if x < y else y
 
 
 def larger(x: float, y: float) -> float:
-    """The larger of both."""
+    """Return the larger of both."""
     return x if x > y else y
 
 
@@ -110,7 +110,7 @@ def exponential_step(
 def exponential_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end."""
+    """Return the step's slope along its end."""
     bottom = (k.m + k.b * at_start) * left
     top = k.m + k.b * at_stop
     gap = k.b * (stop - start) + decay
@@ -137,7 +137,7 @@ def linear_step(
 def linear_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end."""
+    """Return the step's slope along its end."""
     return k.m * exp_slope(-decay)
 
 
@@ -163,7 +163,7 @@ def quadratic_step(
 def quadratic_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end."""
+    """Return the step's slope along its end."""
     bend = 4.0 * k.k2 * (stop - start) * first_moment(decay)
     return quadratic_stiffness(k, start) * exp_slope(-decay) + bend
 
@@ -191,7 +191,7 @@ def cubic_step(
 def cubic_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end."""
+    """Return the step's slope along its end."""
     travel = stop - start
     bend = 2.0 * travel * (2.0 * k.k2 + 6.0 * k.k3 * start) * first_moment(decay)
     curl = 9.0 * k.k3 * travel * travel * second_moment(decay)
@@ -216,7 +216,7 @@ def toe_share(k: Any, start: float, stop: float) -> float:
 
 
 def toe_beyond(k: Any, start: float, stop: float, decay: float) -> float:
-    """The step's part beyond the toe, ``decay`` of its own time."""
+    """Return the step's part beyond the toe, ``decay`` of its own time."""
     first = larger(start - k.toe, 0.0)
     last = larger(stop - k.toe, 0.0)
     bottom = k.m * exp(k.b * first - decay)
@@ -240,7 +240,7 @@ def toe_step(
 def toe_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end: K(d1) less v h times the integral of s K e^{-v h (1-s)}."""
+    """Return the slope along the step's end: K(d1) - v h int s K e^{-v h (1-s)}."""
     share = toe_share(k, start, stop)
     in_toe = share * decay
     after = (1.0 - share) * decay
@@ -270,7 +270,7 @@ def hertz_stiffness(k: Any, depth: float) -> float:
 def hertz_step(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """The force quadratic over the step, as in the Python law; no closed form is known."""
+    """Return the force quadratic over the step, as in the Python law; no closed form is known."""
     middle = hertz_force(k, 0.5 * (start + stop))
     slope = 4.0 * middle - 3.0 * at_start - at_stop
     bend = 4.0 * (at_start + at_stop - 2.0 * middle)
@@ -280,7 +280,7 @@ def hertz_step(
 def hertz_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end."""
+    """Return the step's slope along its end."""
     middle = hertz_stiffness(k, 0.5 * (start + stop))
     last = hertz_stiffness(k, stop)
     bend = 4.0 * (last - middle) * first_moment(decay)

@@ -99,7 +99,7 @@ class Lines:
         self._place[id(x)] = place
 
     def _kept(self, x: Expression) -> str:
-        """Where a state that begins is kept."""
+        """Return where a state that begins is kept."""
         if (slot := self._slot.get(id(x))) is not None:
             return self.language.beneath(slot, self.piece.beneath)
         name = f"c{len(self._place) + 1}"
@@ -124,7 +124,7 @@ class Lines:
                 self.text.append(language.keep(own, self._place[id(x)]))
 
     def _write(self, x: Expression) -> str:
-        """The expression in one line of text, or the name that it has."""
+        """Return the expression in one line of text, or the name that it has."""
         language = self.language
         if (name := self._named.get(id(x))) is not None:
             return name
@@ -173,7 +173,7 @@ MATERIAL = "material"
 
 
 def layers_code(pieces: Sequence[Piece], language: Language) -> str:
-    """The functions of all layers, the innermost first."""
+    """Return the functions of all layers, the innermost first."""
     texts, below = [], MATERIAL
     for piece in pieces:
         if piece.late:

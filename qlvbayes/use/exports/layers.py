@@ -45,7 +45,7 @@ class Work:
 
     @property
     def results(self) -> tuple[Expression, ...]:
-        """All that is worked out."""
+        """All expressions that are computed."""
         return (*self.states, *self.memory, *((self.force,) if self.force else ()))
 
     @cached_property
@@ -111,7 +111,7 @@ class Piece:
 
 
 def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
-    """The layers that can be written in other languages, innermost first, and why others cannot.
+    """Return the layers that can be written out, innermost first, and why others cannot.
 
     An effect that acts on the relaxation alone is in the spectrum already, and is neither.
     """
@@ -129,17 +129,23 @@ def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
 
 
 def in_spectrum(layer: Layer, model: Model) -> bool:
-    """Whether a layer only changes the relaxation."""
+    """Return whether a layer only changes the relaxation."""
     return isinstance(layer, AbstractEffect) and changed(layer, model) is not None
 
 
 def changed(effect: AbstractEffect, model: Model) -> Any:
-    """What an effect makes of the relaxation's fractions and rates; None where it does more."""
+    """Return what an effect makes of the relaxation's fractions and rates.
+
+    Return None where it does more.
+    """
     return jax.eval_shape(lambda law: effect.spectrum(*law.spectrum()), model.relaxation)
 
 
 def piece_of(layer: Layer) -> Piece:
-    """A layer's begin and step as expressions; TranslationError where there is no form of them."""
+    """Return a layer's begin and step as expressions.
+
+    TranslationError where there is no form of them.
+    """
     make = Expressions(_CALLS)
     if not isinstance(layer, AbstractEffect):
         return _contact(make)
@@ -171,7 +177,7 @@ def _contact(make: Expressions) -> Piece:
 
 
 def _with_touch(make: Expressions, begin: Work, step: Work) -> tuple[Work, Work]:
-    """With one number more in memory: 1 where the specimen is touched, else 0."""
+    """Return a layer with one more number in memory: 1 where the specimen is touched, else 0."""
     assert step.force is not None
     zero = make.constant(0.0)
     pressed = make.call("gt", make.named("line", "to"), zero)

@@ -69,5 +69,5 @@ def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
 
 
 def structure(pad: ExportedPad) -> tuple[str, ...]:
-    """What a card says beside ``CANNOT``."""
+    """Return what a card says beside ``CANNOT``."""
     return () if pad.units.dimensionless else (STRUCTURE,)

@@ -38,7 +38,7 @@ class M(Language):
     """MATLAB's language; both sides of a choice are evaluated, and one is taken."""
 
     def library(self, name: str) -> str:
-        """The same names but few."""
+        """Return the same names but few."""
         return {"pow": "power", "fabs": "abs", "fmax": "max", "fmin": "min"}.get(name, name)
 
     def number(self, value: float) -> str:
@@ -46,15 +46,15 @@ class M(Language):
         return repr(value)
 
     def constant(self, name: str) -> str:
-        """A field of the structure."""
+        """Return a field of the structure."""
         return f"k.{name}"
 
     def own(self, name: str) -> str:
-        """A local function."""
+        """Return a local function."""
         return f"{name}_"
 
     def either(self, condition: str, yes: str, no: str) -> str:
-        """By a function."""
+        """Return a choice of two values, by a function."""
         return f"pick_({condition}, {yes}, {no})"
 
     def function(
@@ -66,17 +66,17 @@ class M(Language):
         return "\n".join([head, f"  % {told}", *lines, f"  result_ = {result};", "end", ""])
 
     def truth(self, value: bool) -> str:
-        """A word."""
+        """Return a word."""
         return "true" if value else "false"
 
     def opposite(self, condition: str) -> str:
-        """By a tilde."""
+        """Return the negation, by a tilde."""
         return f"(~{condition})"
 
     top = "state.top"
 
     def within(self, way: str, member: str) -> str:
-        """A field of a field."""
+        """Return a field of a field."""
         return f"{way}.{member.removeprefix('state.')}"
 
     def memory(self, place: int) -> str:
@@ -84,7 +84,7 @@ class M(Language):
         return f"state.m({place + 1})"
 
     def beneath(self, place: int, count: int) -> str:
-        """A field of the layer's own structure."""
+        """Return a field of the layer's own structure."""
         return "state.below" if count == 1 else f"state.below{{{place + 1}}}"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
@@ -96,7 +96,7 @@ class M(Language):
         return f"state.m({place + 1}) = {text};"
 
     def declared(self, below: str, name: str) -> str:
-        """An empty structure."""
+        """Return an empty structure."""
         return f"{name} = struct();"
 
     def copy(self, below: str, name: str, place: str) -> str:
@@ -108,16 +108,16 @@ class M(Language):
         return f"{place} = {name};"
 
     def begin(self, below: str, place: str, displacement: str) -> str:
-        """The state is returned."""
+        """Return the state is returned."""
         return f"{place} = begin_{below}_(k, {displacement});"
 
     def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
-        """The state is returned beside the force."""
+        """Return the state is returned beside the force."""
         call = f"step_{below}_(k, {place}, {', '.join(line)})"
         return f"[{name or '~'}, {place}] = {call};"
 
     def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
-        """Two functions, local to the file."""
+        """Return two functions, local to the file."""
         given = f"k, state, {', '.join(LINE)}, followed"
         text = [
             f"function state = begin_{piece.name}_(k, displacement)",
@@ -134,6 +134,6 @@ class M(Language):
         return "\n".join(text)
 
     def late(self, piece: Piece, below: str) -> str:
-        """From a template."""
+        """Return the code of a template."""
         delay = piece.constants[0]
         return template("late.m.j2", piece=piece, below=below, delay=delay, most=LINES)

@@ -56,7 +56,7 @@ def _field(value: float) -> str:
 
 
 def _entry(name: str, fields: list[str]) -> list[str]:
-    """In lines of four large fields; an entry has an even number of them."""
+    """Return an entry in lines of four large fields, of which it has an even number."""
     rows = [fields[i : i + 4] for i in range(0, len(fields), 4)]
     rows += [[]] if len(rows) % 2 else []
     heads = [f"{name}*", *["*"] * (len(rows) - 1)]

@@ -12,7 +12,7 @@ from qlvbayes.use.exports.pad import ExportedPad
 
 
 def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
-    """All tests of a pad as the fit saw them; else None, and why.
+    """Return all tests of a pad as the fit saw them; else None, and why.
 
     Raises InputError where the user names a file that is not that of the fit.
     """
@@ -39,7 +39,7 @@ def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
 
 
 def _pad_of(study: Measurements, name: str) -> Pad:
-    """By its own name, or as the only one of its file, after which it then is named."""
+    """Return the pad of that name, or the only one of its file, which is named after the file."""
     if len(study.pads) == 1:
         return study.pads[0]
     stem = Path(study.source).name.split(".")[0]

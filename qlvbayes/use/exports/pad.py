@@ -137,7 +137,7 @@ class ExportedPad:
 def read_pad(
     out: Path, name: str, *, draws: int, date: str, data: Path | None = None
 ) -> ExportedPad:
-    """The pad of that name from a folder of results, with a table of so many draws.
+    """Return the pad of that name from a folder of results, with a table of so many draws.
 
     data: the file of its tests, where it is not the one that the results name. Raises InputError
     where the folder has no fit of it, or a fit that cannot be read.
@@ -211,14 +211,17 @@ def _columns(saved: Saved, names: list[str]) -> np.ndarray:
 
 
 def _closest(values: np.ndarray) -> int:
-    """The draw closest to the medians, in standard deviations; a real draw keeps sum c = 1."""
+    """Return the draw closest to the medians, in standard deviations.
+
+    A real draw keeps sum c = 1.
+    """
     spread = np.std(values, axis=0)
     off = (values - np.median(values, axis=0)) / np.where(spread > 0.0, spread, 1.0)
     return int(np.argmin(np.sum(off**2, axis=1)))
 
 
 def _going_along(model: Model, left_out: Mapping[str, str]) -> Model:
-    """The model less what is left out, with the effects on the relaxation alone in its spectrum."""
+    """Return the model that is exported, with effects on the relaxation within its spectrum."""
     for name in left_out:
         model = model.without(name)
     alone = [effect for effect in model.effects if in_spectrum(effect, model)]
@@ -239,7 +242,7 @@ def _spectrum(model: Model) -> tuple[jax.Array, jax.Array]:
 
 
 def _numbers(drawn: Model, own: np.ndarray) -> Draws:
-    """Of a model whose leaves have a leading axis; own: (n, M) constants of the layers."""
+    """Return the constants of a model with draws on its leading axis; own: (n, M) of the layers."""
     fractions, rates = eqx.filter_vmap(_spectrum)(drawn)
     elastic = [getattr(drawn.elastic, key) for key in type(drawn.elastic).units]
     return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates), own)
@@ -252,7 +255,7 @@ def _part(draws: Draws, places: slice) -> Draws:
 def _intervals(
     summary: Path, names: list[str], units: list[str], values: np.ndarray
 ) -> tuple[Interval, ...]:
-    """As ``summary.json`` has them, which saw every draw; else from the draws."""
+    """Return the intervals of ``summary.json``, which saw every draw; else those of the draws."""
     if not summary.exists():
         ends = [highest_density(column) for column in values.T]
         rows = zip(names, units, np.median(values, axis=0), ends, strict=True)

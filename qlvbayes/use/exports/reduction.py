@@ -80,7 +80,7 @@ class Pressing:
         return np.asarray(np.sqrt(squares / np.bincount(self.cell)) / self.peaks)
 
     def miss(self, force: Floats) -> Miss:
-        """How far a force (n,) is from the measured one."""
+        """Return how far a force (n,) is from the measured one."""
         squares = self.errors(force) ** 2
         still = squares[[cell.phase not in MOVING for cell in self.cells]]
         off = np.abs(force - self.measured) / self.peaks[self.cell]
@@ -109,7 +109,7 @@ class Miss:
 
 
 def pressing(pad: ExportedPad) -> Pressing:
-    """The force of the middle draw, effects and all, along the pad's tests.
+    """Return the force of the middle draw, effects and all, along the pad's tests.
 
     Where their file is not at hand: along ramps to the tested depth at the tested rates, each held
     as long as was tested. Raises InputError where the pad has no displacement and force, or its

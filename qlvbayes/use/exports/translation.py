@@ -28,15 +28,15 @@ class Language(ABC):
 
     @abstractmethod
     def library(self, name: str) -> str:
-        """A function of C's library in the language's own."""
+        """Return a function of C's library in the language's own."""
 
     @abstractmethod
     def number(self, value: float) -> str:
-        """A literal."""
+        """Return a literal."""
 
     @abstractmethod
     def constant(self, name: str) -> str:
-        """A law's constant."""
+        """Return a law's constant."""
 
     @abstractmethod
     def own(self, name: str) -> str:
@@ -50,7 +50,7 @@ class Language(ABC):
     def function(
         self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str
     ) -> str:
-        """A whole function: ``body`` has names and what they are set to."""
+        """Return a whole function: ``body`` has names and what they are set to."""
 
     @abstractmethod
     def truth(self, value: bool) -> str:
@@ -58,50 +58,53 @@ class Language(ABC):
 
     @abstractmethod
     def opposite(self, condition: str) -> str:
-        """Where a condition does not hold."""
+        """Return where a condition does not hold."""
 
     top: ClassVar[str]
     """The outermost layer's state, within the pad's."""
 
     @abstractmethod
     def within(self, way: str, member: str) -> str:
-        """What a layer writes for a member of its own, of the state that lies at ``way``."""
+        """Return what a layer writes for a member of its own, of the state that lies at ``way``."""
 
     @abstractmethod
     def memory(self, place: int) -> str:
-        """A number that the layer remembers."""
+        """Return a number that the layer remembers."""
 
     @abstractmethod
     def beneath(self, place: int, count: int) -> str:
-        """A state of the layer beneath, of so many."""
+        """Return a state of the layer beneath, of so many."""
 
     @abstractmethod
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """A statement that gives a number, or a condition, its name."""
+        """Return a statement that gives a number, or a condition, its name."""
 
     @abstractmethod
     def remember(self, place: int, text: str) -> str:
-        """A statement that sets what the layer remembers."""
+        """Return a statement that sets what the layer remembers."""
 
     @abstractmethod
     def declared(self, below: str, name: str) -> str:
-        """A statement that makes room for a state of the layer beneath."""
+        """Return a statement that makes room for a state of the layer beneath."""
 
     @abstractmethod
     def copy(self, below: str, name: str, place: str) -> str:
-        """A statement that copies a state of the layer beneath."""
+        """Return a statement that copies a state of the layer beneath."""
 
     @abstractmethod
     def keep(self, place: str, name: str) -> str:
-        """A statement that puts a state where the layer keeps it."""
+        """Return a statement that puts a state where the layer keeps it."""
 
     @abstractmethod
     def begin(self, below: str, place: str, displacement: str) -> str:
-        """A statement with which the layer beneath begins."""
+        """Return a statement with which the layer beneath begins."""
 
     @abstractmethod
     def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
-        """A statement with which the layer beneath goes along a line; its force gets the name."""
+        """Return a statement with which the layer beneath goes along a line.
+
+        Its force gets the name.
+        """
 
     @abstractmethod
     def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
@@ -113,7 +116,7 @@ class Language(ABC):
 
 
 def functions_of(law: Formulas, language: Language) -> str:
-    """The law's functions, called elastic_force, stiffness, step and slope, and all they call."""
+    """Return functions elastic_force, stiffness, step and slope of the law, and all they call."""
     names = {
         "elastic_force": law.force,
         "stiffness": law.stiffness,
@@ -138,7 +141,7 @@ def needs(law: Formulas) -> set[str]:
 
 
 def _gather(function: Function, order: dict[str, Function]) -> None:
-    """The function behind those that it calls."""
+    """Append the function after those that it calls."""
     for name in _calls(function):
         if name not in _LIBRARY and name not in order:
             _gather(getattr(formulas, name), order)

@@ -130,7 +130,7 @@ def predict_program(
 def _stepping(
     models: list[Model], averaged: tuple[DrawnHypothesis, ...]
 ) -> tuple[list[Model], tuple[DrawnHypothesis, ...], list[str]]:
-    """Those hypotheses that go step by step, and a sentence on the others."""
+    """Return those hypotheses that go step by step, and a sentence on the others."""
     able = [not without_inverse(model) for model in models]
     if not any(able):
         check_inverse(models[0])

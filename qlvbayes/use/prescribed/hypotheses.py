@@ -60,11 +60,11 @@ class Hypotheses(Result, frozen=True, kw_only=True):
 
     @property
     def probability(self) -> float:
-        """Of all of them together; the rest is of many that are each unlikely."""
+        """Probability of all of them together; many unlikely ones share the rest."""
         return sum(one.probability for one in self.hypotheses)
 
     def side(self, one: DrawnHypothesis) -> Side:
-        """One of the hypotheses as draws of a model."""
+        """Return one of the hypotheses as draws of a model."""
         name, _, modes = one.base.relaxation.partition(":")
         choices = replace(
             self.choices,

@@ -74,7 +74,10 @@ def read_table(path: Path, units: UnitSystem) -> Program:
 
 
 def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows between which it goes straight, as a rig's set-points do; all where it does not."""
+    """Return the rows between which it goes straight, as a rig's set-points do.
+
+    All where it does not.
+    """
     size = float(np.max(np.abs(value)))
     width = time[2:] - time[:-2]
     share = (time[1:-1] - time[:-2]) / np.where(width > 0.0, width, 1.0)

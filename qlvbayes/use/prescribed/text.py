@@ -105,7 +105,7 @@ class _Words:
         self._factors: dict[Quantity, dict[str, float]] = {"displacement": length, "force": load}
 
     def choose(self, known: Sequence[str], ask: str) -> str:
-        """The next word, one of those that are known."""
+        """Return the next word, one of those that are known."""
         word = self._next()
         if word.lower() not in known:
             self._refuse(word, f"{ask} {_either(known)}")
@@ -117,7 +117,7 @@ class _Words:
             self._left.pop(0)
 
     def value(self, wanted: Quantity | None) -> float:
-        """A displacement or a force, in the units of the fit."""
+        """Return a displacement or a force, in the units of the fit."""
         number, word = self._number("a displacement or a force"), self._next()
         known = self._factors if wanted is None else {wanted: self._factors[wanted]}
         found = next((key for key, factors in known.items() if word in factors), None)
@@ -133,7 +133,7 @@ class _Words:
         return number * known[found][word]
 
     def positive(self, factors: Mapping[str, float], what: str) -> float:
-        """A number above 0 and its unit."""
+        """Return a number above 0 and its unit."""
         number, word = self._number(what), self._next()
         if word not in factors:
             self._refuse(word, f"give {what} in {_either(tuple(factors))}")
@@ -167,7 +167,7 @@ class _Words:
 
 
 def _factors(name: str, own: str) -> dict[str, float]:
-    """What a number in each unit is multiplied by to be in one's own."""
+    """Return what a number in each unit is multiplied by to be in one's own."""
     if own == STRAIN.displacement:
         return {"strain": 1.0}
     scales = SUFFIXES[name]

@@ -30,7 +30,7 @@ def columns(found: Forecast) -> dict[str, np.ndarray]:
 
 
 def content(found: Forecast) -> dict[str, object]:
-    """Of prediction.json."""
+    """Return the content of prediction.json."""
     return {
         "schema": 1,
         "pad": found.pad,
