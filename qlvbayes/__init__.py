@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from qlvbayes.fitting.ensemble import Settings
     from qlvbayes.fitting.fit import Fit
     from qlvbayes.fitting.prediction import Prediction
-    from qlvbayes.fitting.relaxation import RelaxationReport
     from qlvbayes.fitting.residuals import CheckResult
     from qlvbayes.fitting.results import load as load_results
     from qlvbayes.fitting.summary import FitSummary
@@ -74,7 +73,6 @@ _HOMES = {
     "Motion": "laws.motion.Motion",
     "Pad": "io.data.Pad",
     "Prediction": "fitting.prediction.Prediction",
-    "RelaxationReport": "fitting.relaxation.RelaxationReport",
     "SearchProgress": "diagnosis.progress.SearchProgress",
     "Settings": "fitting.ensemble.Settings",
     "Specimen": "pipeline.specimen.Specimen",
@@ -119,7 +117,6 @@ __all__ = [
     "Motion",
     "Pad",
     "Prediction",
-    "RelaxationReport",
     "SearchProgress",
     "Settings",
     "Specimen",

@@ -16,6 +16,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects import check_effect
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
 from qlvbayes.fitting.pad_check import Curves
+from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.fitting.summary import FitSummary
@@ -95,7 +96,7 @@ def test_study_leaves_every_file(study):
 def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
     out = study[0].parent
     files = [file for file in sorted(out.rglob("*.json")) if ".finished" not in file.parts]
-    kinds = KINDS | {"hypotheses": Hypotheses, "look": FirstLook}
+    kinds = KINDS | {"hypotheses": Hypotheses, "look": FirstLook, "relaxation": RelaxationReport}
     assert {file.stem for file in files} == set(kinds) - {"compare"}
     for file in files:
         found = kinds[file.stem].read(file)

@@ -9,8 +9,8 @@ import pytest
 from support.endtoend import PADS
 from support.written_results import write_study
 
-from qlvbayes import RelaxationReport, write_report
-from qlvbayes.fitting.relaxation import relaxation_report
+from qlvbayes import write_report
+from qlvbayes.fitting.relaxation import RelaxationReport, relaxation_report
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.experiment import prepare
 
