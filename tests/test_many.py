@@ -193,23 +193,23 @@ def test_several_files_name_their_pads(folder, tmp_path):
     study = read_measurements(PADS)
     both = tmp_path / "run1.csv"
     both.write_bytes(PADS.read_bytes())
-    found = [one.pads[0].name for one in Source.of([both, folder / "B.csv"])]
+    found = [one.pads[0].name for one in Source.from_files([both, folder / "B.csv"])]
     assert found == ["run1-A", "run1-B", "run1-C", "B"]
     (renamed,) = pad_of(read_measurements(both), "run1-B").pads
     assert {test.pad for test in renamed.tests} == {"run1-B"}
     assert pad_of(study, "B").pads[0] is study.pad("B")
     with pytest.raises(InputError, match="no pad 'run2-B'"):
         pad_of(study, "run2-B")
-    assert [one.pads[0].name for one in Source.of(PADS, only=("C", "A"))] == ["C", "A"]
-    assert [one.pads[0].name for one in Source.of(PADS, shard=Shard(2, 2))] == ["B"]
+    assert [one.pads[0].name for one in Source.from_files(PADS, only=("C", "A"))] == ["C", "A"]
+    assert [one.pads[0].name for one in Source.from_files(PADS, shard=Shard(2, 2))] == ["B"]
     with pytest.raises(InputError, match="no pad 'X'"):
-        Source.of(PADS, only=("X",))
+        Source.from_files(PADS, only=("X",))
     (tmp_path / "b.CSV").write_bytes(b"")
     with pytest.raises(InputError, match="give pads one name"):
-        Source.of([folder / "B.csv", tmp_path / "b.CSV"])
+        Source.from_files([folder / "B.csv", tmp_path / "b.CSV"])
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match="no measurements in this folder"):
-        Source.of(tmp_path / "none")
+        Source.from_files(tmp_path / "none")
 
 
 def test_a_name_that_no_file_has_is_refused(folder, tmp_path):

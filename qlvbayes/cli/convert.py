@@ -38,14 +38,14 @@ Sign = Annotated[
         show_default=False,
     ),
 ]
-ContactPlace = Annotated[
+Contact = Annotated[
     str | None,
     typer.Option(
         help=f"Displacement at contact in the tidy file's unit, or '{FILE}': its own zero.",
         show_default=False,
     ),
 ]
-UnitsSaid = Annotated[
+Units = Annotated[
     str | None,
     typer.Option(
         help="Units of time, displacement, force where the files tell none: s,mm,N.",
@@ -70,8 +70,8 @@ def convert_command(
     pad_from: PadFrom = None,
     test: TestNames = "",
     sign: Sign = None,
-    contact: ContactPlace = None,
-    units: UnitsSaid = None,
+    contact: Contact = None,
+    units: Units = None,
     area: Area = None,
     formats_file: FormatsFile = None,
     style: Style = None,
@@ -90,27 +90,27 @@ def convert_command(
     kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
     pads, tests = tuple(split_names(pad)), tuple(split_names(test))
     said = Said(sign, contact, units, area, pads, tests, pad_from)
-    found = converted(files, said, kinds)
-    write_tidy(found, output)
-    picture = _picture(found, output)
+    conversion = converted(files, said, kinds)
+    write_tidy(conversion, output)
+    picture = _picture(conversion, output)
     if as_json:
-        print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
+        print(json.dumps([test.as_dict() for test in conversion.tests], allow_nan=False))
     else:
-        out.print(*in_short(found.notices), sep="\n", soft_wrap=True)
+        out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
         out.print(f"wrote {output}, picture {picture}")
-    if found.faults:
+    if conversion.faults:
         sys.stdout.flush()
-        _stop_without(found, files, pad)
+        _stop_without(conversion, files, pad)
 
 
-def _stop_without(found: Conversion, files: list[Path], pad: str) -> NoReturn:
+def _stop_without(conversion: Conversion, files: list[Path], pad: str) -> NoReturn:
     """Name the files that were left out, and the command that goes on without them."""
-    bad = {str(fault.file): fault for fault in found.faults}
+    bad = {str(fault.file): fault for fault in conversion.faults}
     names = split_names(pad)
     kept = ",".join(n for n, f in zip(names, files, strict=False) if str(f) not in bad)
     words = [kept if len(names) > 1 and word == pad else word for word in sys.argv[1:]]
     again = as_typed("qlvbayes", *(word for word in words if word not in bad))
-    for fault in found.faults:
+    for fault in conversion.faults:
         err.print(f"qlvbayes: {fault}")
     left = f"{len(bad)} of {len(files)} files {'is' if len(bad) == 1 else 'are'} left out"
     err.print(f"qlvbayes: {left} ({', '.join(bad)}); without: {again}")
@@ -142,10 +142,12 @@ def converted(files: list[Path], said: Said, kinds: tuple[type[AbstractFormat], 
     while True:
         try:
             with waiting("reading"):
-                found = convert(files, said.answers(), kinds, without_faulty=True)
-            open_ = (fault for fault in found.faults if asked and isinstance(fault, UnsureError))
+                conversion = convert(files, said.answers(), kinds, without_faulty=True)
+            open_ = (
+                fault for fault in conversion.faults if asked and isinstance(fault, UnsureError)
+            )
             if (unsure := next(open_, None)) is None:
-                return found
+                return conversion
             raise unsure
         except UnsureError as error:
             if not asked:
@@ -156,10 +158,10 @@ def converted(files: list[Path], said: Said, kinds: tuple[type[AbstractFormat], 
             said = replace(said, **{error.option: answer})
 
 
-def _picture(found: Conversion, output: Path) -> Path:
+def _picture(conversion: Conversion, output: Path) -> Path:
     # here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
 
     stem = output.name.removesuffix(".gz").removesuffix(".csv")
-    return save_figure(plot_conversion(found), output.with_name(stem))
+    return save_figure(plot_conversion(conversion), output.with_name(stem))

@@ -87,10 +87,10 @@ def look_command(
     """
     names = tuple(split_names(pad)), tuple(split_names(test))
     said = Said(sign, contact, units, area, *names, pad_from)
-    found = _read(files, said, formats_file)
+    readings = _read(files, said, formats_file)
     looks: list[FirstLook] = []
-    for one in found.studies:
-        folder = output if len(found.studies) == 1 else output / Path(one.files[0]).stem
+    for one in readings.studies:
+        folder = output if len(readings.studies) == 1 else output / Path(one.files[0]).stem
         with waiting("looking"):
             look, figures = look_into(
                 folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
@@ -102,14 +102,14 @@ def look_command(
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    for error in found.refused[:-1]:
+    for error in readings.refused[:-1]:
         err.print(f"notice: left out: {error}")
-    if found.refused:
-        raise found.refused[-1]
+    if readings.refused:
+        raise readings.refused[-1]
 
 
 @dataclass(frozen=True)
-class _Read:
+class _Reading:
     """Measurements, the files they came from, and what to type next."""
 
     study: Measurements
@@ -118,14 +118,14 @@ class _Read:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Readings:
     """All that could be read, and why other files were refused."""
 
-    studies: tuple[_Read, ...]
+    studies: tuple[_Reading, ...]
     refused: tuple[InputError, ...]
 
 
-def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Found:
+def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Readings:
     """Tidy files one by one, machine files together, as ``convert`` does.
 
     One that cannot be read does not lose the others. A single machine file that leaves nothing open
@@ -136,25 +136,25 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Foun
     if tidy and not machine and (options := _typed(said, formats_file)):
         what = f"{options[0]} is for files as machines write them, and this one is tidy"
         raise InputError(what, file=tidy[0], remedy="leave it out")
-    found: list[_Read] = []
+    studies: list[_Reading] = []
     refused: list[InputError] = []
     with waiting("reading"):
         for file in tidy:
             try:
-                found.append(_as_it_is(file))
+                studies.append(_as_it_is(file))
             except InputError as error:
                 refused.append(error)
     while machine:
         try:
             read, faults = _of_machines(machine, said, formats_file)
-            found.append(read)
+            studies.append(read)
             refused += faults
             break
         except InputError as error:
             refused.append(error)
             left = [file for file in machine if str(file) != str(error.file)]
             machine = left if len(left) < len(machine) else []
-    return _Found(tuple(found), tuple(refused))
+    return _Readings(tuple(studies), tuple(refused))
 
 
 def _is_tidy(file: Path) -> bool:
@@ -164,14 +164,16 @@ def _is_tidy(file: Path) -> bool:
         return False
 
 
-def _as_it_is(file: Path) -> _Read:
-    typed = as_typed("qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results")
-    return _Read(read_measurements(file), (str(file),), (typed,))
+def _as_it_is(file: Path) -> _Reading:
+    command = as_typed(
+        "qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results"
+    )
+    return _Reading(read_measurements(file), (str(file),), (command,))
 
 
 def _of_machines(
     files: Sequence[Path], said: Said, formats_file: Path | None
-) -> tuple[_Read, tuple[InputError, ...]]:
+) -> tuple[_Reading, tuple[InputError, ...]]:
     """Return what could be read of some files, and why others could not."""
     nothing = Said(None, None, None, None, (), (), None)
     if len(files) == 1 and formats_file is None and said == nothing:
@@ -187,7 +189,7 @@ def _of_machines(
         as_typed("qlvbayes", "convert", *names, *answers, "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
-    return _Read(study, names, commands), conversion.faults
+    return _Reading(study, names, commands), conversion.faults
 
 
 def _typed(said: Said, formats_file: Path | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Options of commands that fit nothing: they load neither JAX nor a model."""
+"""Define options of commands that fit nothing, and groups of options, without JAX."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ KeepAllReadings = Annotated[
 
 
 def _use_style(context: typer.Context, file: Path | None) -> Path | None:
-    """Draw everything that the command draws in the user's own look."""
+    """Draw all figures of the command in the user's own style."""
     if file is not None:
-        # here, so that commands do not wait for matplotlib
+        # imported here, so that commands do not wait for matplotlib
         from qlvbayes.plots.style import using
 
         context.with_resource(using(file))
@@ -43,19 +43,19 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def split_names(text: str) -> list[str]:
-    """``A, B`` as a list."""
+    """Return the names in ``A, B`` as a list."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def among(text: str, known: Collection[str]) -> list[str]:
-    """``A, B`` as a list of names, of which a known one may have commas itself."""
-    parts, found = text.split(","), []
+    """Return the names in ``A, B`` as a list; a known name may contain commas itself."""
+    parts, names = text.split(","), []
     while parts:
         ends = range(len(parts), 1, -1)
         end = next((k for k in ends if ",".join(parts[:k]).strip() in known), 1)
-        found.append(",".join(parts[:end]).strip())
+        names.append(",".join(parts[:end]).strip())
         parts = parts[end:]
-    return [name for name in found if name]
+    return [name for name in names if name]
 
 
 def chosen_pads(study: Measurements, names: str) -> list[Pad]:

@@ -1,4 +1,4 @@
-"""The step before the first: look at measurements, fit nothing, and leave what was found."""
+"""Look at measurements before the first step and save the result; nothing is fitted."""
 
 from __future__ import annotations
 
@@ -29,18 +29,20 @@ def look_into(
 
     bonded: whether specimens are fixed to the platen, by default where the file holds strain and
     stress; effects: those that the model has already; files: those that were read, by default the
-    study's own; next_commands: what to type then. Returns what was found and the pictures' paths.
-    Raises InputError where a test cannot be used or nothing can be written.
+    study's own; next_commands: commands to go on with. Returns the first look and the pictures'
+    paths. Raises InputError where a test cannot be used or nothing can be written.
     """
     fixed = study.units.bonded_default if bonded is None else bonded
     experiments = [prepare(pad, keep_all_readings=keep_all_readings) for pad in pads]
-    found = tuple(look_at(experiment, bonded=fixed, effects=effects) for experiment in experiments)
+    pads_seen = tuple(
+        look_at(experiment, bonded=fixed, effects=effects) for experiment in experiments
+    )
     look = FirstLook(
         source=tuple(files or (study.source,)),
         units=study.units,
         notices=study.notices,
-        pads=found,
-        between=shown_between(found, study.units),
+        pads=pads_seen,
+        between=shown_between(pads_seen, study.units),
         next=tuple(next_commands),
     )
     results_folder(folder)
@@ -49,7 +51,7 @@ def look_into(
 
 
 def _picture(experiment: Experiment, folder: Path) -> Path:
-    # here, so that reading does not wait for matplotlib
+    # imported here, so that reading does not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.look import plot_look
 
