@@ -13,30 +13,18 @@ from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.convert import (
-    Area,
-    ContactPlace,
-    FormatsFile,
-    PadFrom,
-    PadName,
-    Said,
-    Sign,
-    TestNames,
-    UnitsSaid,
-    converted,
-)
+from qlvbayes.cli.convert import ReadingOptions, converted
 from qlvbayes.cli.plainoptions import (
     AsJson,
     KeepAllReadings,
     Pads,
     Style,
     chosen_pads,
-    split_names,
+    with_groups,
 )
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, measurements_of, read_measurements
 from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conversion import in_short
 from qlvbayes.io.reading.csvtext import digest
 from qlvbayes.io.reading.dialect import sniff
@@ -49,6 +37,7 @@ from qlvbayes.pipeline.looking import look_into
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
+@with_groups
 def look_command(
     files: Annotated[
         list[Path], typer.Argument(help="Measurements: tidy .csv, or as machines write them.")
@@ -57,14 +46,8 @@ def look_command(
         Path, typer.Option("-o", "--output", help="Folder for look.json and the pictures.")
     ] = Path("look"),
     pads: Pads = "",
-    pad: PadName = "",
-    pad_from: PadFrom = None,
-    test: TestNames = "",
-    sign: Sign = None,
-    contact: ContactPlace = None,
-    units: UnitsSaid = None,
-    area: Area = None,
-    formats_file: FormatsFile = None,
+    *,
+    reading: ReadingOptions,
     bonded: Annotated[
         bool | None,
         typer.Option(
@@ -85,12 +68,10 @@ def look_command(
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """
-    names = tuple(split_names(pad)), tuple(split_names(test))
-    said = Said(sign, contact, units, area, *names, pad_from)
-    readings = _read(files, said, formats_file)
+    sources = _read(files, reading)
     looks: list[FirstLook] = []
-    for one in readings.studies:
-        folder = output if len(readings.studies) == 1 else output / Path(one.files[0]).stem
+    for one in sources.studies:
+        folder = output if len(sources.studies) == 1 else output / Path(one.files[0]).stem
         with waiting("looking"):
             look, figures = look_into(
                 folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
@@ -102,14 +83,14 @@ def look_command(
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    for error in readings.refused[:-1]:
+    for error in sources.refused[:-1]:
         err.print(f"notice: left out: {error}")
-    if readings.refused:
-        raise readings.refused[-1]
+    if sources.refused:
+        raise sources.refused[-1]
 
 
 @dataclass(frozen=True)
-class _Reading:
+class _Source:
     """Measurements, the files they came from, and what to type next."""
 
     study: Measurements
@@ -118,14 +99,14 @@ class _Reading:
 
 
 @dataclass(frozen=True)
-class _Readings:
+class _Sources:
     """All that could be read, and why other files were refused."""
 
-    studies: tuple[_Reading, ...]
+    studies: tuple[_Source, ...]
     refused: tuple[InputError, ...]
 
 
-def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Readings:
+def _read(files: Sequence[Path], reading: ReadingOptions) -> _Sources:
     """Tidy files one by one, machine files together, as ``convert`` does.
 
     One that cannot be read does not lose the others. A single machine file that leaves nothing open
@@ -133,10 +114,10 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Read
     """
     tidy = [file for file in files if _is_tidy(file)]
     machine = [file for file in files if file not in tidy]
-    if tidy and not machine and (options := _typed(said, formats_file)):
+    if tidy and not machine and (options := reading.arguments()):
         what = f"{options[0]} is for files as machines write them, and this one is tidy"
         raise InputError(what, file=tidy[0], remedy="leave it out")
-    studies: list[_Reading] = []
+    studies: list[_Source] = []
     refused: list[InputError] = []
     with waiting("reading"):
         for file in tidy:
@@ -146,7 +127,7 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Read
                 refused.append(error)
     while machine:
         try:
-            read, faults = _of_machines(machine, said, formats_file)
+            read, faults = _of_machines(machine, reading)
             studies.append(read)
             refused += faults
             break
@@ -154,7 +135,7 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Read
             refused.append(error)
             left = [file for file in machine if str(file) != str(error.file)]
             machine = left if len(left) < len(machine) else []
-    return _Readings(tuple(studies), tuple(refused))
+    return _Sources(tuple(studies), tuple(refused))
 
 
 def _is_tidy(file: Path) -> bool:
@@ -164,47 +145,29 @@ def _is_tidy(file: Path) -> bool:
         return False
 
 
-def _as_it_is(file: Path) -> _Reading:
+def _as_it_is(file: Path) -> _Source:
     command = as_typed(
         "qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results"
     )
-    return _Reading(read_measurements(file), (str(file),), (command,))
+    return _Source(read_measurements(file), (str(file),), (command,))
 
 
 def _of_machines(
-    files: Sequence[Path], said: Said, formats_file: Path | None
-) -> tuple[_Reading, tuple[InputError, ...]]:
+    files: Sequence[Path], reading: ReadingOptions
+) -> tuple[_Source, tuple[InputError, ...]]:
     """Return what could be read of some files, and why others could not."""
-    nothing = Said(None, None, None, None, (), (), None)
-    if len(files) == 1 and formats_file is None and said == nothing:
+    if len(files) == 1 and reading == ReadingOptions():
         return _as_it_is(files[0]), ()
-    kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
-    conversion = converted(list(files), said, kinds)
+    conversion = converted(files, reading)
     digests = "".join(digest(file) for file in files)
     sha256 = hashlib.sha256(digests.encode()).hexdigest()
     names = tuple(map(str, files))
     study = measurements_of(conversion, names[0], sha256)
-    answers = _typed(said, formats_file)
     commands = (
-        as_typed("qlvbayes", "convert", *names, *answers, "-o", "tidy.csv"),
+        as_typed("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
-    return _Reading(study, names, commands), conversion.faults
-
-
-def _typed(said: Said, formats_file: Path | None) -> list[str]:
-    """Return the options as they are typed to ``convert``."""
-    given = {
-        "--sign": said.sign,
-        "--contact": said.contact,
-        "--units": said.units,
-        "--area": None if said.area is None else plain(said.area, 6),
-        "--pad": ",".join(said.pads) or None,
-        "--pad-from": said.pad_from,
-        "--test": ",".join(said.tests) or None,
-        "--formats-file": None if formats_file is None else str(formats_file),
-    }
-    return [word for option, value in given.items() if value for word in (option, value)]
+    return _Source(study, names, commands), conversion.faults
 
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from functools import wraps
-from inspect import Parameter, signature
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated
 
 import typer
 
@@ -19,6 +17,7 @@ from qlvbayes.cli.plainoptions import (
     Style,
     among,
     split_names,
+    with_groups,
 )
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
@@ -35,7 +34,7 @@ from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.source import Source
 
 # defined in plainoptions.py; commands that load a model import all options from here
-__all__ = ["AsJson", "Pads", "Style", "among", "split_names"]
+__all__ = ["AsJson", "Pads", "Style", "among", "split_names", "with_groups"]
 
 Files = Annotated[
     list[Path],
@@ -212,40 +211,6 @@ class ModelOptions:
         if source.read is not None:
             refuse_unknown(source.read.pads, choices.use)
         return choices
-
-
-def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose parameters that are groups of options take these one by one."""
-    hints = get_type_hints(command, include_extras=True)
-    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    single: dict[str, Parameter] = {}
-    for name, one in signature(command).parameters.items():
-        options = _options(groups[name]) if name in groups else {name: (hints[name], one.default)}
-        for option, (hint, default) in options.items():
-            single[option] = Parameter(
-                option, Parameter.KEYWORD_ONLY, annotation=hint, default=default
-            )
-
-    @wraps(command)
-    def run(**given: Any) -> None:
-        made = {
-            name: kind(**{option: given.pop(option) for option in _options(kind)})
-            for name, kind in groups.items()
-        }
-        command(**given, **made)
-
-    run.__signature__ = signature(command).replace(parameters=list(single.values()))  # type: ignore[attr-defined]
-    run.__annotations__ = {name: one.annotation for name, one in single.items()}
-    return run
-
-
-def _options(group: Any) -> dict[str, tuple[Any, Any]]:
-    """Type and default of each option of a group, by name."""
-    hints = get_type_hints(group, include_extras=True)
-    return {
-        one.name: (hints[one.name], Parameter.empty if one.default is MISSING else one.default)
-        for one in fields(group)
-    }
 
 
 def share_of(text: str) -> float:

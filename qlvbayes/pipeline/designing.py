@@ -56,8 +56,8 @@ class Knowledge:
 
     belief: explanations of the tests so far, with probabilities and draws of their constants; rig:
     limits of the rig as these tests show them; floor: noise of the load cell; discrepancy: size of
-    what no effect explains (force); clock: time on
-    the pad's clock after these tests (s).
+    what no effect explains (force); clock: time on the pad's clock after
+    these tests (s).
     """
 
     pad: str

@@ -67,10 +67,11 @@ def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
     """
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]
-    values = read_references(references.file) if references else {}
-    if not (references and references.required):
-        values = matching_references(values, summaries)
-    entries = constants_table(summaries, values)
+    known = read_references(references.file) if references else {}
+    required = references is not None and references.required
+    entries = constants_table(
+        summaries, known if required else matching_references(known, summaries)
+    )
     few = len(files) <= MOST_ON_A_PAGE
     write_constants(out, entries, for_print=few)
     if not few:
