@@ -68,10 +68,10 @@ def look_command(
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """
-    sources = _read(files, reading)
+    inputs = _read(files, reading)
     looks: list[FirstLook] = []
-    for one in sources.studies:
-        folder = output if len(sources.studies) == 1 else output / Path(one.files[0]).stem
+    for one in inputs.studies:
+        folder = output if len(inputs.studies) == 1 else output / Path(one.files[0]).stem
         with waiting("looking"):
             look, figures = look_into(
                 folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
@@ -83,15 +83,15 @@ def look_command(
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    for error in sources.refused[:-1]:
+    for error in inputs.refused[:-1]:
         err.print(f"notice: left out: {error}")
-    if sources.refused:
-        raise sources.refused[-1]
+    if inputs.refused:
+        raise inputs.refused[-1]
 
 
 @dataclass(frozen=True)
-class _Source:
-    """Measurements, the files they came from, and what to type next."""
+class _Input:
+    """Hold measurements, the files that they came from, and the commands to go on with."""
 
     study: Measurements
     files: tuple[str, ...]
@@ -99,25 +99,25 @@ class _Source:
 
 
 @dataclass(frozen=True)
-class _Sources:
-    """All that could be read, and why other files were refused."""
+class _Inputs:
+    """Hold all that could be read, and why other files were refused."""
 
-    studies: tuple[_Source, ...]
+    studies: tuple[_Input, ...]
     refused: tuple[InputError, ...]
 
 
-def _read(files: Sequence[Path], reading: ReadingOptions) -> _Sources:
-    """Tidy files one by one, machine files together, as ``convert`` does.
+def _read(files: Sequence[Path], reading: ReadingOptions) -> _Inputs:
+    """Read tidy files one by one, and machine files together, as ``convert`` does.
 
-    One that cannot be read does not lose the others. A single machine file that leaves nothing open
-    is read as every command reads it.
+    A file that cannot be read does not stop the others. A single machine file without options is
+    read as every command reads it.
     """
     tidy = [file for file in files if _is_tidy(file)]
     machine = [file for file in files if file not in tidy]
     if tidy and not machine and (options := reading.arguments()):
         what = f"{options[0]} is for files as machines write them, and this one is tidy"
         raise InputError(what, file=tidy[0], remedy="leave it out")
-    studies: list[_Source] = []
+    studies: list[_Input] = []
     refused: list[InputError] = []
     with waiting("reading"):
         for file in tidy:
@@ -135,7 +135,7 @@ def _read(files: Sequence[Path], reading: ReadingOptions) -> _Sources:
             refused.append(error)
             left = [file for file in machine if str(file) != str(error.file)]
             machine = left if len(left) < len(machine) else []
-    return _Sources(tuple(studies), tuple(refused))
+    return _Inputs(tuple(studies), tuple(refused))
 
 
 def _is_tidy(file: Path) -> bool:
@@ -145,17 +145,17 @@ def _is_tidy(file: Path) -> bool:
         return False
 
 
-def _as_it_is(file: Path) -> _Source:
+def _as_it_is(file: Path) -> _Input:
     command = as_typed(
         "qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results"
     )
-    return _Source(read_measurements(file), (str(file),), (command,))
+    return _Input(read_measurements(file), (str(file),), (command,))
 
 
 def _of_machines(
     files: Sequence[Path], reading: ReadingOptions
-) -> tuple[_Source, tuple[InputError, ...]]:
-    """Return what could be read of some files, and why others could not."""
+) -> tuple[_Input, tuple[InputError, ...]]:
+    """Return what could be read of machine files, and why others could not be read."""
     if len(files) == 1 and reading == ReadingOptions():
         return _as_it_is(files[0]), ()
     conversion = converted(files, reading)
@@ -167,11 +167,11 @@ def _of_machines(
         as_typed("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
-    return _Source(study, names, commands), conversion.faults
+    return _Input(study, names, commands), conversion.faults
 
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
-    """Tables and lines of a first look."""
+    """Print the tables and lines of a first look."""
     if look.notices:
         lines = (f"  {text}" for text in in_short(look.notices))
         out.print("as read:", *lines, sep="\n", soft_wrap=True)

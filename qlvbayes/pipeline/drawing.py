@@ -69,9 +69,8 @@ def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
     summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
     required = references is not None and references.required
-    entries = constants_table(
-        summaries, known if required else matching_references(known, summaries)
-    )
+    usable = known if required else matching_references(known, summaries)
+    entries = constants_table(summaries, usable)
     few = len(files) <= MOST_ON_A_PAGE
     write_constants(out, entries, for_print=few)
     if not few:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 from uuid import uuid4
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements
+from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
@@ -25,6 +25,8 @@ from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 
 _READING = "reading"  # stands for the step where a file cannot be read and no pad is known
+
+Answer = TypeVar("Answer")
 
 
 class Step(Protocol):
@@ -184,6 +186,27 @@ def run_step(
     if not tally.total and source.only and source.shard.count == 1:
         raise InputError(f"no pad of these files is called {' or '.join(source.only)}")
     return tally
+
+
+def map_pads(
+    engine: Engine | None, task: Callable[[Pad], Answer], pads: Sequence[Pad]
+) -> list[Answer]:
+    """Return the task's answers for the pads, in order, from an engine or from this process.
+
+    Raises FailedError, which names the pads that failed in the engine.
+    """
+    if engine is None or len(pads) < 2:
+        return list(map(task, pads))
+    outcomes = list(run_all(partial(_styled, _own_style(), task), pads, engine))
+    faults = [replace(o.fault, of=f"pad {o.item.name}") for o in outcomes if o.fault is not None]
+    if faults:
+        raise FailedError(faults, len(faults))
+    return [cast(Answer, outcome.answer) for outcome in outcomes]
+
+
+def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> Answer:
+    with _with_style(style):
+        return task(pad)
 
 
 def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:

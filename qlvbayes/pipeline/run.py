@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,7 +31,7 @@ from qlvbayes.pipeline.drawing import (
 )
 from qlvbayes.pipeline.fitting import fit_into, report_saved_fit
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, Work, raise_failed, run_pads, run_step
+from qlvbayes.pipeline.many import Tally, Work, map_pads, raise_failed, run_pads, run_step
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
@@ -109,9 +110,9 @@ def run_study(
     given = None if references is None else Path(references)
     reference_file = find_references(source.location, given)
     choices_of = _choices_function(choices)
-    if source.read is not None and source.shard.count == 1:
-        _look(source, out, choices_of(source.whole), watcher)
     engine = engine_of(client)
+    if source.read is not None and source.shard.count == 1:
+        _look(source, out, choices_of(source.whole), watcher, engine)
     sampler, limits = settings, thresholds  # mypy does not narrow names inside a lambda
     baseline = run_step(
         out,
@@ -162,13 +163,15 @@ def finish(
         write_report(out, engine=engine)
 
 
-def _look(source: Source, out: Path, choices: Choices, watcher: Watcher) -> None:
+def _look(
+    source: Source, out: Path, choices: Choices, watcher: Watcher, engine: Engine | None
+) -> None:
     """Look at the tests of one file, before anything is fitted."""
     pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
     with watcher.doing("looking"):
         look, figures = look_into(
             out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
-            keep_all_readings=choices.keep_all_readings,
+            keep_all_readings=choices.keep_all_readings, apply=partial(map_pads, engine),
         )  # fmt: skip
     watcher.looked(look, figures)
 
