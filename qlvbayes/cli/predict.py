@@ -119,7 +119,7 @@ def _source(
 
 
 def _undecided(pad_folder: Path) -> bool:
-    """Return whether a diagnosis without kept constants left several hypotheses."""
+    """Return whether a diagnosis, whose draws are not saved, left several hypotheses."""
     file = pad_folder / "diagnosis.json"
     return file.is_file() and len(DiagnosisResult.read(file).alternatives) > 1
 

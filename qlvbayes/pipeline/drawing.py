@@ -28,7 +28,7 @@ REFERENCES = "paper_table1.csv"
 
 
 def draw_fit(folder: Path, fit: Fit, experiment: Experiment) -> list[Path]:
-    """Leave the figures pairs and programme of one pad in a folder; return the images."""
+    """Draw the figures pairs and programme of one pad into a folder; return their paths."""
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.pairs import plot_pairs
     from qlvbayes.plots.programme import plot_programme
@@ -60,10 +60,10 @@ def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
 
 
 def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
-    """Leave the constants of all pads in ``out`` as constants.csv, constants.tex and a figure.
+    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure.
 
     Table and figure for print are left out where there are more pads than anyone reads side by
-    side. Returns the images. Raises InputError where the references cannot be used.
+    side. Returns the figure's path. Raises InputError where the references cannot be used.
     """
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]

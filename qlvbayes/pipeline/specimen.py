@@ -30,7 +30,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """One pad with its tests, ready to be fitted and diagnosed.
+    """Hold one pad with its tests, ready to be fitted and diagnosed.
 
     Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
     stress.
@@ -39,7 +39,7 @@ class Specimen:
     pad: Pad
 
     def __repr__(self) -> str:
-        """``<pad B, 6 tests>``."""
+        """Return ``<pad B, 6 tests>``."""
         count = len(self.pad.tests)
         return f"<pad {self.pad.name}, {count} {'test' if count == 1 else 'tests'}>"
 
@@ -174,7 +174,7 @@ class Specimen:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Study(Measurements):
-    """All pads of one file by name: ``study["B"]`` is a `Specimen`, and its names are iterated."""
+    """Hold all pads of one file by name: ``study["B"]`` is a `Specimen`; iteration yields names."""
 
     def __getitem__(self, name: str) -> Specimen:
         """Return the pad of that name; InputError lists the known names otherwise."""
@@ -189,7 +189,7 @@ class Study(Measurements):
         return len(self.pads)
 
     def __repr__(self) -> str:
-        """``<study pads.csv: A, B, C>``."""
+        """Return ``<study pads.csv: A, B, C>``."""
         return f"<study {Path(self.source).name}: {', '.join(self)}>"
 
     def fit(
