@@ -3,6 +3,8 @@
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from operator import attrgetter
 
 import pytest
 from support.endtoend import PADS, call, one_line, read_json
@@ -13,11 +15,12 @@ from qlvbayes.fitting.runs import Runs
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.parallel.engines import Processes, engine_of
-from qlvbayes.parallel.faults import Fault
+from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.drawing import draw_constants
 from qlvbayes.pipeline.finished import FINISHED, faults_in
-from qlvbayes.pipeline.many import Work, run_pads
+from qlvbayes.pipeline.looking import look_into
+from qlvbayes.pipeline.many import Work, map_pads, run_pads
 from qlvbayes.pipeline.source import Source, pad_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE
@@ -111,6 +114,20 @@ def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatc
     assert read_json(tmp_path / "there" / "A" / "mean.json")["more"] == "read"
 
 
+def test_processes_look_at_pads_as_this_one_does(tmp_path, two):
+    study = read_measurements(PADS)
+    for name, engine in (("one", None), ("two", two)):
+        look_into(tmp_path / name, study, study.pads[:2], apply=partial(map_pads, engine))
+    assert set(files(tmp_path / "one")) == {"look.json", "look_A.png", "look_B.png"}
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_pads_that_fail_in_a_process_are_named(two):
+    with pytest.raises(FailedError) as failed:
+        map_pads(two, attrgetter("nothing"), read_measurements(PADS).pads)
+    assert [fault.of for fault in failed.value.faults] == ["pad A", "pad B", "pad C"]
+
+
 def test_two_pads_of_one_name_are_refused(tmp_path):
     found, _ = run(tmp_path, ["A", "a"])
     assert found.pads == ("A",)
@@ -193,23 +210,23 @@ def test_several_files_name_their_pads(folder, tmp_path):
     study = read_measurements(PADS)
     both = tmp_path / "run1.csv"
     both.write_bytes(PADS.read_bytes())
-    found = [one.pads[0].name for one in Source.of([both, folder / "B.csv"])]
+    found = [one.pads[0].name for one in Source.from_files([both, folder / "B.csv"])]
     assert found == ["run1-A", "run1-B", "run1-C", "B"]
     (renamed,) = pad_of(read_measurements(both), "run1-B").pads
     assert {test.pad for test in renamed.tests} == {"run1-B"}
     assert pad_of(study, "B").pads[0] is study.pad("B")
     with pytest.raises(InputError, match="no pad 'run2-B'"):
         pad_of(study, "run2-B")
-    assert [one.pads[0].name for one in Source.of(PADS, only=("C", "A"))] == ["C", "A"]
-    assert [one.pads[0].name for one in Source.of(PADS, shard=Shard(2, 2))] == ["B"]
+    assert [one.pads[0].name for one in Source.from_files(PADS, only=("C", "A"))] == ["C", "A"]
+    assert [one.pads[0].name for one in Source.from_files(PADS, shard=Shard(2, 2))] == ["B"]
     with pytest.raises(InputError, match="no pad 'X'"):
-        Source.of(PADS, only=("X",))
+        Source.from_files(PADS, only=("X",))
     (tmp_path / "b.CSV").write_bytes(b"")
     with pytest.raises(InputError, match="give pads one name"):
-        Source.of([folder / "B.csv", tmp_path / "b.CSV"])
+        Source.from_files([folder / "B.csv", tmp_path / "b.CSV"])
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match="no measurements in this folder"):
-        Source.of(tmp_path / "none")
+        Source.from_files(tmp_path / "none")
 
 
 def test_a_name_that_no_file_has_is_refused(folder, tmp_path):

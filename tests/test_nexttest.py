@@ -37,7 +37,7 @@ from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.pipeline.designing import design_into, likely
+from qlvbayes.pipeline.designing import design_into, probable_alternatives
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 ERRORS = ReadingErrors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
@@ -207,7 +207,7 @@ def test_a_cause_counts_by_all_its_laws_and_forms():
     """Four percent on each of two laws are a cause; so are the forms of one family together."""
     usual, other = LawPair("exponential", "prony:2"), LawPair("hertz", "prony:2")
     families = Families.from_kinds(EVERY)
-    found = likely(
+    found = probable_alternatives(
         [
             Alternative(usual, ("viscous_drag",), 0.5),
             Alternative(other, ("viscous_drag",), 0.1),
@@ -451,14 +451,14 @@ def test_a_folder_without_results_is_named(tmp_path):
 @pytest.mark.slow
 def test_a_posterior_made_elsewhere_says_what_it_lacks(tmp_path):
     """Its draws, its noise, and what its tests cover must be known."""
-    from qlvbayes.pipeline.designing import present_of_fit
+    from qlvbayes.pipeline.designing import knowledge_from_fit
 
     with pytest.raises(InputError, match="does not say what its tests cover"):
-        present_of_fit(replace(saved(), covered=None))
+        knowledge_from_fit(replace(saved(), covered=None))
     with pytest.raises(InputError, match="no noise"):
-        present_of_fit(saved())
+        knowledge_from_fit(saved())
     quiet = saved(**{"noise.white": 0.01})
-    found = present_of_fit(replace(quiet, choices=Choices(noise="white")))
+    found = knowledge_from_fit(replace(quiet, choices=Choices(noise="white")))
     assert found.floor.white == pytest.approx(0.01, rel=0.02)
     assert found.rig.depth == REACH.depth
 

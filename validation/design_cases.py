@@ -29,7 +29,7 @@ from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.pipeline.designing import likely
+from qlvbayes.pipeline.designing import probable_alternatives
 from qlvbayes.simulate import (
     HIDDEN,
     NOISES,
@@ -190,7 +190,8 @@ class Doubt:
                 Hypothesis(*one.base.pair, search.baseline.effects | set(one.effects)),
                 one.probability,
             )
-            for one in likely(result.alternatives, FAMILIES) or result.alternatives[:1]
+            for one in probable_alternatives(result.alternatives, FAMILIES)
+            or result.alternatives[:1]
         ]
         return cls(
             experiment, known, believed(search, known), Rig.from_tests(experiment),

@@ -82,7 +82,7 @@ def app_command(
     }
     if sys.stderr.isatty():
         print("starting the bench …", file=sys.stderr, flush=True)
-    # an interpreter without JAX takes this one's place
+    # replace this process by an interpreter that has no JAX loaded
     serve = Path(qlvbayes.app.__file__).with_name("serve.py")
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-P", str(serve), json.dumps(options)])

@@ -60,19 +60,19 @@ def benchmark(
             "the wide population decides effects and noise itself",
             remedy="leave --effects and --noise out",
         )
-    # here, so that the other commands do not wait for what only this one needs
+    # imported here, so that the other commands do not wait for what only this one needs
     from qlvbayes.evaluation.population import Population
     from qlvbayes.evaluation.report import Report
     from qlvbayes.plots.benchmark import plot_benchmark
     from qlvbayes.plots.files import save_figure
 
     names = {"effects": tuple(split_names(effects))} if effects else {}
-    some = Population(seed, paper=population == "paper", noise=noise, **names)
+    simulated = Population(seed, paper=population == "paper", noise=noise, **names)
     folder = results_folder(output)
-    cases = _run(some, folder, studies, work)
+    cases = _run(simulated, folder, studies, work)
     if cases is None:
         return
-    report = Report(some, tuple(cases))
+    report = Report(simulated, tuple(cases))
     write_json(folder / "benchmark.json", report.as_dict())
     picture = save_figure(plot_benchmark(report), folder / "benchmark")
     if as_json:
@@ -102,7 +102,7 @@ def _run(
 
 
 def rates_table(report: Report) -> Table:
-    """Return every rate over the studies that could be seen, with its one-sided 95 % bound."""
+    """Return every rate over the studies whose effect is visible, with its one-sided 95 % bound."""
     from qlvbayes.evaluation.counting import COUNTS, bound
 
     name = f"the {'paper' if report.population.paper else 'wide'} population"

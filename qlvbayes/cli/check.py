@@ -73,7 +73,7 @@ def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | F
 
 
 def _show_constants(files: Sequence[Path]) -> None:
-    summaries = [file.with_name("summary.json") for file in files]
-    found = [FitSummary.read(path) for path in summaries if path.exists()]
-    if 0 < len(found) <= MOST_ON_A_PAGE:
-        out.print(pads_table(found))
+    paths = [file.with_name("summary.json") for file in files]
+    summaries = [FitSummary.read(path) for path in paths if path.exists()]
+    if 0 < len(summaries) <= MOST_ON_A_PAGE:
+        out.print(pads_table(summaries))

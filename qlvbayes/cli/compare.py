@@ -72,22 +72,22 @@ def compare_command(
     watcher = Terminal(quiet=as_json)
     contents, figures = [], []
     for first, second in pairs:
-        found, drawn = compare_into(
+        comparison, drawn = compare_into(
             folder,
             first,
             second,
             region=region,
             depth=depth,
-            rates=_numbers("--rates", rates),
-            frequencies=_numbers("--frequencies", frequencies),
+            rates=_positive_values("--rates", rates),
+            frequencies=_positive_values("--frequencies", frequencies),
             seed=seed,
             watcher=watcher,
         )
-        contents.append(found.as_dict())
+        contents.append(comparison.as_dict())
         figures += drawn
         if not as_json:
-            out.print(contrasts_table(found))
-            for text in found.words:
+            out.print(contrasts_table(comparison))
+            for text in comparison.words:
                 out.print(text, soft_wrap=not out.is_terminal)
                 out.print()
     if as_json:
@@ -98,15 +98,15 @@ def compare_command(
 
 
 def _pairs(
-    found: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
+    fits: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
     """Return what is compared; raise InputError where there are no two of it."""
-    known = {saved.pad: saved for saved in found}
+    known = {saved.pad: saved for saved in fits}
     if names := known_names(pads, known, folder):
-        found = [known[name] for name in dict.fromkeys(names)]
+        fits = [known[name] for name in dict.fromkeys(names)]
     if fluids is None:
-        fluids = not names and bool(fluid_pairs(found))
-    pairs = fluid_pairs(found) if fluids else pad_pairs(found)
+        fluids = not names and bool(fluid_pairs(fits))
+    pairs = fluid_pairs(fits) if fluids else pad_pairs(fits)
     if pairs:
         return pairs
     if fluids:
@@ -118,11 +118,11 @@ def _pairs(
     raise InputError("one fit alone", file=folder, remedy="fit another pad into this folder")
 
 
-def _numbers(option: str, text: str) -> list[float] | None:
+def _positive_values(option: str, text: str) -> list[float] | None:
     try:
-        found = [float(word) for word in split_names(text)]
+        values = [float(word) for word in split_names(text)]
     except ValueError:
-        found = [math.nan]
-    if not all(math.isfinite(x) and x > 0.0 for x in found):
+        values = [math.nan]
+    if not all(math.isfinite(x) and x > 0.0 for x in values):
         raise InputError(f"{option} {text!r} are not numbers above 0", remedy="write as '0.1,1,30'")
-    return found or None
+    return values or None

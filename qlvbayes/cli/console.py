@@ -1,4 +1,4 @@
-"""What the terminal shows: progress on stderr where it is a terminal, tables on stdout."""
+"""Write to the terminal: progress on stderr where it is a terminal, tables on stdout."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from rich.text import Text
 
 from qlvbayes.io.escaping import as_typed, visible
 
-if TYPE_CHECKING:  # a sampler's import takes longer than what most commands do
+if TYPE_CHECKING:  # importing the sampler takes longer than most commands run
     from qlvbayes.fitting.ensemble import Progress as Report
 
-WIDE = 140  # columns of a table where the output is no terminal
+WIDE = 140  # characters per line of a table where the output is no terminal
 
 
 class Plain(Console):
-    """A console that writes text as it is: no markup, and nothing that commands the terminal."""
+    """Write text as it is: no markup, and no control characters that reach the terminal."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **settings)
 
     def render_str(self, text: str, **settings: Any) -> Text:
-        """Whatever is printed, cells and titles of tables too, comes by here."""
+        """Return text with control characters made visible; cells and titles of tables pass too."""
         return super().render_str(visible(text, keep="\n"), **settings)
 
 
@@ -42,7 +42,7 @@ err = Plain(stderr=True, width=None if sys.stderr.isatty() else 1000)
 
 
 def command_line() -> str:
-    """Return what was typed, so that it can be typed again."""
+    """Return the command line, quoted so that a shell takes it again."""
     return as_typed("qlvbayes", *sys.argv[1:])
 
 

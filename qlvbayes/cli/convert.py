@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -11,7 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.plainoptions import AsJson, Style, split_names
+from qlvbayes.cli.plainoptions import AsJson, Style, split_names, with_groups
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
@@ -19,6 +20,7 @@ from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conversion import Conversion, convert, in_short
 from qlvbayes.io.formats.format import AbstractFormat
 from qlvbayes.io.formats.tidy import write_tidy
+from qlvbayes.io.wording import plain
 
 Files = Annotated[list[Path], typer.Argument(help="Files as machines write them.")]
 PadName = Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")]
@@ -38,14 +40,14 @@ Sign = Annotated[
         show_default=False,
     ),
 ]
-ContactPlace = Annotated[
+Contact = Annotated[
     str | None,
     typer.Option(
         help=f"Displacement at contact in the tidy file's unit, or '{FILE}': its own zero.",
         show_default=False,
     ),
 ]
-UnitsSaid = Annotated[
+Units = Annotated[
     str | None,
     typer.Option(
         help="Units of time, displacement, force where the files tell none: s,mm,N.",
@@ -63,17 +65,53 @@ FormatsFile = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Hold the options that say how files of testing machines are read."""
+
+    pad: PadName = ""
+    pad_from: PadFrom = None
+    test: TestNames = ""
+    sign: Sign = None
+    contact: Contact = None
+    units: Units = None
+    area: Area = None
+    formats_file: FormatsFile = None
+
+    @property
+    def formats(self) -> tuple[type[AbstractFormat], ...]:
+        """Formats of the package, then those of the user's file."""
+        own = () if self.formats_file is None else own_formats(self.formats_file)
+        return (*FORMATS, *own)
+
+    def answers(self) -> Answers:
+        """Return the answers for reading files; raise InputError where one cannot be used."""
+        pads, tests = tuple(split_names(self.pad)), tuple(split_names(self.test))
+        return Answers.of(
+            self.sign, self.contact, self.units, self.area, pads, tests, self.pad_from
+        )
+
+    def arguments(self) -> list[str]:
+        """Return the options that are set, as arguments of the command ``convert``."""
+        options = {
+            "--sign": self.sign,
+            "--contact": self.contact,
+            "--units": self.units,
+            "--area": None if self.area is None else plain(self.area, 6),
+            "--pad": ",".join(split_names(self.pad)),
+            "--pad-from": self.pad_from,
+            "--test": ",".join(split_names(self.test)),
+            "--formats-file": None if self.formats_file is None else str(self.formats_file),
+        }
+        return [word for option, value in options.items() if value for word in (option, value)]
+
+
+@with_groups
 def convert_command(
     files: Files,
     output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
-    pad: PadName = "",
-    pad_from: PadFrom = None,
-    test: TestNames = "",
-    sign: Sign = None,
-    contact: ContactPlace = None,
-    units: UnitsSaid = None,
-    area: Area = None,
-    formats_file: FormatsFile = None,
+    *,
+    reading: ReadingOptions,
     style: Style = None,
     as_json: AsJson = False,
 ) -> None:
@@ -87,79 +125,60 @@ def convert_command(
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
-    kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
-    pads, tests = tuple(split_names(pad)), tuple(split_names(test))
-    said = Said(sign, contact, units, area, pads, tests, pad_from)
-    found = converted(files, said, kinds)
-    write_tidy(found, output)
-    picture = _picture(found, output)
+    conversion = converted(files, reading)
+    write_tidy(conversion, output)
+    picture = _picture(conversion, output)
     if as_json:
-        print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
+        print(json.dumps([test.as_dict() for test in conversion.tests], allow_nan=False))
     else:
-        out.print(*in_short(found.notices), sep="\n", soft_wrap=True)
+        out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
         out.print(f"wrote {output}, picture {picture}")
-    if found.faults:
+    if conversion.faults:
         sys.stdout.flush()
-        _stop_without(found, files, pad)
+        _stop_without(conversion, files, reading.pad)
 
 
-def _stop_without(found: Conversion, files: list[Path], pad: str) -> NoReturn:
+def _stop_without(conversion: Conversion, files: list[Path], pad: str) -> NoReturn:
     """Name the files that were left out, and the command that goes on without them."""
-    bad = {str(fault.file): fault for fault in found.faults}
+    bad = {str(fault.file): fault for fault in conversion.faults}
     names = split_names(pad)
     kept = ",".join(n for n, f in zip(names, files, strict=False) if str(f) not in bad)
     words = [kept if len(names) > 1 and word == pad else word for word in sys.argv[1:]]
     again = as_typed("qlvbayes", *(word for word in words if word not in bad))
-    for fault in found.faults:
+    for fault in conversion.faults:
         err.print(f"qlvbayes: {fault}")
     left = f"{len(bad)} of {len(files)} files {'is' if len(bad) == 1 else 'are'} left out"
     err.print(f"qlvbayes: {left} ({', '.join(bad)}); without: {again}")
     raise typer.Exit(2)
 
 
-@dataclass(frozen=True)
-class Said:
-    """The options as they were typed, or answered."""
-
-    sign: str | None
-    contact: str | None
-    units: str | None
-    area: float | None
-    pads: tuple[str, ...]
-    tests: tuple[str, ...]
-    pad_from: str | None
-
-    def answers(self) -> Answers:
-        """Return the answers for reading files; raise InputError where one cannot be used."""
-        return Answers.of(
-            self.sign, self.contact, self.units, self.area, self.pads, self.tests, self.pad_from
-        )
-
-
-def converted(files: list[Path], said: Said, kinds: tuple[type[AbstractFormat], ...]) -> Conversion:
-    """Convert; on a terminal ask for what is missing, as often as needed."""
-    asked = sys.stdin.isatty() and err.is_terminal
+def converted(files: Sequence[Path], reading: ReadingOptions) -> Conversion:
+    """Convert files; on a terminal ask for what they leave open, as often as needed."""
+    formats = reading.formats
+    asks = sys.stdin.isatty() and err.is_terminal
     while True:
         try:
             with waiting("reading"):
-                found = convert(files, said.answers(), kinds, without_faulty=True)
-            open_ = (fault for fault in found.faults if asked and isinstance(fault, UnsureError))
+                conversion = convert(files, reading.answers(), formats, without_faulty=True)
+            open_ = (
+                fault for fault in conversion.faults if asks and isinstance(fault, UnsureError)
+            )
             if (unsure := next(open_, None)) is None:
-                return found
+                return conversion
             raise unsure
         except UnsureError as error:
-            if not asked:
+            if not asks:
                 raise
             err.print(str(error))
             kind = float if error.option == "area" else str
             answer = typer.prompt(error.question, type=kind, err=True)
-            said = replace(said, **{error.option: answer})
+            reading = replace(reading, **{error.option: answer})
 
 
-def _picture(found: Conversion, output: Path) -> Path:
-    # here, so that other commands do not wait for matplotlib
+def _picture(conversion: Conversion, output: Path) -> Path:
+    # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
 
     stem = output.name.removesuffix(".gz").removesuffix(".csv")
-    return save_figure(plot_conversion(found), output.with_name(stem))
+    return save_figure(plot_conversion(conversion), output.with_name(stem))

@@ -64,24 +64,24 @@ def design_command(
     are judged by nested Monte Carlo. Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second,
     for the rig and for 'predict --program') and the figure design.
     """
-    # here, so that other commands do not wait for JAX
+    # imported here, so that other commands do not wait for JAX
     from qlvbayes.pipeline.designing import design_into
 
     watcher = Terminal(quiet=as_json)
-    found, figures = [], []
+    results, figures = [], []
     for name in _pads(folder, pad):
         plan, drawn = design_into(
             folder, name, split_names(wanted), minutes=minutes, tests=tests, depth=max_depth,
             speed=max_speed, acceleration=max_acceleration, data=data, seed=seed, watcher=watcher,
         )  # fmt: skip
         figures += drawn
-        found.append(plan.result)
+        results.append(plan.result)
         for notice in plan.result.notices:
             watcher.notice(f"pad {name}: {notice}")
     if as_json:
-        print(json.dumps([one.as_dict() for one in found], allow_nan=False))
+        print(json.dumps([one.as_dict() for one in results], allow_nan=False))
         return
-    for one in found:
+    for one in results:
         out.print(_tests(one))
         if one.widths:
             out.print(_widths(one))
@@ -99,54 +99,54 @@ def _pads(folder: Path, names: str) -> list[str]:
     return known_names(names, known, folder, "results") or known
 
 
-def _tests(found: NextTests) -> Table:
+def _tests(plan: NextTests) -> Table:
     """Return a table with a row for each test, and one for all."""
-    doubt = ", ".join(f"{name} ({share:.0%})" for name, share in found.causes.items())
-    caption = f"{found.entropy:.2f} bits are missing to tell apart {doubt}" if found.cause else None
-    table = Table(title=f"pad {found.pad}: the next tests", caption=caption)
+    doubt = ", ".join(f"{name} ({share:.0%})" for name, share in plan.causes.items())
+    caption = f"{plan.entropy:.2f} bits are missing to tell apart {doubt}" if plan.cause else None
+    table = Table(title=f"pad {plan.pad}: the next tests", caption=caption)
     columns = ["test", "minutes"]
-    columns += ["bits, constants"] if found.constants else []
-    columns += ["bits, cause"] if found.cause else []
+    columns += ["bits, constants"] if plan.constants else []
+    columns += ["bits, cause"] if plan.cause else []
     for column in (*columns, "bits a minute", "what the platen does"):
         left = column in ("test", "what the platen does")
         table.add_column(column, justify="left" if left else "right")
-    for one in found.tests:
+    for one in plan.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
-        cells += [_bits(one.constants, one.judged, "constants")] if found.constants else []
-        cells += [_bits(one.cause, one.judged, "cause")] if found.cause else []
+        cells += [_bits(one.constants, one.judged, "constants")] if plan.constants else []
+        cells += [_bits(one.cause, one.judged, "cause")] if plan.cause else []
         table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
-    judged = found.together
+    judged = plan.together
     if judged is not None:
-        cells = ["all", f"{sum(one.minutes for one in found.tests):.2f}"]
-        cells += [_pm(judged.constants, judged.constants_error)] if found.constants else []
-        cells += [_pm(judged.cause, judged.cause_error)] if found.cause else []
-        table.add_row(*cells, _a_minute(found, judged), "", end_section=True)
+        cells = ["all", f"{sum(one.minutes for one in plan.tests):.2f}"]
+        cells += [_pm(judged.constants, judged.constants_error)] if plan.constants else []
+        cells += [_pm(judged.cause, judged.cause_error)] if plan.cause else []
+        table.add_row(*cells, _a_minute(plan, judged), "", end_section=True)
     return table
 
 
 def _bits(closed: float, judged: Bits | None, name: str) -> str:
-    """Judged where that was done, as bits a minute are."""
+    """Return the bits by nested Monte Carlo where they were computed, else in closed form."""
     value = getattr(judged, name) if judged else None
     return f"{closed if value is None else value:.2f}"
 
 
-def _a_minute(found: NextTests, judged: Bits) -> str:
+def _a_minute(plan: NextTests, judged: Bits) -> str:
     """Return the information a minute of all tests together."""
-    asked = [judged.constants] * bool(found.constants) + [judged.cause] * found.cause
-    known = [value for value in asked if value is not None]
-    return f"{sum(known) / sum(one.minutes for one in found.tests):.2f}" if known else ""
+    values = [judged.constants] * bool(plan.constants) + [judged.cause] * plan.cause
+    known = [value for value in values if value is not None]
+    return f"{sum(known) / sum(one.minutes for one in plan.tests):.2f}" if known else ""
 
 
 def _pm(value: float | None, error: float | None) -> str:
     return "unknown" if value is None or error is None else f"{value:.2f} ± {error:.2f}"
 
 
-def _widths(found: NextTests) -> Table:
-    """Sds of the constants now and after all tests."""
-    table = Table(title=found.hypotheses[0].words)
+def _widths(plan: NextTests) -> Table:
+    """Return a table of the constants' standard deviations now and after all tests."""
+    table = Table(title=plan.hypotheses[0].words)
     for column in ("constant", "value", "sd now", "sd expected"):
         table.add_column(column, justify="left" if column == "constant" else "right")
-    for name, one in found.widths.items():
+    for name, one in plan.widths.items():
         unit = "" if one.unit == "1" else f" {one.unit}"
         table.add_row(name, f"{plain(one.mean)}{unit}", plain(one.now, 2), plain(one.after, 2))
     return table

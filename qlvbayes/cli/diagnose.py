@@ -63,7 +63,7 @@ def diagnose_command(
     with work.engine() as engine:
         done = run_step(output, source, step, engine=engine, watcher=watcher)
     if done.pads:
-        told = {"evidence": evidence, "thresholds": settings}
-        record_run(output, "diagnose", command_line(), source.whole, choices, seed, told)
+        run_settings = {"evidence": evidence, "thresholds": settings}
+        record_run(output, "diagnose", command_line(), source.whole, choices, seed, run_settings)
     show_done(output, done, "diagnosis.json", as_json=as_json)
     raise_failed([done])

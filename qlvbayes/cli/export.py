@@ -55,15 +55,15 @@ def export_command(
     for name in names:
         find(name)
     pad = pad or _only_pad(folder)
-    found: dict[str, list[str]] = {}
+    written: dict[str, list[str]] = {}
     for name in names:
         with waiting(f"export to {name}"):
             files = export(folder, pad, name, draws=draws, height=height, area=area, data=data)
-        found[name] = [str(path) for path in files]
+        written[name] = [str(path) for path in files]
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(written))
         return
-    for name, paths in found.items():
+    for name, paths in written.items():
         out.print(f"{name}: {find(name).what}", soft_wrap=True)
         for path in paths:
             out.print(f"  {path}", soft_wrap=True)

@@ -24,7 +24,7 @@ from qlvbayes.fitting.fit import METHODS
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
-from qlvbayes.pipeline.drawing import draw_constants, references_of
+from qlvbayes.pipeline.drawing import draw_constants, find_references
 from qlvbayes.pipeline.fitting import FitStep
 from qlvbayes.pipeline.many import raise_failed, run_step
 
@@ -59,7 +59,7 @@ def fit(
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(file, pads, work.part)
     choices = model.choices_of(source)
-    known = references_of(source.place, references)
+    reference_file = find_references(source.location, references)
 
     def step(study: Measurements) -> FitStep:
         return FitStep(model.choices(study), method, all_tests, settings)
@@ -67,10 +67,10 @@ def fit(
     with work.engine() as engine:
         done = run_step(output, source, step, engine=engine, watcher=watcher)
     if done.pads:
-        told = {"method": method, "all_tests": all_tests, "sampler": settings}
-        record_run(output, "fit", command_line(), source.whole, choices, seed, told)
+        run_settings = {"method": method, "all_tests": all_tests, "sampler": settings}
+        record_run(output, "fit", command_line(), source.whole, choices, seed, run_settings)
         if source.shard.count == 1:
             with waiting("figures of all pads"):
-                draw_constants(output, known)
+                draw_constants(output, reference_file)
     show_done(output, done, "summary.json", as_json=as_json)
     raise_failed([done])

@@ -31,8 +31,8 @@ def gather_command(
     the same run without --shard leaves, and names the pads that failed.
     """
     with opened_engine(jobs or cores(), cluster) as engine:
-        found = gather(folder, references=references, engine=engine, watcher=Terminal())
-    count = len(found.pads)
+        tally = gather(folder, references=references, engine=engine, watcher=Terminal())
+    count = len(tally.pads)
     out.print(f"{count} pad{'' if count == 1 else 's'} in {folder}, report in {folder / REPORT}")
-    if found.faults:
-        raise FailedError(found.faults, found.total)
+    if tally.faults:
+        raise FailedError(tally.faults, tally.total)

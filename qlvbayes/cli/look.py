@@ -13,30 +13,18 @@ from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.convert import (
-    Area,
-    ContactPlace,
-    FormatsFile,
-    PadFrom,
-    PadName,
-    Said,
-    Sign,
-    TestNames,
-    UnitsSaid,
-    converted,
-)
+from qlvbayes.cli.convert import ReadingOptions, converted
 from qlvbayes.cli.plainoptions import (
     AsJson,
     KeepAllReadings,
     Pads,
     Style,
     chosen_pads,
-    split_names,
+    with_groups,
 )
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, measurements_of, read_measurements
 from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conversion import in_short
 from qlvbayes.io.reading.csvtext import digest
 from qlvbayes.io.reading.dialect import sniff
@@ -49,6 +37,7 @@ from qlvbayes.pipeline.looking import look_into
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
+@with_groups
 def look_command(
     files: Annotated[
         list[Path], typer.Argument(help="Measurements: tidy .csv, or as machines write them.")
@@ -57,14 +46,8 @@ def look_command(
         Path, typer.Option("-o", "--output", help="Folder for look.json and the pictures.")
     ] = Path("look"),
     pads: Pads = "",
-    pad: PadName = "",
-    pad_from: PadFrom = None,
-    test: TestNames = "",
-    sign: Sign = None,
-    contact: ContactPlace = None,
-    units: UnitsSaid = None,
-    area: Area = None,
-    formats_file: FormatsFile = None,
+    *,
+    reading: ReadingOptions,
     bonded: Annotated[
         bool | None,
         typer.Option(
@@ -85,12 +68,10 @@ def look_command(
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """
-    names = tuple(split_names(pad)), tuple(split_names(test))
-    said = Said(sign, contact, units, area, *names, pad_from)
-    found = _read(files, said, formats_file)
+    inputs = _read(files, reading)
     looks: list[FirstLook] = []
-    for one in found.studies:
-        folder = output if len(found.studies) == 1 else output / Path(one.files[0]).stem
+    for one in inputs.studies:
+        folder = output if len(inputs.studies) == 1 else output / Path(one.files[0]).stem
         with waiting("looking"):
             look, figures = look_into(
                 folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
@@ -102,15 +83,15 @@ def look_command(
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    for error in found.refused[:-1]:
+    for error in inputs.refused[:-1]:
         err.print(f"notice: left out: {error}")
-    if found.refused:
-        raise found.refused[-1]
+    if inputs.refused:
+        raise inputs.refused[-1]
 
 
 @dataclass(frozen=True)
-class _Read:
-    """Measurements, the files they came from, and what to type next."""
+class _Input:
+    """Hold measurements, the files that they came from, and the commands to go on with."""
 
     study: Measurements
     files: tuple[str, ...]
@@ -118,43 +99,43 @@ class _Read:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """All that could be read, and why other files were refused."""
+class _Inputs:
+    """Hold all that could be read, and why other files were refused."""
 
-    studies: tuple[_Read, ...]
+    studies: tuple[_Input, ...]
     refused: tuple[InputError, ...]
 
 
-def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Found:
-    """Tidy files one by one, machine files together, as ``convert`` does.
+def _read(files: Sequence[Path], reading: ReadingOptions) -> _Inputs:
+    """Read tidy files one by one, and machine files together, as ``convert`` does.
 
-    One that cannot be read does not lose the others. A single machine file that leaves nothing open
-    is read as every command reads it.
+    A file that cannot be read does not stop the others. A single machine file without options is
+    read as every command reads it.
     """
     tidy = [file for file in files if _is_tidy(file)]
     machine = [file for file in files if file not in tidy]
-    if tidy and not machine and (options := _typed(said, formats_file)):
+    if tidy and not machine and (options := reading.arguments()):
         what = f"{options[0]} is for files as machines write them, and this one is tidy"
         raise InputError(what, file=tidy[0], remedy="leave it out")
-    found: list[_Read] = []
+    studies: list[_Input] = []
     refused: list[InputError] = []
     with waiting("reading"):
         for file in tidy:
             try:
-                found.append(_as_it_is(file))
+                studies.append(_as_it_is(file))
             except InputError as error:
                 refused.append(error)
     while machine:
         try:
-            read, faults = _of_machines(machine, said, formats_file)
-            found.append(read)
+            read, faults = _of_machines(machine, reading)
+            studies.append(read)
             refused += faults
             break
         except InputError as error:
             refused.append(error)
             left = [file for file in machine if str(file) != str(error.file)]
             machine = left if len(left) < len(machine) else []
-    return _Found(tuple(found), tuple(refused))
+    return _Inputs(tuple(studies), tuple(refused))
 
 
 def _is_tidy(file: Path) -> bool:
@@ -164,49 +145,33 @@ def _is_tidy(file: Path) -> bool:
         return False
 
 
-def _as_it_is(file: Path) -> _Read:
-    typed = as_typed("qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results")
-    return _Read(read_measurements(file), (str(file),), (typed,))
+def _as_it_is(file: Path) -> _Input:
+    command = as_typed(
+        "qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results"
+    )
+    return _Input(read_measurements(file), (str(file),), (command,))
 
 
 def _of_machines(
-    files: Sequence[Path], said: Said, formats_file: Path | None
-) -> tuple[_Read, tuple[InputError, ...]]:
-    """Return what could be read of some files, and why others could not."""
-    nothing = Said(None, None, None, None, (), (), None)
-    if len(files) == 1 and formats_file is None and said == nothing:
+    files: Sequence[Path], reading: ReadingOptions
+) -> tuple[_Input, tuple[InputError, ...]]:
+    """Return what could be read of machine files, and why others could not be read."""
+    if len(files) == 1 and reading == ReadingOptions():
         return _as_it_is(files[0]), ()
-    kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
-    conversion = converted(list(files), said, kinds)
+    conversion = converted(files, reading)
     digests = "".join(digest(file) for file in files)
     sha256 = hashlib.sha256(digests.encode()).hexdigest()
     names = tuple(map(str, files))
     study = measurements_of(conversion, names[0], sha256)
-    answers = _typed(said, formats_file)
     commands = (
-        as_typed("qlvbayes", "convert", *names, *answers, "-o", "tidy.csv"),
+        as_typed("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
-    return _Read(study, names, commands), conversion.faults
-
-
-def _typed(said: Said, formats_file: Path | None) -> list[str]:
-    """Return the options as they are typed to ``convert``."""
-    given = {
-        "--sign": said.sign,
-        "--contact": said.contact,
-        "--units": said.units,
-        "--area": None if said.area is None else plain(said.area, 6),
-        "--pad": ",".join(said.pads) or None,
-        "--pad-from": said.pad_from,
-        "--test": ",".join(said.tests) or None,
-        "--formats-file": None if formats_file is None else str(formats_file),
-    }
-    return [word for option, value in given.items() if value for word in (option, value)]
+    return _Input(study, names, commands), conversion.faults
 
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
-    """Tables and lines of a first look."""
+    """Print the tables and lines of a first look."""
     if look.notices:
         lines = (f"  {text}" for text in in_short(look.notices))
         out.print("as read:", *lines, sep="\n", soft_wrap=True)

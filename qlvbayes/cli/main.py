@@ -1,4 +1,4 @@
-"""The command line's entry: subcommands, and errors as one plain line."""
+"""Run the command line: choose the subcommand, and report an error in one line."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _COMMANDS = {
     "simulate": "simulate.simulate",
     "benchmark": "benchmark.benchmark",
 }
-"""Where each stands: importing all takes longer than many of them need."""
+"""Module and function of each command: importing all takes longer than many commands run."""
 
 
 def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
     """Return the application with some commands by name, by default all."""
-    app = _bare()
+    app = _empty_application()
     for name in names:
         module, _, function = _COMMANDS[name].partition(".")
         app.command(name)(getattr(import_module(f"qlvbayes.cli.{module}"), function))
@@ -53,20 +53,22 @@ def overview() -> typer.Typer:
 
     For the list of commands, and for a word that is none of them: nothing else is imported.
     """
-    app = _bare()
-    for name, place in _COMMANDS.items():
-        app.command(name, help=_description(*place.split(".")))(lambda: None)
+    app = _empty_application()
+    for name, location in _COMMANDS.items():
+        app.command(name, help=_description(*location.split(".")))(lambda: None)
     return app
 
 
 def _description(module: str, function: str) -> str:
     """Return a command's docstring."""
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
-    found = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == function)
-    return ast.get_docstring(next(found)) or ""
+    functions = (
+        one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == function
+    )
+    return ast.get_docstring(next(functions)) or ""
 
 
-def _bare() -> typer.Typer:
+def _empty_application() -> typer.Typer:
     """Return the application without commands."""
     app = typer.Typer(
         help="Viscoelastic constants of soft pads from force-displacement tests.\n\n"
@@ -74,15 +76,15 @@ def _bare() -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
     )
-    app.callback()(lambda: None)  # or a single command would take no name
+    app.callback()(lambda: None)  # without a callback, typer takes no name for a single command
     return app
 
 
 def run() -> None:
-    """Run the command; status 2 and one line for what the user can mend, never a traceback."""
+    """Run the command; exit with status 2 and one line on invalid input, never a traceback."""
     if sys.argv[1:] == ["study"]:
-        _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_offer()}")
-    names = [word for word in _words()[:1] if word in _COMMANDS]
+        _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_bundled_hint()}")
+    names = [word for word in _arguments()[:1] if word in _COMMANDS]
     app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
@@ -90,13 +92,13 @@ def run() -> None:
         try:
             app()
         finally:
-            sys.stdout.flush()  # here, where a reader that has gone can still be noticed
+            sys.stdout.flush()  # here, where a closed pipe is still caught
     except SystemExit as stop:
-        if stop.code == INTERRUPTED:  # what typer makes of Ctrl-C
+        if stop.code == INTERRUPTED:  # typer's status for Ctrl-C
             _stop(INTERRUPTED, "interrupted; the same command goes on where it stopped")
         raise
     except BrokenPipeError:
-        os._exit(1)  # the reader has gone: nobody is left to tell
+        os._exit(1)  # the pipe is closed: no message can be read
     except FailedError as error:
         _stop(error.status, *error.lines)
     except Exception as error:
@@ -104,8 +106,8 @@ def run() -> None:
         _stop(fault.status, fault.text)
 
 
-def _words() -> list[str]:
-    """Return what was typed; of a line that a shell asks to complete only if it ends in an option.
+def _arguments() -> list[str]:
+    """Return the arguments; of a line to be completed by a shell only if it ends in an option.
 
     A command's options take a second or more to import, and file names the shell completes alone.
     """
@@ -116,8 +118,8 @@ def _words() -> list[str]:
     return words if words and words[-1].startswith("-") else []
 
 
-def _offer() -> str:
-    """Return the bundled measurements, where they are there."""
+def _bundled_hint() -> str:
+    """Return a hint at the bundled measurements, or an empty text where they are missing."""
     file = bundled("hidden.csv")
     command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
     return f", or try a simulated pad: {command}" if file.exists() else ""

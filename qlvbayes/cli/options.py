@@ -1,14 +1,12 @@
-"""Options that several commands share."""
+"""Define options that several commands share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from functools import wraps
-from inspect import Parameter, signature
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated
 
 import typer
 
@@ -19,6 +17,7 @@ from qlvbayes.cli.plainoptions import (
     Style,
     among,
     split_names,
+    with_groups,
 )
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
@@ -34,8 +33,8 @@ from qlvbayes.parallel.engines import Engine, opened_engine
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.source import Source
 
-# of plainoptions.py, for the commands that take them from here
-__all__ = ["AsJson", "Pads", "Style", "among", "split_names"]
+# defined in plainoptions.py; commands that load a model import all options from here
+__all__ = ["AsJson", "Pads", "Style", "among", "split_names", "with_groups"]
 
 Files = Annotated[
     list[Path],
@@ -146,25 +145,25 @@ Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
 @dataclass(frozen=True)
 class WorkOptions:
-    """Who does the work, and which part of it."""
+    """Hold the options that say who does the work, and which part of it."""
 
     jobs: Jobs = 1
     cluster: Cluster = None
     shard: ShardText = None
 
     def engine(self) -> AbstractContextManager[Engine | None]:
-        """The engine for a ``with`` statement; None where this process does the work."""
+        """Return the engine for a ``with`` statement, which yields None for this process."""
         return opened_engine(self.jobs or cores(), self.cluster)
 
     @property
     def part(self) -> Shard:
-        """The part that is run; raise InputError where it is none."""
+        """Part of the pads that is run; reading it raises InputError on an invalid --shard."""
         return Shard.from_text(self.shard) if self.shard else Shard()
 
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """The options that describe a model: those of every command that fits one."""
+    """Hold the options that describe a model: those of every command that fits one."""
 
     elastic: Elastic = "exponential"
     relaxation: Relaxation = None
@@ -214,42 +213,8 @@ class ModelOptions:
         return choices
 
 
-def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose parameters that are groups of options take these one by one."""
-    hints = get_type_hints(command, include_extras=True)
-    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    single: dict[str, Parameter] = {}
-    for name, one in signature(command).parameters.items():
-        found = _options(groups[name]) if name in groups else {name: (hints[name], one.default)}
-        for option, (hint, default) in found.items():
-            single[option] = Parameter(
-                option, Parameter.KEYWORD_ONLY, annotation=hint, default=default
-            )
-
-    @wraps(command)
-    def run(**given: Any) -> None:
-        made = {
-            name: kind(**{option: given.pop(option) for option in _options(kind)})
-            for name, kind in groups.items()
-        }
-        command(**given, **made)
-
-    run.__signature__ = signature(command).replace(parameters=list(single.values()))  # type: ignore[attr-defined]
-    run.__annotations__ = {name: one.annotation for name, one in single.items()}
-    return run
-
-
-def _options(group: Any) -> dict[str, tuple[Any, Any]]:
-    """Type and default of each option of a group, by name."""
-    hints = get_type_hints(group, include_extras=True)
-    return {
-        one.name: (hints[one.name], Parameter.empty if one.default is MISSING else one.default)
-        for one in fields(group)
-    }
-
-
 def share_of(text: str) -> float:
-    """``1%`` or ``0.01`` as a share; InputError where it is none."""
+    """Return the share that ``1%`` or ``0.01`` states; raise InputError where it is none."""
     number, percent, rest = text.strip().partition("%")
     try:
         return float(number) / (100.0 if percent and not rest else 1.0)
@@ -258,12 +223,12 @@ def share_of(text: str) -> float:
 
 
 def thresholds(tolerance: str) -> DiagnosisSettings:
-    """Return how sure the diagnosis must be, and what is too small to matter."""
+    """Return the thresholds of the diagnosis with a tolerance, as ``1%``."""
     return DiagnosisSettings(tolerance=share_of(tolerance))
 
 
 def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
-    """Name and number of modes that ``--relaxation`` and ``--modes`` say together.
+    """Return the name and the number of modes that ``--relaxation`` and ``--modes`` state.
 
     Raises InputError where they contradict each other.
     """
@@ -287,12 +252,12 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
 
     Raise InputError where a folder has no fit (or ``what``) of one.
     """
-    for name in (found := among(names, known)):
+    for name in (selected := among(names, known)):
         if name not in known:
             raise InputError(
                 f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
             )
-    return found
+    return selected
 
 
 def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
@@ -300,7 +265,7 @@ def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
 
     Raise InputError on an unknown name in a single file.
     """
-    source = Source.of(files, shard=part)
+    source = Source.from_files(files, shard=part)
     if source.read is None:
         return replace(source, only=tuple(split_names(pads)))
     known = [pad.name for pad in source.read.pads]

@@ -53,7 +53,7 @@ def predict_command(
     says. Warns where it leaves the depths, speeds and times that were tested. Leaves
     OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and PDF).
     """
-    # here, so that other commands do not wait for matplotlib
+    # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.prediction import plot_prediction
     from qlvbayes.use.prescribed.forecast import predict_program
@@ -62,22 +62,22 @@ def predict_command(
     if hypotheses not in _WHICH:
         raise InputError(f"no way {hypotheses!r}", remedy=f"use one of {', '.join(_WHICH)}")
     watcher = Terminal(quiet=as_json)
-    found, figures = [], []
-    for source in _chosen(_sources(folder, hypotheses, watcher), folder, pad):
+    forecasts, figures = [], []
+    for source in _selected(_sources(folder, hypotheses, watcher), folder, pad):
         with watcher.doing(f"pad {source.pad}"):
             forecast = predict_program(source, program)
-            place = folder / source.pad
-            write_forecast(place, forecast)
-            figures.append(save_figure(plot_prediction(forecast), place / "prediction"))
+            pad_folder = folder / source.pad
+            write_forecast(pad_folder, forecast)
+            figures.append(save_figure(plot_prediction(forecast), pad_folder / "prediction"))
         if forecast.averaged:
-            watcher.notice(_told(forecast))
+            watcher.notice(_averaging_words(forecast))
         for warning in forecast.warnings:
             watcher.notice(f"pad {forecast.pad}: {warning}")
-        found.append(forecast)
+        forecasts.append(forecast)
     if as_json:
-        print(json.dumps([content(forecast) for forecast in found], allow_nan=False))
+        print(json.dumps([content(forecast) for forecast in forecasts], allow_nan=False))
         return
-    out.print(_table(found))
+    out.print(_table(forecasts))
     show_figures(figures)
 
 
@@ -86,26 +86,30 @@ def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypoth
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
     files = sorted(folder.glob(f"*/{FILE}")) if which == "averaged" else []
-    left = {found.pad: found for found in map(Hypotheses.read, files)}
-    if not left or any(folder.glob("*/posterior.nc")):
+    hypotheses = {one.pad: one for one in map(Hypotheses.read, files)}
+    if not hypotheses or any(folder.glob("*/posterior.nc")):
         fits = {saved.pad: saved for saved in saved_pads(folder)}
     else:
         fits = {}
     return [
-        _source(folder / pad, fits.get(pad), left.get(pad), which, watcher)
-        for pad in sorted({*fits, *left})
+        _source(folder / pad, fits.get(pad), hypotheses.get(pad), which, watcher)
+        for pad in sorted({*fits, *hypotheses})
     ]
 
 
 def _source(
-    place: Path, fit: Saved | None, left: Hypotheses | None, which: str, watcher: Terminal
+    pad_folder: Path,
+    fit: Saved | None,
+    hypotheses: Hypotheses | None,
+    which: str,
+    watcher: Terminal,
 ) -> Saved | Hypotheses:
     """Return the hypotheses where there are several for the fit's tests, else the fit."""
-    if left is not None and fit is not None and fit.covered not in (None, left.covered):
+    if hypotheses is not None and fit is not None and fit.covered not in (None, hypotheses.covered):
         watcher.notice(f"pad {fit.pad}: its diagnosis is of other tests than its fit, and left out")
-    elif left is not None and (fit is None or len(left.hypotheses) > 1):
-        return left
-    elif fit is not None and left is None and which == "averaged" and _undecided(place):
+    elif hypotheses is not None and (fit is None or len(hypotheses.hypotheses) > 1):
+        return hypotheses
+    elif fit is not None and hypotheses is None and which == "averaged" and _undecided(pad_folder):
         watcher.notice(
             f"pad {fit.pad}: the diagnosis left several hypotheses and not their constants: run "
             "qlvbayes diagnose again to have them averaged over"
@@ -114,13 +118,13 @@ def _source(
     return fit
 
 
-def _undecided(place: Path) -> bool:
-    """Return whether a diagnosis without kept constants left several hypotheses."""
-    file = place / "diagnosis.json"
+def _undecided(pad_folder: Path) -> bool:
+    """Return whether a diagnosis, whose draws are not saved, left several hypotheses."""
+    file = pad_folder / "diagnosis.json"
     return file.is_file() and len(DiagnosisResult.read(file).alternatives) > 1
 
 
-def _told(forecast: Forecast) -> str:
+def _averaging_words(forecast: Forecast) -> str:
     several = forecast.averaged
     count = "1 hypothesis" if len(several) == 1 else f"{len(several)} hypotheses"
     share = 100.0 * sum(one.probability for one in several)
@@ -130,23 +134,23 @@ def _told(forecast: Forecast) -> str:
     )
 
 
-def _chosen(
-    found: Sequence[Saved | Hypotheses], folder: Path, pads: str
+def _selected(
+    sources: Sequence[Saved | Hypotheses], folder: Path, pads: str
 ) -> list[Saved | Hypotheses]:
-    known = {source.pad: source for source in found}
+    known = {source.pad: source for source in sources}
     names = known_names(pads, known, folder)
-    return [known[name] for name in names] if names else list(found)
+    return [known[name] for name in names] if names else list(sources)
 
 
-def _table(found: Sequence[Forecast]) -> Table:
-    """Return the answer's largest value and its last, with 90 % bands."""
-    first = found[0]
+def _table(forecasts: Sequence[Forecast]) -> Table:
+    """Return a table of the largest and the last predicted value, with 90 % bands."""
+    first = forecasts[0]
     moved = first.program.quantity == "displacement"
     name = first.units.force_name if moved else first.units.displacement_name
     table = Table(title=first.program.told)
     for column in ("pad", f"largest {name}", "90 % band", f"last {name}", "90 % band"):
         table.add_column(column, justify="left" if column == "pad" else "right")
-    for forecast in found:
+    for forecast in forecasts:
         unit = forecast.units.force if moved else forecast.units.displacement
         low, high = forecast.band(0.9)
         cells = [forecast.pad]

@@ -35,8 +35,8 @@ def _of_session(archive: Path) -> Path:
     if not archive.is_file():
         raise InputError("no such file", file=archive, remedy="check the path")
     path = archive.with_suffix(".html")
-    with TemporaryDirectory() as place:
-        folder = Path(place) / archive.stem
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary) / archive.stem
         opened(folder, archive)
         write_whole(path, write_report(folder).read_bytes())
     return path

@@ -22,7 +22,10 @@ from qlvbayes.simulate import (
     specimens_of,
 )
 
-_DRAWN, _SPECIMENS = 1, 2  # tell the streams of effects and specimens from those of the noise
+_DRAWN, _SPECIMENS = (
+    1,
+    2,
+)  # keys of random streams for effects and specimens, apart from the noise's
 
 
 def simulate(
@@ -66,15 +69,15 @@ def simulate(
     correlated, the record is taken at 1 kHz.
     """
     for folder in {path.parent for path in (output, answer) if path is not None}:
-        if not folder.is_dir():  # told before the work, not after it
+        if not folder.is_dir():  # refused before the work, not after it
             raise InputError("no such folder", file=folder, remedy="make it, or choose another")
     if noise not in NOISES:
         raise InputError(f"no noise {noise!r}", remedy=f"use one of {', '.join(NOISES)}")
     if protocol not in PROTOCOLS:
         raise InputError(f"no protocol {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     constants, groups = specimens_of(split_names(pads), np.random.default_rng([seed, _SPECIMENS]))
-    weights = _numbers(loads, "loads", "0.5,1") if loads else ()
-    speeds = () if rates == "none" else _numbers(rates, "rates", "0.1,1,20")
+    weights = _positive_values(loads, "loads", "0.5,1") if loads else ()
+    speeds = () if rates == "none" else _positive_values(rates, "rates", "0.1,1,20")
     if not (speeds or weights):
         raise InputError("no test to simulate", remedy="give --rates or --loads")
     with waiting("simulating"):
@@ -98,7 +101,7 @@ def simulate(
 def _effects(
     words: list[str], pads: dict[str, Constants], protocol: str, top_speed: float, seed: int
 ) -> list[Effect]:
-    """Effects as given, or drawn for the first pad."""
+    """Return the effects as given, or drawn for the first pad."""
     rng = np.random.default_rng([seed, _DRAWN])
     first = next(iter(pads.values()), None)
     if first is None:
@@ -106,11 +109,11 @@ def _effects(
     return [parse_effect(word, first, PROTOCOLS[protocol], top_speed, rng) for word in words]
 
 
-def _numbers(text: str, what: str, example: str) -> tuple[float, ...]:
+def _positive_values(text: str, what: str, example: str) -> tuple[float, ...]:
     try:
-        found = tuple(float(x) for x in split_names(text))
+        values = tuple(float(x) for x in split_names(text))
     except ValueError:
-        found = ()
-    if not found or min(found) <= 0.0:
+        values = ()
+    if not values or min(values) <= 0.0:
         raise InputError(f"{text!r} is not a list of {what}", remedy=f"write for example {example}")
-    return found
+    return values

@@ -52,7 +52,7 @@ def study_command(
     judging = thresholds(tolerance)
     watcher = Terminal()
     source = watcher.reading(file, pads, work.part)
-    model.choices_of(source)  # what cannot be used is refused before anything begins
+    model.choices_of(source)  # an unusable option is refused before the work
     failed = None
     with work.engine() as engine:
         try:
@@ -69,8 +69,8 @@ def study_command(
             )
         except FailedError as error:
             failed, verdicts = error, error.results
-    for found in verdicts:
-        out.print(verdict_line(found), soft_wrap=True)
+    for result in verdicts:
+        out.print(verdict_line(result), soft_wrap=True)
     if source.shard.count > 1:
         out.print(f"results in {output}; all parts together: qlvbayes gather {output}")
     elif verdicts:

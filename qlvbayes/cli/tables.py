@@ -1,4 +1,4 @@
-"""Tables for people."""
+"""Build the tables that commands print."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.wording import percent, plain, to_noise
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
-_MOST = 8  # hypotheses shown
+_MOST = 8  # most hypotheses in a table
 
 
 def significant(value: float, sd: float) -> str:
@@ -54,11 +54,11 @@ def constants_line(summary: FitSummary) -> str:
     return f"pad {summary.pad}: {values}"
 
 
-def verdict_line(found: DiagnosisResult) -> str:
+def verdict_line(result: DiagnosisResult) -> str:
     """Return the line of one pad of many: its verdict with what it names."""
-    named = ", ".join(found.group or found.effects)
-    verdict = found.verdict.replace("_", " ")
-    return f"pad {found.pad}: {verdict}{': ' + named if named else ''}"
+    named = ", ".join(result.group or result.effects)
+    verdict = result.verdict.replace("_", " ")
+    return f"pad {result.pad}: {verdict}{': ' + named if named else ''}"
 
 
 def _interval(c: Constant) -> str:
@@ -127,12 +127,11 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
     return table
 
 
-def contrasts_table(found: Comparison) -> Table:
-    """Medians of both, their ratio with its interval, the probabilities and the answer."""
-    one, other = found.names
-    title = (
-        f"{one} against {other}: medians, ratio [90 % interval], region {100 * found.region:g} %"
-    )
+def contrasts_table(comparison: Comparison) -> Table:
+    """Return a table of both medians, their ratio with its interval, probabilities and answer."""
+    one, other = comparison.names
+    region = f"region {100 * comparison.region:g} %"
+    title = f"{one} against {other}: medians, ratio [90 % interval], {region}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("quantity", no_wrap=True)
     table.add_column("unit")
@@ -140,7 +139,7 @@ def contrasts_table(found: Comparison) -> Table:
         table.add_column(name, justify="right")
     table.add_column("answer", no_wrap=True)
     before = None
-    for c in found.contrasts:
+    for c in comparison.contrasts:
         if before not in (None, c.group):
             table.add_section()
         before = c.group
@@ -161,9 +160,9 @@ def _cells(c: Contrast) -> list[str | Text]:
     ]
 
 
-def steps_table(found: DiagnosisResult, unit: str) -> Table:
+def steps_table(result: DiagnosisResult, unit: str) -> Table:
     """Return the error after each step against the noise floor."""
-    title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
+    title = f"pad {result.pad}: error after each step, noise floor {plain(result.noise)} {unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("model")
     for name in (
@@ -174,30 +173,32 @@ def steps_table(found: DiagnosisResult, unit: str) -> Table:
     ):
         table.add_column(name, justify="right")
     table.add_column("phases that fail", justify="right")
-    for stage in found.stages:
+    for stage in result.stages:
         table.add_row(
-            _model(stage, found.stages[0].base),
-            to_noise(stage.rmse, found.noise),
-            "one test" if stage.heldout_rmse is None else to_noise(stage.heldout_rmse, found.noise),
-            "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / found.noise:.2f}",
+            _model(stage, result.stages[0].base),
+            to_noise(stage.rmse, result.noise),
+            "one test"
+            if stage.heldout_rmse is None
+            else to_noise(stage.heldout_rmse, result.noise),
+            "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / result.noise:.2f}",
             _one_digit(stage.log_evidence),
             str(len(stage.failing)),
         )
     return table
 
 
-def ranking_table(found: DiagnosisResult, unit: str) -> Table:
+def ranking_table(result: DiagnosisResult, unit: str) -> Table:
     """Return what the plain model may lack, likeliest first, over all base laws and companions."""
-    title = f"pad {found.pad}: what the plain model may lack"
+    title = f"pad {result.pad}: what the plain model may lack"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
     for name in ("probability", "certainty", "log Bayes factor", f"RMSE ({unit})"):
         table.add_column(name, justify="right")
     table.add_column("constants")
-    for ranked in found.ranking[:_MOST]:
+    for ranked in result.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
         sure = "" if ranked.certainty is None else percent(ranked.certainty)
-        table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, found.noise))
+        table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, result.noise))
     return table
 
 

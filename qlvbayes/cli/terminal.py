@@ -1,4 +1,4 @@
-"""A study as it is seen on the terminal."""
+"""Show a study on the terminal."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 
-_TABLES = 12  # pads, of more than which each has a line in place of its tables
+_TABLES = 12  # pads; where there are more, each has one line instead of tables
 
 
 class Terminal(Watcher):
-    """Progress and notices on stderr; results on stdout, unless ``quiet``."""
+    """Show progress and notices on stderr, and results on stdout unless ``quiet``."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
         self._noticed: set[str] = set()
-        self._place = ""  # before what is being done, where there are several pads
+        self._prefix = ""  # text before the label of a step, where there are several pads
         self._brief = False
 
     def reading(self, files: Sequence[Path], pads: str, part: Shard) -> Source:
-        """Measurements, and what is to know of them."""
+        """Return the pads of some files, and print the notices on them."""
         with waiting("reading"):
             source = source_of(files, pads, part)
         for notice in source.notices:
@@ -53,32 +53,32 @@ class Terminal(Watcher):
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """Show a spinner."""
-        return waiting(f"{self._place}{label}")
+        return waiting(f"{self._prefix}{label}")
 
     def sampling(self, label: str) -> AbstractContextManager[Progress]:
         """Show a progress bar."""
-        return counting("steps", f"{self._place}{label}")
+        return counting("steps", f"{self._prefix}{label}")
 
     @contextmanager
     def overall(self, size: int, *, alone: bool) -> Iterator[Callable[[int, int], None]]:
-        """Show a progress bar of pads; one by one they have bars of their own, and words do."""
+        """Show a progress bar of pads; in this process, a prefix to the bar of each pad instead."""
         self._brief = size > _TABLES
         if not alone:
-            with counting("pads") as tell:
-                tell(0, size)
-                yield tell
+            with counting("pads") as report:
+                report(0, size)
+                yield report
             return
         began = time.monotonic()
 
-        def place(done: int, total: int) -> None:
+        def update(done: int, total: int) -> None:
             left = (time.monotonic() - began) * (total - done) / max(done, 1)
-            known = f", {_lasting(left)} left" if done else ""
-            self._place = f"{done} of {total} pads done{known}: " if done < total else ""
+            remaining = f", {_duration(left)} left" if done else ""
+            self._prefix = f"{done} of {total} pads done{remaining}: " if done < total else ""
 
         if size > 1:
-            place(0, size)
-        yield place
-        self._place = ""
+            update(0, size)
+        yield update
+        self._prefix = ""
 
     def notice(self, text: str) -> None:
         """Print a notice once: several steps may give the same."""
@@ -97,7 +97,7 @@ class Terminal(Watcher):
             out.print("\n".join(lines))
 
     def fitted(self, summary: FitSummary) -> None:
-        """Print the constants, and what speaks against the chain."""
+        """Print the constants, and why the chain has not converged."""
         if self._brief and not self.quiet:
             out.print(constants_line(summary), soft_wrap=True)
         elif not self.quiet:
@@ -132,8 +132,8 @@ class Terminal(Watcher):
         show_figures(figures)
 
 
-def _lasting(seconds: float) -> str:
-    """``40 s``, ``12 min``, ``3.5 h``."""
+def _duration(seconds: float) -> str:
+    """Return a time as ``40 s``, ``12 min`` or ``3.5 h``."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
@@ -142,8 +142,8 @@ def _lasting(seconds: float) -> str:
 def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
     """Print where the results are, if there are any; for machines the ``file`` of each pad."""
     if as_json:
-        found = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
-        print(json.dumps(list(found), allow_nan=False))
+        contents = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
+        print(json.dumps(list(contents), allow_nan=False))
     elif done.pads:
         out.print(f"results in {folder}")
     elif not done.total:

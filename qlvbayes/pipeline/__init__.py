@@ -1,6 +1,6 @@
-"""The steps of a study with the files that each leaves, and all of them in one go.
+"""Run the steps of a study, one or all, and save the files of each.
 
-Nothing here is imported before it is used: a first look needs no sampler.
+Modules are imported when they are used: a first look needs no sampler.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _HOMES = {"Watcher": "watcher", "run_study": "run"}
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for."""
+    """Import a public name when it is used."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

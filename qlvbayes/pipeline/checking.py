@@ -1,4 +1,4 @@
-"""The second step: predict every test from a saved fit and leave what was found on disk."""
+"""Do the second step: predict every test from a saved fit and save the errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FIGURES = ("forces", "hysteresis", "residual_map")
 
 @dataclass(frozen=True)
 class CheckStep:
-    """The check of a pad's fit as a step for many; ``posterior``: digest of the fit."""
+    """Check a pad's fit, as a step that runs for many pads; ``posterior``: digest of the fit."""
 
     name: ClassVar[str] = "check"
     reads: ClassVar[tuple[str, ...]] = ("posterior.nc",)
@@ -29,13 +29,13 @@ class CheckStep:
         """Check the fit in the folder; see `check_into`."""
         check_into(folder, load(folder / "posterior.nc"), study, seed=self.seed, watcher=watcher)
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Report the check in the folder; see `tell_check`."""
-        tell_check(folder, watcher)
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
+        """Report the check in the folder; see `report_saved_check`."""
+        report_saved_check(folder, watcher)
 
 
-def tell_check(folder: Path, watcher: Watcher) -> None:
-    """Report the check that lies in a folder."""
+def report_saved_check(folder: Path, watcher: Watcher) -> None:
+    """Report the check that is saved in a folder."""
     check = CheckResult.read(folder / "check.json")
     for text in check.notices:
         watcher.notice(text)
@@ -61,7 +61,7 @@ def check_into(
 
 
 def _draw(checked: CheckedPad, folder: Path) -> None:
-    # here, so that the other steps do not wait for matplotlib
+    # imported here, so that the other steps do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces import plot_forces
     from qlvbayes.plots.hysteresis import plot_hysteresis

@@ -1,4 +1,4 @@
-"""Pads or fluids of one study set against each other, with the files that it leaves."""
+"""Compare pads or fluids of one study and save the comparisons."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
-_MOST_PAIRS = 6  # compared unasked
+_MOST_PAIRS = 6  # most pairs that a study compares; beyond that the user names them
 Group = tuple[str, Sequence[Saved]]
 
 
 def saved_pads(out: Path, data: Path | None = None) -> list[Saved]:
     """Return every fit in a folder; raise InputError where there is none.
 
-    Where a file does not say what its tests cover and which fluid is in the pad, the measurements
-    do, in ``data`` or where the file says they are, if they are there.
+    Where a fit does not state what its tests cover and which fluid is in the pad, both are read
+    from the measurements: from ``data``, or from the file that the fit names, if it exists.
     """
     files = sorted(out.glob("*/posterior.nc"))
     if not files:
         raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
     studies: dict[Path, Measurements] = {}
-    return [_with_reach(load(file), data, studies) for file in files]
+    return [_with_coverage(load(file), data, studies) for file in files]
 
 
-def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Measurements]) -> Saved:
+def _with_coverage(saved: Saved, data: Path | None, studies: dict[Path, Measurements]) -> Saved:
     source = data or Path(saved.source)
     if saved.covered is not None or not source.is_file():
         return saved
@@ -72,7 +72,7 @@ def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> 
 
 
 def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher) -> None:
-    """Fluids where there are specimens of them, else every pair of a few pads."""
+    """Compare fluids where several specimens contain them, else every pair of a few pads."""
     pairs = fluid_pairs(pads) or pad_pairs(pads)
     if len(pairs) > _MOST_PAIRS:
         _leave_out(f"{len(pads)} pads make {len(pairs)} pairs, which", watcher)
@@ -99,7 +99,9 @@ def compare_into(
     seed: int = 0,
     watcher: Watcher | None = None,
 ) -> tuple[Comparison, list[Path]]:
-    """Compare; leave compare.json, .csv, .tex, .txt and the figure in ``out/compare/B-vs-C``.
+    """Compare two groups; leave compare.json, .csv, .tex, .txt and a figure in a folder.
+
+    The folder is ``out/compare/B-vs-C`` for groups B and C.
 
     Returns the comparison and the figures' paths. Raises InputError where the two cannot be
     compared or nothing can be written.
@@ -107,7 +109,7 @@ def compare_into(
     names = first[0], second[0]
     folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
     with (watcher or Watcher()).doing(f"comparing {names[0]} with {names[1]}"):
-        found = compare(
+        comparison = compare(
             first[1],
             second[1],
             names=names,
@@ -117,14 +119,14 @@ def compare_into(
             frequencies=frequencies,
             seed=seed,
         )
-        write_comparison(folder, found)
-        figures = _figures(found, folder)
-    return found, figures
+        write_comparison(folder, comparison)
+        figures = _figures(comparison, folder)
+    return comparison, figures
 
 
-def _figures(found: Comparison, folder: Path) -> list[Path]:
-    # here, so that the other steps do not wait for matplotlib
+def _figures(comparison: Comparison, folder: Path) -> list[Path]:
+    # imported here, so that the other steps do not wait for matplotlib
     from qlvbayes.plots.contrasts import plot_contrasts
     from qlvbayes.plots.files import save_figure
 
-    return [save_figure(plot_contrasts(found), folder / "contrasts")]
+    return [save_figure(plot_contrasts(comparison), folder / "contrasts")]

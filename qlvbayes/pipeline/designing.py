@@ -1,4 +1,4 @@
-"""Which test to do next, from what a fit and a diagnosis left in a folder."""
+"""Plan the next tests of a pad from its saved fit or diagnosis."""
 
 from __future__ import annotations
 
@@ -42,48 +42,57 @@ from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.pipeline.watcher import Watcher
 
 CAUSE = "cause"
-MOST = 4
-"""Causes that are reckoned with,"""
-LEAST = 0.05
-"""probability from which one is,"""
+MOST_CAUSES = 4
+"""Most causes that a plan tells apart."""
+LEAST_PROBABILITY = 0.05
+"""Probability from which a cause, or a further explanation of one, counts."""
 MOST_EXPLANATIONS = 6
-"""and explanations of all of them: each costs a run of every design."""
+"""Most explanations of all causes together: each costs a simulation of every design."""
 
 
 @dataclass(frozen=True, eq=False)
-class Present:
-    """What is known before the next test; rig: as the tests that were done show it."""
+class Knowledge:
+    """Hold what is known of a pad before its next test.
+
+    belief: explanations of the tests so far, with probabilities and draws of their constants; rig:
+    limits of the rig as these tests show them; floor: noise of the load cell; discrepancy: size of
+    what no effect explains (force); clock: time on the pad's clock after
+    these tests (s).
+    """
 
     pad: str
     units: UnitSystem
     belief: Belief
     rig: Rig
     floor: NoiseFloor
-    missed: float
+    discrepancy: float
     clock: float = 0.0
 
     def errors(self, rig: Rig) -> ReadingErrors:
-        """Of tests on a rig, with the largest force of the deepest and fastest press."""
+        """Return the reading errors of tests on a rig.
+
+        The peak force is that of the deepest and fastest press.
+        """
         press = Design(rig.depth, rig.speed, rig.acceleration, 1.0)
         first = self.belief.explanations[0]
         force = first.forces(np.zeros((1, first.size)), record_of([press], rig, self.clock))
-        return ReadingErrors(self.floor, float(np.max(np.abs(force))), self.missed)
+        return ReadingErrors(self.floor, float(np.max(np.abs(force))), self.discrepancy)
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What was planned, and of what."""
+class Plan:
+    """Hold the planned tests, and the knowledge and the rig for which they were planned."""
 
     result: NextTests
     series: Series
-    present: Present
+    knowledge: Knowledge
     rig: Rig
 
 
 def design_into(
     out: Path,
     pad: str,
-    asked: Sequence[str],
+    goals: Sequence[str],
     *,
     minutes: float,
     tests: int,
@@ -93,96 +102,109 @@ def design_into(
     data: Path | None = None,
     seed: int = 0,
     watcher: Watcher | None = None,
-) -> tuple[Found, list[Path]]:
-    """Plan; leave design.json, set_points.csv and the figure in ``out/pad``.
+) -> tuple[Plan, list[Path]]:
+    """Plan the next tests; leave design.json, set_points.csv and a figure in ``out/pad``.
 
-    asked: names of constants, and ``cause``; empty: all that is not known. Returns the plan and the
+    goals: names of constants, and ``cause``; empty: all that is not known. Returns the plan and the
     figures' paths. Raises InputError where the folder holds neither a fit nor a diagnosis, a name
     is not known, or no test fits.
     """
     if not minutes > 0.0:
         raise InputError(f"--minutes is {minutes:g}", remedy="give it above 0")
     folder = out / pad
-    with (watcher or Watcher()).doing(f"pad {pad}") as tell, one_blas_thread():
-        tell("what is known")
-        present, cause = _present(folder, out, asked, data)
-        names = tuple(name for name in asked if name != CAUSE)
-        present.belief.check(names)
-        if not asked:
-            names = present.belief.base_names
+    with (watcher or Watcher()).doing(f"pad {pad}") as report, one_blas_thread():
+        report("what is known")
+        knowledge, cause = _read_knowledge(folder, out, goals, data)
+        names = tuple(name for name in goals if name != CAUSE)
+        knowledge.belief.check(names)
+        if not goals:
+            names = knowledge.belief.base_names
         goal = Goal(names, cause)
-        rig = present.rig.limited(depth, speed, acceleration)
-        errors = present.errors(rig)
+        rig = knowledge.rig.limited(depth, speed, acceleration)
+        errors = knowledge.errors(rig)
         series = plan_series(
-            present.belief, rig, errors, goal,
-            minutes=minutes, tests=tests, clock=present.clock, seed=seed, report=tell,
+            knowledge.belief, rig, errors, goal,
+            minutes=minutes, tests=tests, clock=knowledge.clock, seed=seed, report=report,
         )  # fmt: skip
         result = summarize(
-            pad, present.units, present.belief, rig, errors, goal, series,
+            pad, knowledge.units, knowledge.belief, rig, errors, goal, series,
             minutes=minutes, seed=seed,
         )  # fmt: skip
-        found = Found(result, series, present, rig)
-        tell("writing")
+        plan = Plan(result, series, knowledge, rig)
+        report("writing")
         designs = [one.design for one in series.tests]
-        write_whole(folder / "set_points.csv", as_csv(designs, present.units).encode())
+        write_whole(folder / "set_points.csv", as_csv(designs, knowledge.units).encode())
         result.write(folder / "design.json")
-        figures = _figures(found, folder)
-    return found, figures
+        figures = _figures(plan, folder)
+    return plan, figures
 
 
-def _figures(found: Found, folder: Path) -> list[Path]:
-    # here, so that other commands do not wait for matplotlib
+def _figures(plan: Plan, folder: Path) -> list[Path]:
+    # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.nexttests import plot_next_tests
 
-    present, series = found.present, found.series
+    knowledge, series = plan.knowledge, plan.series
     axes = plot_next_tests(
-        found.result, [one.design for one in series.tests], present.belief, found.rig,
-        present.floor.total, clock=present.clock,
+        plan.result, [one.design for one in series.tests], knowledge.belief, plan.rig,
+        knowledge.floor.total, clock=knowledge.clock,
     )  # fmt: skip
     return [save_figure(axes, folder / "design")]
 
 
-def _present(
-    folder: Path, out: Path, asked: Sequence[str], data: Path | None
-) -> tuple[Present, bool]:
-    """Return what is known, and whether the cause is asked for, which has to be in doubt then."""
-    fit, judged = folder / "posterior.nc", folder / "diagnosis.json"
-    result = DiagnosisResult.read(judged) if judged.is_file() else None
+def _read_knowledge(
+    folder: Path, out: Path, goals: Sequence[str], data: Path | None
+) -> tuple[Knowledge, bool]:
+    """Return what is known, and whether the plan shall tell causes apart.
+
+    Raises InputError where the cause is a goal and no two causes are probable.
+    """
+    fit, diagnosis = folder / "posterior.nc", folder / "diagnosis.json"
+    result = DiagnosisResult.read(diagnosis) if diagnosis.is_file() else None
     if result is None and not fit.is_file():
         raise InputError(
             "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
         )
     families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
-    doubted = likely(result.alternatives, families) if result else []
-    causes = {cause_of(one.effects, families) for one in doubted}
-    wanted = CAUSE in asked
+    probable = probable_alternatives(result.alternatives, families) if result else []
+    causes = {cause_of(one.effects, families) for one in probable}
+    wanted = CAUSE in goals
     if wanted and len(causes) < 2:
         raise InputError(
             "no two sets of effects are in doubt" if result else "no diagnosis of this pad",
             file=folder,
             remedy="ask for constants, as --for m,b" if result else "run qlvbayes diagnose",
         )
-    cause = wanted or (not asked and len(causes) > 1)
+    cause = wanted or (not goals and len(causes) > 1)
     if not cause and fit.is_file():
-        return present_of_fit(load(fit), data), False
+        return knowledge_from_fit(load(fit), data), False
     assert result is not None
-    return _of_diagnosis(out, result, doubted, data), cause
+    return _knowledge_from_diagnosis(out, result, probable, data), cause
 
 
-def likely(found: Sequence[Alternative], families: Families) -> list[Alternative]:
-    """Explanations that are reckoned with, of causes with a probability summed over all their laws.
+def probable_alternatives(
+    alternatives: Sequence[Alternative], families: Families
+) -> list[Alternative]:
+    """Return the explanations that count, with probabilities, the most probable first.
 
-    The likeliest of each cause, then the others; they share their cause's probability.
+    A cause counts by its probability summed over all laws. Of each cause the most probable
+    explanation is kept, then others; those that are kept share the probability of their cause.
     """
     groups: dict[str, list[Alternative]] = {}
-    for one in sorted(found, key=lambda one: -one.probability):
+    for one in sorted(alternatives, key=lambda one: -one.probability):
         groups.setdefault(cause_of(one.effects, families), []).append(one)
     total = {cause: sum(one.probability for one in some) for cause, some in groups.items()}
-    counted = sorted((cause for cause in groups if total[cause] >= LEAST), key=lambda c: -total[c])
-    counted = counted[:MOST]
+    counted = sorted(
+        (cause for cause in groups if total[cause] >= LEAST_PROBABILITY), key=lambda c: -total[c]
+    )
+    counted = counted[:MOST_CAUSES]
     firsts = [groups[cause][0] for cause in counted]
-    others = [one for cause in counted for one in groups[cause][1:] if one.probability >= LEAST]
+    others = [
+        one
+        for cause in counted
+        for one in groups[cause][1:]
+        if one.probability >= LEAST_PROBABILITY
+    ]
     others.sort(key=lambda one: -one.probability)
     kept = [*firsts, *others][:MOST_EXPLANATIONS]
     shared = []
@@ -193,7 +215,7 @@ def likely(found: Sequence[Alternative], families: Families) -> list[Alternative
     return sorted(shared, key=lambda one: -one.probability)
 
 
-def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
+def knowledge_from_fit(saved: Saved, data: Path | None = None) -> Knowledge:
     """Return what is known by a fit's posterior, and of the rig by its measurements if given."""
     if saved.covered is None:
         raise InputError(
@@ -202,7 +224,7 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
         )
     draws = dict(zip(saved.names, saved.draws.T, strict=True))
     one = explanation_of_draws(saved.choices, saved.names, saved.draws, saved.covered.depth)
-    found = Present(
+    knowledge = Knowledge(
         saved.pad,
         saved.units,
         Belief.from_explanations([one]),
@@ -212,7 +234,7 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
     )
     source = data or Path(saved.source)
     if data is None and not source.is_file():
-        return found
+        return knowledge
     study = read_measurements(source)
     if study.sha256 != saved.sha256:
         raise InputError(
@@ -220,11 +242,11 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
         )
     pad, keep = study.pad(saved.pad), saved.choices.keep_all_readings
     experiment = prepare(pad, keep_all_readings=keep, use=saved.choices.use)
-    return replace(found, rig=Rig.from_tests(experiment), clock=experiment.scales.clock)
+    return replace(knowledge, rig=Rig.from_tests(experiment), clock=experiment.scales.clock)
 
 
 def _floor_of(draws: dict[str, np.ndarray], pad: str) -> NoiseFloor:
-    """Means of the noise's draws."""
+    """Return the noise floor at the means of its draws."""
     mean = {name: float(values.mean()) for name, values in draws.items()}
     factor = mean.get("noise.factor", 1.0)
     white = mean.get("noise.white", mean.get("noise.scale"))
@@ -237,9 +259,9 @@ def _floor_of(draws: dict[str, np.ndarray], pad: str) -> NoiseFloor:
     )
 
 
-def _of_diagnosis(
-    out: Path, result: DiagnosisResult, doubted: Sequence[Alternative], data: Path | None
-) -> Present:
+def _knowledge_from_diagnosis(
+    out: Path, result: DiagnosisResult, probable: Sequence[Alternative], data: Path | None
+) -> Knowledge:
     run = _run(out)
     source = data or Path(run.source)
     if not source.is_file():
@@ -261,9 +283,9 @@ def _of_diagnosis(
     search = build_search(
         experiment, choices, kinds=choices.candidates, settings=_thresholds(result)
     )
-    explanations = explained(search, doubted or result.alternatives[:1])
+    explanations = explanations_at_modes(search, probable or result.alternatives[:1])
     scales = experiment.scales
-    return Present(
+    return Knowledge(
         result.pad,
         experiment.units,
         Belief.from_explanations(explanations, result.outside),
@@ -288,23 +310,23 @@ def _run(out: Path) -> Run:
     return run
 
 
-def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
-    """Alternatives at their likeliest modes; those that have none are left out."""
+def explanations_at_modes(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
+    """Return the alternatives at their most probable modes; those without a mode are left out."""
     search.begin()
     baseline = search.baseline
-    found = []
+    explanations = []
     for one in alternatives:
         hypothesis = Hypothesis(
             one.base.elastic, one.base.relaxation, baseline.effects | set(one.effects)
         )
-        bare = Hypothesis(*one.base.pair, baseline.effects)
-        search.evaluate(bare)
-        if bare in search.modes:
-            search.evaluate(hypothesis, bare)
+        base = Hypothesis(*one.base.pair, baseline.effects)
+        search.evaluate(base)
+        if base in search.modes:
+            search.evaluate(hypothesis, base)
         if hypothesis not in search.modes:
             continue
         best = search.modes[hypothesis][0]
-        found.append(
+        explanations.append(
             explanation_of_mode(
                 search.density,
                 hypothesis,
@@ -316,9 +338,9 @@ def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Expla
                 cause_of(one.effects, search.families),
             )
         )
-    if not found:
+    if not explanations:
         raise InputError(
             "none of the diagnosis's explanations fits any more",
             remedy="run qlvbayes diagnose again",
         )
-    return found
+    return explanations

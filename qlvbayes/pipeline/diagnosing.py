@@ -1,4 +1,4 @@
-"""The third step: say which effect a pad's model lacks and leave the verdict on disk."""
+"""Do the third step: find which effect a pad's model lacks and save the verdict."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
 @dataclass(frozen=True)
 class DiagnoseStep:
-    """The diagnosis of a pad as a step for many."""
+    """Diagnose a pad, as a step that runs for many pads."""
 
     name: ClassVar[str] = "diagnose"
     reads: ClassVar[tuple[str, ...]] = ()
@@ -44,8 +44,8 @@ class DiagnoseStep:
             thresholds=self.thresholds,
         )
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Report the verdict."""
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
+        """Report the saved verdict."""
         from qlvbayes.plots.diagnosis_files import FIGURES
 
         result = DiagnosisResult.read(folder / "diagnosis.json")
@@ -68,53 +68,53 @@ def diagnose_into(
 ) -> Diagnosis:
     """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
 
-    ``hypotheses.json`` holds draws of the hypotheses that are left. Where something is left that no
-    effect explains, ``discrepancy.csv`` too. Raises InputError where a setting cannot be used or
-    nothing can be written.
+    ``hypotheses.json`` holds draws of the hypotheses that are not ruled out. Where a discrepancy
+    remains that no effect explains, it is in ``discrepancy.csv``. Raises InputError where a
+    setting cannot be used or nothing can be written.
     """
-    with watcher.doing(f"pad {pad.name}") as tell:
-        tell("motion, phases and noise floor")
+    with watcher.doing(f"pad {pad.name}") as report:
+        report("motion, phases and noise floor")
         experiment = prepare(pad, keep_all_readings=choices.keep_all_readings, use=choices.use)
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
-        found = diagnose(
+        diagnosis = diagnose(
             experiment,
             choices,
             kinds=choices.candidates,
             settings=thresholds,
             evidence=evidence,
             seed=seed,
-            report=tell,
-            watch=lambda standing: watcher.searched(pad.name, standing),
+            report=report,
+            watch=lambda progress: watcher.searched(pad.name, progress),
         )
-        if found.result.verdict in ("unexplained", "partly_explained"):
-            tell("a discrepancy for what is left")
-            _write_discrepancy(found, folder)
-        tell("writing")
-        found.result.write(folder / "diagnosis.json")
-        drawn_hypotheses(found, choices, seed=seed).write(folder / HYPOTHESES)
-        write_whole(folder / "diagnosis.txt", f"{found.text()}\n".encode())
-        figures = _figures(found, folder)
-    for text in found.result.notices:
+        if diagnosis.result.verdict in ("unexplained", "partly_explained"):
+            report("a discrepancy for what is left")
+            _write_discrepancy(diagnosis, folder)
+        report("writing")
+        diagnosis.result.write(folder / "diagnosis.json")
+        drawn_hypotheses(diagnosis, choices, seed=seed).write(folder / HYPOTHESES)
+        write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
+        figures = _figures(diagnosis, folder)
+    for text in diagnosis.result.notices:
         watcher.notice(text)
-    watcher.diagnosed(found.result, found.paragraphs(), figures)
-    return found
+    watcher.diagnosed(diagnosis.result, diagnosis.paragraphs(), figures)
+    return diagnosis
 
 
-def _write_discrepancy(found: Diagnosis, folder: Path) -> None:
-    """Leave the discrepancy of the hypothesis told sample by sample in discrepancy.csv."""
-    units, samples = found.result.units, found.work.samples
+def _write_discrepancy(diagnosis: Diagnosis, folder: Path) -> None:
+    """Write the discrepancy of the reported hypothesis to discrepancy.csv, a row per sample."""
+    units, samples = diagnosis.result.units, diagnosis.work.samples
     lines = [f"test,time_s,discrepancy_mean_{units.force},discrepancy_sd_{units.force}"]
     for trial, rows, band in zip(
-        samples.trials, samples.rows, discrepancy(found.work), strict=True
+        samples.trials, samples.rows, discrepancy(diagnosis.work), strict=True
     ):
         values = zip(trial.test.time[rows], band.mean, band.sd, strict=True)
         lines += [f"{trial.name},{t:.6g},{mean:.6g},{sd:.6g}" for t, mean, sd in values]
     write_whole(folder / "discrepancy.csv", ("\n".join(lines) + "\n").encode())
 
 
-def _figures(found: Diagnosis, folder: Path) -> list[Path]:
-    # here, so that the other steps do not wait for matplotlib
+def _figures(diagnosis: Diagnosis, folder: Path) -> list[Path]:
+    # imported here, so that the other steps do not wait for matplotlib
     from qlvbayes.plots.diagnosis_files import save_diagnosis_figures
 
-    return save_diagnosis_figures(found, folder)
+    return save_diagnosis_figures(diagnosis, folder)

@@ -1,4 +1,4 @@
-"""The figures and tables of all pads, and those of one fit, on disk.
+"""Save the figures and tables of all pads, and those of one fit.
 
 Matplotlib is imported when something is drawn, so that the other steps do not wait for it.
 """
@@ -27,48 +27,49 @@ from qlvbayes.report.page import MOST_ON_A_PAGE
 REFERENCES = "paper_table1.csv"
 
 
-def draw_fit(folder: Path, found: Fit, experiment: Experiment) -> list[Path]:
-    """Leave the figures pairs and programme of one pad in a folder; return the images."""
+def draw_fit(folder: Path, fit: Fit, experiment: Experiment) -> list[Path]:
+    """Draw the figures pairs and programme of one pad into a folder; return their paths."""
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.pairs import plot_pairs
     from qlvbayes.plots.programme import plot_programme
 
     return [
-        save_figure(plot_pairs(found), folder / "pairs"),
+        save_figure(plot_pairs(fit), folder / "pairs"),
         save_figure(plot_programme(experiment), folder / "programme"),
     ]
 
 
 @dataclass(frozen=True)
-class Known:
-    """A file of reference values, and whether it was asked for: then all of it must be usable."""
+class ReferenceFile:
+    """Name a file of reference values; ``required``: the user gave it, so all must be usable."""
 
     file: Path
-    asked: bool
+    required: bool
 
 
-def references_of(place: Path, given: Path | None) -> Known | None:
-    """Return the file of references: the one given, else paper_table1.csv beside the data.
+def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
+    """Return the file of references: the one given, else paper_table1.csv in the data's folder.
 
     None where there is none. Raises InputError where a given file cannot be used.
     """
     if given is not None:
         read_references(given)
-        return Known(given, asked=True)
-    beside = place / REFERENCES
-    return Known(beside, asked=False) if beside.is_file() else None
+        return ReferenceFile(given, required=True)
+    default = folder / REFERENCES
+    return ReferenceFile(default, required=False) if default.is_file() else None
 
 
-def draw_constants(out: Path, references: Known | None) -> list[Path]:
-    """Leave the constants of all pads in ``out`` as constants.csv, constants.tex and a figure.
+def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
+    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure.
 
     Table and figure for print are left out where there are more pads than anyone reads side by
-    side. Returns the images. Raises InputError where the references cannot be used.
+    side. Returns the figure's path. Raises InputError where the references cannot be used.
     """
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
-    usable = known if references and references.asked else matching_references(known, summaries)
+    required = references is not None and references.required
+    usable = known if required else matching_references(known, summaries)
     entries = constants_table(summaries, usable)
     few = len(files) <= MOST_ON_A_PAGE
     write_constants(out, entries, for_print=few)
@@ -82,9 +83,9 @@ def draw_constants(out: Path, references: Known | None) -> list[Path]:
 
 
 def draw_forces_at_rates(out: Path) -> list[Path]:
-    """Leave the figure forces_at_rates in ``out``: two checked pads or more, in one unit.
+    """Draw the figure forces_at_rates of two checked pads or more in one unit; return its path.
 
-    Left out where there are more than anyone reads side by side. Returns the image.
+    It is left out where there are more pads than anyone reads side by side.
     """
     files = sorted(out.glob("*/curves.json"))
     if not 2 <= len(files) <= MOST_ON_A_PAGE:
@@ -95,13 +96,15 @@ def draw_forces_at_rates(out: Path) -> list[Path]:
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
 
-    predictions: Any = {pad.pad: [_Drawn.of(test) for test in pad.tests] for pad in pads}
+    predictions: Any = {
+        pad.pad: [_DrawnPrediction.from_curves(test) for test in pad.tests] for pad in pads
+    }
     return [save_figure(plot_forces_at_rates(predictions, pads[0].units), out / "forces_at_rates")]
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What a figure of the force needs of a prediction, as it was kept."""
+class _DrawnPrediction:
+    """Hold the saved curves that a figure of the force needs of a prediction."""
 
     trial: SimpleNamespace
     time: np.ndarray
@@ -111,7 +114,7 @@ class _Drawn:
     high: np.ndarray
 
     @classmethod
-    def of(cls, test: TestCurves) -> _Drawn:
+    def from_curves(cls, test: TestCurves) -> _DrawnPrediction:
         rate = np.nan if test.rate is None else test.rate
         trial = SimpleNamespace(rate=rate, phases=test.phases)
         curves = (test.time, test.observed, test.mean, test.low, test.high)

@@ -1,4 +1,4 @@
-"""Which pads of a step are finished: an interrupted run does not do them again."""
+"""Record which pads of a step are finished, so that an interrupted run does not repeat them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from qlvbayes.io.files import write_json
 from qlvbayes.parallel.faults import Fault
 
 FINISHED = ".finished"
-"""Folder within that of the results, with a file of each step and pad."""
+"""Folder within the folder of results, with one file for each step and pad."""
 
 
 class Finished:
-    """The pads that one step has finished, and those that failed, as a small file for each.
+    """Record the pads that one step has finished, and those that failed, in a small file each.
 
     out: folder of the results; step: name of the step.
     """
@@ -30,24 +30,24 @@ class Finished:
         key: digest of all that the results depend on; folder: the pad's own.
         """
         try:
-            noted = json.loads(self._file(pad).read_bytes())
-            files: dict[str, str] = noted["files"]
-            same = noted["key"] == key
+            record = json.loads(self._file(pad).read_bytes())
+            files: dict[str, str] = record["files"]
+            same = record["key"] == key
         except (OSError, ValueError, KeyError, TypeError):
             return False
         return same and all(digest_of(folder / name) == sha for name, sha in files.items())
 
     def add(self, pad: str, key: str, files: dict[str, str]) -> None:
-        """Note that a pad is finished, with the digests of the files that the step wrote."""
+        """Record that a pad is finished, with the digests of the files that the step wrote."""
         self._write(pad, {"key": key, "files": files})
 
     def fail(self, name: str, fault: Fault) -> None:
-        """Note why a pad, or a file that could not be read, has no results."""
-        noted = {"fault": fault.text, "mendable": fault.mendable, "of": fault.of}
-        self._write(name, noted)
+        """Record why a pad, or a file that could not be read, has no results."""
+        record = {"fault": fault.text, "mendable": fault.mendable, "of": fault.of}
+        self._write(name, record)
 
     def forget(self, name: str) -> None:
-        """Drop what was noted before."""
+        """Delete the record of an earlier run."""
         with suppress(OSError):
             self._file(name).unlink()
 
@@ -60,12 +60,12 @@ class Finished:
 
 
 def faults_in(out: Path) -> list[Fault]:
-    """Return the faults of all steps that were noted in a folder and not mended since."""
+    """Return the faults of all steps that are recorded in a folder and were not mended since."""
     faults = []
     for file in sorted(out.glob(f"{FINISHED}/*/*.json")):
-        noted = json.loads(file.read_bytes())
-        if "fault" in noted:
-            faults.append(Fault(noted["fault"], noted["mendable"], noted["of"]))
+        record = json.loads(file.read_bytes())
+        if "fault" in record:
+            faults.append(Fault(record["fault"], record["mendable"], record["of"]))
     return faults
 
 

@@ -1,4 +1,4 @@
-"""The first step: sample a pad's posterior and leave it on disk."""
+"""Do the first step: sample a pad's posterior and save it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from qlvbayes.pipeline.watcher import Watcher
 
 @dataclass(frozen=True)
 class FitStep:
-    """The fit of a pad as a step for many."""
+    """Fit a pad, as a step that runs for many pads."""
 
     name: ClassVar[str] = "fit"
     reads: ClassVar[tuple[str, ...]] = ()
@@ -50,13 +50,13 @@ class FitStep:
             watcher=watcher,
         )
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Report the fit in the folder; see `tell_fit`."""
-        tell_fit(folder, watcher)
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
+        """Report the fit in the folder; see `report_saved_fit`."""
+        report_saved_fit(folder, watcher)
 
 
-def tell_fit(folder: Path, watcher: Watcher) -> None:
-    """Report the fit that lies in a folder."""
+def report_saved_fit(folder: Path, watcher: Watcher) -> None:
+    """Report the fit that is saved in a folder."""
     summary = FitSummary.read(folder / "summary.json")
     for text in summary.notices:
         watcher.notice(text)
@@ -76,8 +76,8 @@ def fit_into(
 ) -> FitSummary:
     """Fit one pad; leave posterior, summary, relaxation, pairs and programme in a folder.
 
-    A killed run goes on where it was. Raises InputError where a setting cannot be used or nothing
-    can be written.
+    A killed run continues where it stopped. Raises InputError where a setting cannot be used
+    or nothing can be written.
     """
     with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
         experiment = prepare(
@@ -92,19 +92,19 @@ def fit_into(
     notices = (*experiment.notices, *pulls)
     for text in notices:
         watcher.notice(text)
-    watcher.starting(_begun(experiment, choices))
+    watcher.starting(_starting_lines(experiment, choices))
     chain = folder / "chain"
     with watcher.sampling(f"pad {pad.name}: {method}") as progress:
-        found = fit_pad(
+        fit = fit_pad(
             experiment, choices, method=method, settings=settings, folder=chain, progress=progress
         )
-    summary = found.summary()
+    summary = fit.summary()
     for text in summary.notices:
         watcher.notice(text)
     summary = replace(summary, notices=(*notices, *summary.notices))
     with watcher.doing(f"pad {pad.name}: writing"):
         tree = to_arviz(
-            found,
+            fit,
             summary,
             source=str(Path(study.source).resolve()),
             sha256=study.sha256,
@@ -116,13 +116,13 @@ def fit_into(
         if (relaxed := relaxation_report(experiment)) is not None:
             relaxed.write(folder / "relaxation.json")
             write_whole(folder / "relaxation.txt", relaxed.text().encode())
-        draw_fit(folder, found, experiment)
+        draw_fit(folder, fit, experiment)
     remove_chain(chain)
     watcher.fitted(summary)
     return summary
 
 
-def _begun(experiment: Experiment, choices: Choices) -> tuple[str, ...]:
+def _starting_lines(experiment: Experiment, choices: Choices) -> tuple[str, ...]:
     """Return what is fitted, the noise floor, and the priors."""
     tests = ", ".join(
         f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"

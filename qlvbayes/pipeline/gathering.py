@@ -1,4 +1,4 @@
-"""What was done in parts, put together: tables, comparison and report of what there is."""
+"""Combine the parts of a divided run: tables, comparison and report of the finished pads."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import Fault, fault_of
-from qlvbayes.pipeline.drawing import references_of
+from qlvbayes.pipeline.drawing import find_references
 from qlvbayes.pipeline.finished import faults_in
 from qlvbayes.pipeline.many import Tally
-from qlvbayes.pipeline.run import any_new, finish, fuller, run_finals, verdict
+from qlvbayes.pipeline.run import anything_named, finish, run_finals, verdict, with_verdict
 from qlvbayes.pipeline.source import pad_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.collect import facts_of, runs_in
@@ -32,10 +32,10 @@ def gather(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Make of a folder's pads what a run that was not divided makes of them; return what is there.
+    """Write what an undivided run writes of all its pads; return the pads and the faults.
 
-    Where the parts are of a study, pads whose last fit hangs on the others' verdicts are fitted
-    first: a part that names nothing cannot know that another does.
+    Where the parts are of a study, pads whose final fit depends on the verdicts on other pads are
+    fitted first: a part in which nothing is named cannot know that another part names something.
 
     Raises
     ------
@@ -51,9 +51,9 @@ def gather(
     if not pads:
         raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
     seed = max((one.seed for one in run.values()), default=0)
-    finish(out, pads, references_of(_data_folder(out, pads), references), seed, watcher, engine)
-    noted = {fault.of: fault for fault in (*faults_in(out), *late)}
-    return Tally(tuple(pads), tuple(noted.values()))
+    finish(out, pads, find_references(_data_folder(out, pads), references), seed, watcher, engine)
+    faults = {fault.of: fault for fault in (*faults_in(out), *late)}
+    return Tally(tuple(pads), tuple(faults.values()))
 
 
 def _data_folder(out: Path, pads: list[str]) -> Path:
@@ -61,32 +61,32 @@ def _data_folder(out: Path, pads: list[str]) -> Path:
 
 
 def _finals(out: Path, run: Run, engine: Engine | None, watcher: Watcher) -> Tally:
-    """Run the last fits that the diagnosed pads of a study lack."""
+    """Run the final fits that the diagnosed pads of a study lack."""
     pads = [file.parents[1].name for file in sorted(out.glob("*/plain/check.json"))]
     pads = [pad for pad in pads if (out / pad / "diagnosis.json").exists()]
-    new = any_new(out, pads, Choices.from_dict(run.choices))
-    missing = [pad for pad in pads if not _is_final(out / pad, new=new)]
+    named = anything_named(out, pads, Choices.from_dict(run.choices))
+    missing = [pad for pad in pads if not _is_final(out / pad, named=named)]
     return run_finals(
         out,
         _studies(out, missing),
         lambda study: _choices(facts_of(out / study.pads[0].name / "plain" / "posterior.nc")),
         convert(run.settings["sampler"], Settings),
-        new=new,
+        named=named,
         size=len(missing),
         engine=engine,
         watcher=watcher,
     )
 
 
-def _is_final(folder: Path, *, new: bool) -> bool:
-    """Return whether the pad's last fit is the one that its verdict and the other pads ask for."""
+def _is_final(folder: Path, *, named: bool) -> bool:
+    """Return whether the pad's saved fit is the final one that all verdicts require."""
     if not (folder / "check.json").exists():
         return False
-    last, plain = (facts_of(folder / part / "posterior.nc") for part in ("", "plain"))
-    wanted = _choices(plain)
-    if new:
-        wanted = fuller(wanted, verdict(folder.parent, folder.name))
-    return bool(last) and (_choices(last), bool(last["all_tests"])) == (wanted, new)
+    last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", "plain"))
+    expected = _choices(baseline)
+    if named:
+        expected = with_verdict(expected, verdict(folder.parent, folder.name))
+    return bool(last) and (_choices(last), bool(last["all_tests"])) == (expected, named)
 
 
 def _choices(facts: dict) -> Choices:
@@ -99,15 +99,15 @@ def _studies(out: Path, pads: list[str]) -> Iterator[Measurements | Fault]:
     for pad in pads:
         try:
             yield reader.study(load(out / pad / "plain" / "posterior.nc"))
-        except Exception as error:  # one file that has gone must not stop the others
+        except Exception as error:  # one missing file must not stop the others
             fault = fault_of(error)
             yield Fault(fault.text, fault.mendable, f"pad {pad}")
 
 
 class Reader:
-    """Reads the measurements of saved fits; keeps the last file, as the next pad is often in it.
+    """Read the measurements of saved fits; keep the last file, as the next pad is often in it.
 
-    data: where they are, if that is not where the fits say.
+    data: file or folder of the measurements, if they have moved since the fits.
     """
 
     def __init__(self, data: Path | None = None) -> None:
@@ -116,7 +116,7 @@ class Reader:
         self._study: Measurements | None = None
 
     def study(self, saved: Saved) -> Measurements:
-        """Return the study of one pad; raise InputError where it is gone or has changed since."""
+        """Return the study of one pad; raise InputError where its file is gone or changed."""
         source = Path(saved.source)
         if self._data is not None:
             source = self._data / source.name if self._data.is_dir() else self._data

@@ -1,17 +1,23 @@
-"""The step before the first: look at measurements, fit nothing, and leave what was found."""
+"""Look at measurements before the first step and save the result; nothing is fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from qlvbayes.io.data import Measurements, Pad
-from qlvbayes.io.files import results_folder
+from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.motion.firstlook import FirstLook, look_at
+from qlvbayes.motion.firstlook import FirstLook, PadSeen, look_at
 from qlvbayes.motion.firstlook.shown import shown_between
 
 LOOK = "look"
+Seen = tuple[PadSeen, bytes]
+"""First look at a pad, and its picture as a PNG file."""
+Apply = Callable[[Callable[[Pad], Seen], Sequence[Pad]], Iterable[Seen]]
+"""Function that applies a task to pads, in order, as ``map`` does."""
 
 
 def look_into(
@@ -24,33 +30,45 @@ def look_into(
     keep_all_readings: bool = False,
     files: Sequence[str] = (),
     next_commands: Sequence[str] = (),
+    apply: Apply = map,
 ) -> tuple[FirstLook, list[Path]]:
     """Look at some pads; leave ``look.json`` and a picture ``look_<pad>.png`` of each in a folder.
 
     bonded: whether specimens are fixed to the platen, by default where the file holds strain and
     stress; effects: those that the model has already; files: those that were read, by default the
-    study's own; next_commands: what to type then. Returns what was found and the pictures' paths.
-    Raises InputError where a test cannot be used or nothing can be written.
+    study's own; next_commands: commands to go on with; apply: function that does the work on the
+    pads, by default in this process. Returns the first look and the pictures' paths. Raises
+    InputError where a test cannot be used or nothing can be written.
     """
     fixed = study.units.bonded_default if bonded is None else bonded
-    experiments = [prepare(pad, keep_all_readings=keep_all_readings) for pad in pads]
-    found = tuple(look_at(experiment, bonded=fixed, effects=effects) for experiment in experiments)
+    task = partial(_look_at, bonded=fixed, effects=effects, keep_all_readings=keep_all_readings)
+    results = list(apply(task, pads))
+    pads_seen = tuple(seen for seen, _ in results)
     look = FirstLook(
         source=tuple(files or (study.source,)),
         units=study.units,
         notices=study.notices,
-        pads=found,
-        between=shown_between(found, study.units),
+        pads=pads_seen,
+        between=shown_between(pads_seen, study.units),
         next=tuple(next_commands),
     )
     results_folder(folder)
     look.write(folder / f"{LOOK}.json")
-    return look, [_picture(experiment, folder) for experiment in experiments]
+    figures = [folder / f"{LOOK}_{seen.pad}.png" for seen in pads_seen]
+    for figure, (_, picture) in zip(figures, results, strict=True):
+        write_whole(figure, picture)
+    return look, figures
 
 
-def _picture(experiment: Experiment, folder: Path) -> Path:
-    # here, so that reading does not wait for matplotlib
+def _look_at(pad: Pad, *, bonded: bool, effects: tuple[str, ...], keep_all_readings: bool) -> Seen:
+    experiment = prepare(pad, keep_all_readings=keep_all_readings)
+    return look_at(experiment, bonded=bonded, effects=effects), _picture(experiment)
+
+
+def _picture(experiment: Experiment) -> bytes:
+    # imported here, so that reading does not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.look import plot_look
 
-    return save_figure(plot_look(experiment), folder / f"{LOOK}_{experiment.pad}", ("png",))
+    with TemporaryDirectory() as folder:
+        return save_figure(plot_look(experiment), Path(folder) / LOOK, ("png",)).read_bytes()

@@ -1,4 +1,4 @@
-"""Runs one step for every pad: in this process, in others, or on a cluster."""
+"""Run one step for every pad: in this process, in others, or on a cluster."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 from uuid import uuid4
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements
+from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
@@ -24,13 +24,15 @@ from qlvbayes.pipeline.recording import Message, Recorder, replay
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 
-_READING = "reading"  # what fails before there is a pad
+_READING = "reading"  # stands for the step where a file cannot be read and no pad is known
+
+Answer = TypeVar("Answer")
 
 
 class Step(Protocol):
-    """What is done with each pad: a frozen record of all its settings, which can be pickled.
+    """Define what is done with each pad: a frozen record of its settings, which can be pickled.
 
-    name: of the step; reads: names of the files in the pad's folder that the step needs.
+    name: name of the step; reads: names of the files in the pad's folder that the step needs.
     """
 
     name: ClassVar[str]
@@ -40,18 +42,18 @@ class Step(Protocol):
         """Do the step for the one pad of ``study`` and write the results into its folder."""
         ...
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
         """Report the results of an earlier run, as ``run`` reported them."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A step for one pad, as it is sent to a worker.
+    """Hold a step for one pad, as it is sent to a worker.
 
     style: Matplotlib settings of the user that differ from the package's; code: digest of the
-    package; token: a file that is visible to workers which share the disk, None where all of them
-    do; given: contents of the files that the step reads, for workers that do not.
+    package; token: a file that only workers which share the disk can see, None where all of them
+    share it; inputs: contents of the files that the step reads, for workers that do not.
     """
 
     step: Step
@@ -60,7 +62,7 @@ class Work:
     style: dict[str, Any] = field(default_factory=dict)
     code: str = ""
     token: Path | None = None
-    given: dict[str, bytes] = field(default_factory=dict)
+    inputs: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def pad(self) -> str:
@@ -82,7 +84,7 @@ class Work:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What a step has written and reported.
+    """Hold what a step has written and reported.
 
     messages: what it reported, None where an earlier run had finished it; files: digests by file
     name; contents: by file name, where the worker does not share the disk.
@@ -95,7 +97,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Tally:
-    """Names of the pads that are done, in order, and the faults of the others."""
+    """Hold the names of the pads that are done, in order, and the faults of the others."""
 
     pads: tuple[str, ...]
     faults: tuple[Fault, ...]
@@ -114,7 +116,7 @@ def run_pads(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do one step for all pads, one after the other or side by side.
+    """Do one step for all pads, one after the other or in parallel.
 
     What an earlier run finished from the same input is reported, not done again. A pad that fails
     does not stop the others. Reports and files do not depend on the engine.
@@ -128,7 +130,7 @@ def run_pads(
     size
         How many pads there will be, as far as that is known.
     engine
-        Where the work is done; in this process where it is None.
+        Engine that does the work; None for this process.
     watcher
         Receives the report of each pad in turn, and how many are done.
 
@@ -143,7 +145,7 @@ def run_pads(
     names: set[str] = set()
     reached = 0
     with (
-        _seen_by_workers(out, engine) as token,
+        _shared_disk_token(out, engine) as token,
         watcher.overall(size, alone=engine is None) as report_count,
     ):
 
@@ -157,12 +159,12 @@ def run_pads(
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
         for outcome in run_all(task, todo, engine, keep=keep):
             if outcome.fault is not None:
-                faults.append(_named(outcome))
+                faults.append(_fault_with_pad(outcome))
                 continue
             assert outcome.answer is not None
             pads.append(outcome.item.pad)
             if outcome.answer.messages is None:
-                outcome.item.step.tell(outcome.item.folder, watcher)
+                outcome.item.step.report_saved(outcome.item.folder, watcher)
             replay(outcome.answer.messages or [], watcher, outcome.item.folder)
     return Tally(tuple(pads), tuple(faults))
 
@@ -184,6 +186,27 @@ def run_step(
     if not tally.total and source.only and source.shard.count == 1:
         raise InputError(f"no pad of these files is called {' or '.join(source.only)}")
     return tally
+
+
+def map_pads(
+    engine: Engine | None, task: Callable[[Pad], Answer], pads: Sequence[Pad]
+) -> list[Answer]:
+    """Return the task's answers for the pads, in order, from an engine or from this process.
+
+    Raises FailedError, which names the pads that failed in the engine.
+    """
+    if engine is None or len(pads) < 2:
+        return list(map(task, pads))
+    outcomes = list(run_all(partial(_styled, _own_style(), task), pads, engine))
+    faults = [replace(o.fault, of=f"pad {o.item.name}") for o in outcomes if o.fault is not None]
+    if faults:
+        raise FailedError(faults, len(faults))
+    return [cast(Answer, outcome.answer) for outcome in outcomes]
+
+
+def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> Answer:
+    with _with_style(style):
+        return task(pad)
 
 
 def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
@@ -213,14 +236,14 @@ def _todo(
             continue
         if token is not None:
             there = {name: one.folder / name for name in one.step.reads}
-            one.given.update({n: f.read_bytes() for n, f in there.items() if f.exists()})
+            one.inputs.update({n: f.read_bytes() for n, f in there.items() if f.exists()})
         yield one
 
 
 def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
-    """Write the files that a worker sent back, and note that the pad is finished, or its fault."""
+    """Write the files that a worker sent back; record that the pad is finished, or its fault."""
     if outcome.fault is not None:
-        fault = _named(outcome)
+        fault = _fault_with_pad(outcome)
         work = outcome.item
         step, name = (work.step.name, work.pad) if isinstance(work, Work) else (_READING, fault.of)
         if out.is_dir():
@@ -228,18 +251,18 @@ def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
         return
     done, work = outcome.answer, outcome.item
     assert done is not None
-    if done.messages is None:  # finished before
+    if done.messages is None:  # an earlier run finished it
         return
     for name, content in done.contents.items():
         path = work.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)
     done.contents.clear()
-    work.given.clear()
+    work.inputs.clear()
     Finished(out, work.step.name).add(work.pad, work.key, done.files)
 
 
-def _named(outcome: Outcome[Work, Done]) -> Fault:
+def _fault_with_pad(outcome: Outcome[Work, Done]) -> Fault:
     assert outcome.fault is not None
     if isinstance(outcome.item, Work):
         return replace(outcome.fault, of=f"pad {outcome.item.pad}")
@@ -260,7 +283,7 @@ def _done_elsewhere(work: Work) -> Done:
         with TemporaryDirectory() as base:
             folder = Path(base) / work.folder.name
             folder.mkdir()
-            for name, content in work.given.items():
+            for name, content in work.inputs.items():
                 (folder / name).write_bytes(content)
             recorder = Recorder(folder)
             files = _files_written(work, folder, recorder)
@@ -291,8 +314,8 @@ def _stamps(folder: Path) -> dict[Path, tuple[int, int, int]]:
 
 
 @contextmanager
-def _seen_by_workers(out: Path, engine: Engine | None) -> Iterator[Path | None]:
-    """Yield a file by which workers see whether they share the disk; None where they surely do."""
+def _shared_disk_token(out: Path, engine: Engine | None) -> Iterator[Path | None]:
+    """Yield a file that only workers which share the disk can see; None where all share it."""
     if engine is None or engine.shares_disk:
         yield None
         return

@@ -1,4 +1,4 @@
-"""What a step reports in another process, recorded there and repeated here."""
+"""Record what a step reports in another process, and repeat it in this one."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Message = tuple[str, tuple[Any, ...]]
 
 
 class Recorder(Watcher):
-    """Records what a step reports in a worker, so that it can be repeated where the user sees it.
+    """Record what a step reports in a worker, so that the user's process can repeat it.
 
-    Figures are recorded relative to the worker's folder, which may be another one than the user's.
+    Paths of figures are relative to the worker's folder, which may differ from the user's.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,7 +50,7 @@ class Recorder(Watcher):
 
 
 def replay(messages: Sequence[Message], watcher: Watcher, folder: Path) -> None:
-    """Report recorded messages to a watcher; folder: where the pad's figures are now."""
+    """Report recorded messages to a watcher; folder: the folder that holds the pad's figures."""
     for name, arguments in messages:
         if name == "diagnosed":
             result, words, figures = arguments

@@ -1,9 +1,10 @@
-"""All steps of a study, from its measurements to the report."""
+"""Run all steps of a study, from its measurements to the report."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,18 +20,18 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.faults import Fault
 from qlvbayes.parallel.shards import Shard
-from qlvbayes.pipeline.checking import check_into, tell_check
+from qlvbayes.pipeline.checking import check_into, report_saved_check
 from qlvbayes.pipeline.comparing import compare_few
 from qlvbayes.pipeline.diagnosing import DiagnoseStep
 from qlvbayes.pipeline.drawing import (
-    Known,
+    ReferenceFile,
     draw_constants,
     draw_forces_at_rates,
-    references_of,
+    find_references,
 )
-from qlvbayes.pipeline.fitting import fit_into, tell_fit
+from qlvbayes.pipeline.fitting import fit_into, report_saved_fit
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, Work, raise_failed, run_pads, run_step
+from qlvbayes.pipeline.many import Tally, Work, map_pads, raise_failed, run_pads, run_step
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
@@ -57,12 +58,12 @@ def run_study(
 
     Leaves in ``out``: the first look at the tests of a single file, before anything is fitted
     (``look.json``, ``look_<pad>.png``); per pad the plain model's fit and check in
-    ``<pad>/plain``, the diagnosis and, with the laws and effects that it names, the fit and its
-    check in ``<pad>``: to all tests of all pads where something new is named in one, so that
-    comparing them is fair; else they are those of the plain model. Comparisons of the pads, or of
-    the fluids in them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or
-    more, forces_at_rates of all; ``run.json`` and ``report.html``. What is finished is not done
-    again.
+    ``<pad>/plain``; in ``<pad>`` the diagnosis and the final fit with its check. Where the
+    diagnosis of any pad names a law or an effect, the final model has what is named and is fitted
+    to all tests of every pad, so that pads are compared alike; else it is the plain model.
+    Comparisons of the pads, or of the fluids in them, are in ``compare``; constants (PNG, PDF,
+    CSV, LaTeX) and, for two pads or more, forces_at_rates concern all pads; ``run.json`` and
+    ``report.html`` cover the whole study. What is finished is not done again.
 
     Parameters
     ----------
@@ -76,22 +77,22 @@ def run_study(
         The model to start from, or a function that gives it for measurements; by default the plain
         one, bonded where the file holds strain and stress.
     settings
-        Of the sampler.
+        Settings of the sampler.
     thresholds
-        Of the diagnosis, its ``tolerance`` among them.
+        Thresholds of the diagnosis, its ``tolerance`` among them.
     watcher
-        Is told of each step.
+        Receives reports of each step.
     command
-        Noted as what repeats the study.
+        Command that repeats the study, recorded in ``run.json``.
     references
-        A CSV file (pad,parameter,value,unit) of values to show beside the constants, by default
-        paper_table1.csv beside the measurements, if it is there.
+        A CSV file (pad,parameter,value,unit) of values to show with the constants, by default
+        paper_table1.csv in the folder of the measurements, if it is there.
     client
-        What works: a ``distributed.Client``, or any executor with ``submit``; by default this
-        process, one pad after the other.
+        A ``distributed.Client``, or any executor with ``submit``, that does the work; by default
+        this process does, one pad after the other.
     shard
-        ``3/200``: only the third of two hundred parts, without what is made of all pads
-        (`gather`).
+        Part of the study that is run: ``3/200`` is the third of two hundred parts, without what
+        is made of all pads (`gather`).
 
     Raises
     ------
@@ -102,56 +103,58 @@ def run_study(
     """
     source = file
     if not isinstance(source, Source):
-        source = Source.of(source, only=pads, shard=Shard.from_text(shard) if shard else None)
+        part = Shard.from_text(shard) if shard else None
+        source = Source.from_files(source, only=pads, shard=part)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
     thresholds = thresholds or DiagnosisSettings()
-    known = references_of(source.place, None if references is None else Path(references))
-    chosen = _chosen(choices)
-    if source.read is not None and source.shard.count == 1:
-        _look(source, out, chosen(source.whole), watcher)
+    given = None if references is None else Path(references)
+    reference_file = find_references(source.location, given)
+    choices_of = _choices_function(choices)
     engine = engine_of(client)
-    sampler, judging = settings, thresholds  # for the step, whose names mypy follows no further
-    plain = run_step(
+    if source.read is not None and source.shard.count == 1:
+        _look(source, out, choices_of(source.whole), watcher, engine)
+    sampler, limits = settings, thresholds  # mypy does not narrow names inside a lambda
+    baseline = run_step(
         out,
         source,
-        lambda study: PlainStep(chosen(study), sampler, judging),
+        lambda study: BaselineStep(choices_of(study), sampler, limits),
         engine=engine,
         watcher=watcher,
     )
-    if not plain.pads:
-        raise_failed([plain])
+    if not baseline.pads:
+        raise_failed([baseline])
         return []
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
-    told = {"sampler": settings, "thresholds": thresholds}
-    base = chosen(source.whole)
-    record_run(out, "study", call, source.whole, base, settings.seed, told)
-    names = plain.pads if source.shard.count == 1 else _diagnosed_in(out)
+    run_settings = {"sampler": settings, "thresholds": thresholds}
+    base = choices_of(source.whole)
+    record_run(out, "study", call, source.whole, base, settings.seed, run_settings)
+    names = baseline.pads if source.shard.count == 1 else _diagnosed_in(out)
     final = run_finals(
         out,
-        _others(source, plain),
-        chosen,
+        _done_pads(source, baseline),
+        choices_of,
         settings,
-        new=any_new(out, names, base),
-        size=len(plain.pads),
+        named=anything_named(out, names, base),
+        size=len(baseline.pads),
         engine=engine,
         watcher=watcher,
     )
     if source.shard.count == 1:
-        finish(out, final.pads, known, settings.seed, watcher, engine)
-    verdicts = [verdict(out, name) for name in plain.pads]
-    raise_failed([plain, final], verdicts)
+        finish(out, final.pads, reference_file, settings.seed, watcher, engine)
+    verdicts = [verdict(out, name) for name in baseline.pads]
+    raise_failed([baseline, final], verdicts)
     return verdicts
 
 
 def finish(
     out: Path,
     pads: Sequence[str],
-    references: Known | None,
+    references: ReferenceFile | None,
     seed: int,
     watcher: Watcher,
     engine: Engine | None = None,
 ) -> None:
-    """Write what concerns all pads: constants, forces, comparisons, report."""
+    """Write what concerns all pads: constants, forces, comparisons and report."""
     with watcher.doing("figures of all pads"):
         draw_constants(out, references)
         draw_forces_at_rates(out)
@@ -160,34 +163,36 @@ def finish(
         write_report(out, engine=engine)
 
 
-def _look(source: Source, out: Path, choices: Choices, watcher: Watcher) -> None:
+def _look(
+    source: Source, out: Path, choices: Choices, watcher: Watcher, engine: Engine | None
+) -> None:
     """Look at the tests of one file, before anything is fitted."""
-    wanted = [study.pads[0] for study in source if isinstance(study, Measurements)]
+    pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
     with watcher.doing("looking"):
         look, figures = look_into(
-            out, source.whole, wanted, bonded=choices.bonded, effects=choices.effects,
-            keep_all_readings=choices.keep_all_readings,
+            out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
+            keep_all_readings=choices.keep_all_readings, apply=partial(map_pads, engine),
         )  # fmt: skip
     watcher.looked(look, figures)
 
 
 def verdict(out: Path, pad: str) -> DiagnosisResult:
-    """Return the verdict on a pad, as its file has it."""
+    """Return the saved verdict on a pad."""
     return DiagnosisResult.read(out / pad / "diagnosis.json")
 
 
-def any_new(out: Path, pads: Iterable[str], choices: Choices) -> bool:
+def anything_named(out: Path, pads: Iterable[str], choices: Choices) -> bool:
     """Return whether the verdict on some pad names what the model did not have."""
-    return any(fuller(choices, verdict(out, pad)) != choices for pad in pads)
+    return any(with_verdict(choices, verdict(out, pad)) != choices for pad in pads)
 
 
-def fuller(choices: Choices, found: DiagnosisResult) -> Choices:
+def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:
     """Return the choices with the laws and effects that a verdict names."""
-    new = (found.forms.get(name, name) for name in found.effects if name not in choices.effects)
-    return replace(_on_laws(choices, found), effects=(*choices.effects, *new))
+    new = (result.forms.get(name, name) for name in result.effects if name not in choices.effects)
+    return replace(_on_laws(choices, result), effects=(*choices.effects, *new))
 
 
-def _chosen(choices: Choices | ChoicesOf | None) -> ChoicesOf:
+def _choices_function(choices: Choices | ChoicesOf | None) -> ChoicesOf:
     if isinstance(choices, Choices):
         fixed = choices
         return lambda study: fixed
@@ -198,7 +203,7 @@ def _diagnosed_in(out: Path) -> list[str]:
     return [file.parent.name for file in sorted(out.glob("*/diagnosis.json"))]
 
 
-def _others(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
+def _done_pads(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
     """Yield the pads that are done, once more; faults were reported before."""
     pads, failed = set(done.pads), {fault.of for fault in done.faults}
     for one in source:
@@ -212,45 +217,45 @@ def _others(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
 def run_finals(
     out: Path,
     studies: Iterable[Measurements | Fault],
-    chosen: ChoicesOf,
+    choices_of: ChoicesOf,
     settings: Settings,
     *,
-    new: bool,
+    named: bool,
     size: int,
     engine: Engine | None,
     watcher: Watcher,
 ) -> Tally:
-    """Fit what the verdicts name to the same tests of every pad, so that comparing is fair.
+    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
 
-    new: whether any of them names something; else the plain fits are taken over.
+    named: whether a verdict names a law or an effect; otherwise the baseline fits are copied.
     """
-    if not new:
+    if not named:
         names = [study.pads[0].name for study in studies if isinstance(study, Measurements)]
         for name in names:
-            _take_over(out / name)
+            _copy_baseline(out / name)
         return Tally(tuple(names), ())
     work = (
-        study if isinstance(study, Fault) else _final_work(out, study, chosen, settings)
+        study if isinstance(study, Fault) else _final_work(out, study, choices_of, settings)
         for study in studies
     )
     return run_pads(out, work, size=size, engine=engine, watcher=watcher)
 
 
-def _final_work(out: Path, study: Measurements, chosen: ChoicesOf, settings: Settings) -> Work:
+def _final_work(out: Path, study: Measurements, choices_of: ChoicesOf, settings: Settings) -> Work:
     name = study.pads[0].name
-    step = FinalStep(fuller(chosen(study), verdict(out, name)), settings)
+    step = FinalStep(with_verdict(choices_of(study), verdict(out, name)), settings)
     return Work(step, study, out / name)
 
 
-def _take_over(folder: Path) -> None:
+def _copy_baseline(folder: Path) -> None:
     """Copy the baseline fit and its check to the pad's folder."""
     for file in filter(Path.is_file, (folder / "plain").iterdir()):
         write_whole(folder / file.name, file.read_bytes())
 
 
 @dataclass(frozen=True)
-class PlainStep:
-    """The plain model's fit and check of a pad, and the diagnosis."""
+class BaselineStep:
+    """Fit, check and diagnose the baseline model of a pad."""
 
     name: ClassVar[str] = "plain"
     reads: ClassVar[tuple[str, ...]] = ()
@@ -266,10 +271,10 @@ class PlainStep:
         )
         self._diagnosis.run(folder, study, watcher)
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Report what the steps left."""
-        _tell_fit(folder / "plain", watcher)
-        self._diagnosis.tell(folder, watcher)
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
+        """Report the saved results."""
+        _report_saved_fit_and_check(folder / "plain", watcher)
+        self._diagnosis.report_saved(folder, watcher)
 
     @property
     def _diagnosis(self) -> DiagnoseStep:
@@ -278,7 +283,7 @@ class PlainStep:
 
 @dataclass(frozen=True)
 class FinalStep:
-    """The fit of a pad to all its tests, with what the verdict names, and its check."""
+    """Fit a pad, with what the verdict names, to all its tests and check the fit."""
 
     name: ClassVar[str] = "final"
     reads: ClassVar[tuple[str, ...]] = ()
@@ -290,9 +295,9 @@ class FinalStep:
         """Fit the pad and check the fit."""
         _fit_and_check(folder, study, self.choices, self.settings, watcher, all_tests=True)
 
-    def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Report what the steps left."""
-        _tell_fit(folder, watcher)
+    def report_saved(self, folder: Path, watcher: Watcher) -> None:
+        """Report the saved results."""
+        _report_saved_fit_and_check(folder, watcher)
 
 
 def _fit_and_check(
@@ -317,29 +322,29 @@ def _fit_and_check(
     check_into(folder, load(folder / "posterior.nc"), study, seed=settings.seed, watcher=watcher)
 
 
-def _tell_fit(folder: Path, watcher: Watcher) -> None:
-    tell_fit(folder, watcher)
-    tell_check(folder, watcher)
+def _report_saved_fit_and_check(folder: Path, watcher: Watcher) -> None:
+    report_saved_fit(folder, watcher)
+    report_saved_check(folder, watcher)
 
 
-def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
+def _on_laws(choices: Choices, result: DiagnosisResult) -> Choices:
     """Return choices with the verdict's base laws, if any; a Prony series keeps its modes.
 
-    What the user said of the constants of a law goes with it.
+    Priors and fixed values of a replaced law's constants are dropped.
     """
-    if found.verdict == "unexplained":
+    if result.verdict == "unexplained":
         return choices
-    elastic, relaxation = found.base.elastic, found.base.relaxation.partition(":")[0]
-    gone: set[str] = set()
+    elastic, relaxation = result.base.elastic, result.base.relaxation.partition(":")[0]
+    replaced: set[str] = set()
     if elastic != choices.law:
-        gone.update(find_elastic(choices.law, choices.laws).units)
+        replaced.update(find_elastic(choices.law, choices.laws).units)
     if relaxation != choices.relaxation:
-        gone.update(find_relaxation(choices.relaxation, choices.laws).units)
+        replaced.update(find_relaxation(choices.relaxation, choices.laws).units)
 
-    def kept(settings: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(text for text in settings if _constant(text) not in gone)
+    def remaining(settings: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(text for text in settings if _constant(text) not in replaced)
 
-    priors, fixed = kept(choices.priors), kept(choices.fixed)
+    priors, fixed = remaining(choices.priors), remaining(choices.fixed)
     return replace(choices, law=elastic, relaxation=relaxation, priors=priors, fixed=fixed)
 
 

@@ -1,4 +1,4 @@
-"""Where pads come from: one file of measurements, several, or a folder of them, pad by pad."""
+"""Yield pads from one file of measurements, from several, or from a folder of them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.drawing import REFERENCES
 
-_UNNAMED = "pad"  # what a file's only pad is called where no column names it
+_UNNAMED = "pad"  # name of a file's only pad where no column names it
 _NO_MEASUREMENTS = {
     ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",
     ".png", ".py", ".rst", ".sh", ".tex", ".toml", ".yaml", ".yml", ".zip",
 }  # fmt: skip
-"""Of files that lie beside measurements in a folder; what is of another kind is read."""
+"""Suffixes of files in a folder that hold no measurements; files of any other are read."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Pads, each as a study of its own, in the order of the files and in these.
+    """Iterate over pads, each as a study of its own, in the order of the files and within them.
 
     read: the measurements where they are in one file; files: where they are in several, of which
     one is read at a time; only: names of the pads that are wanted, all by default.
@@ -37,29 +37,29 @@ class Source:
     shard: Shard = field(default_factory=Shard)
 
     @classmethod
-    def of(
+    def from_files(
         cls,
-        given: Measurements | str | Path | Sequence[str | Path],
+        measurements: Measurements | str | Path | Sequence[str | Path],
         *,
         only: Sequence[str] = (),
         shard: Shard | None = None,
     ) -> Source:
-        """Return the source for measurements, a file, several files, or a folder of them.
+        """Return the source of measurements, of a file, of several files, or of a folder of them.
 
         Raises InputError where a single file cannot be read or lacks a pad that is wanted, where
         there are no files, or where two have one name.
         """
         part = shard or Shard()
-        if isinstance(given, str | Path):
-            given = [given]
-        if isinstance(given, Measurements):
-            return cls((), _known(given, only), given, shard=part)
-        paths = [Path(one) for one in given]
+        if isinstance(measurements, str | Path):
+            measurements = [measurements]
+        if isinstance(measurements, Measurements):
+            return cls((), _checked_names(measurements, only), measurements, shard=part)
+        paths = [Path(one) for one in measurements]
         if len(paths) == 1 and not paths[0].is_dir():
             read = read_measurements(paths[0])
-            return cls((paths[0],), _known(read, only), read, shard=part)
+            return cls((paths[0],), _checked_names(read, only), read, shard=part)
         files = tuple(file for path in paths for file in _files(path))
-        _tell_apart(files)
+        _refuse_same_names(files)
         folder = paths[0] if len(paths) == 1 else None
         return cls(files, tuple(only), folder=folder, shard=part)
 
@@ -68,7 +68,7 @@ class Source:
         """Number of pads in this part; of several files, the number of files."""
         if self.read is None:
             return len(self.shard.part(self.files))
-        return len(self.shard.part(self._wanted(self.read)))
+        return len(self.shard.part(self._selected(self.read)))
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -76,21 +76,21 @@ class Source:
         return self.read.notices if self.read else ()
 
     @property
-    def place(self) -> Path:
-        """The folder that the files are in."""
+    def location(self) -> Path:
+        """Folder that holds the files."""
         if self.read is not None:
             return Path(self.read.source).parent
         return self.folder or self.files[0].parent
 
     @property
     def whole(self) -> Measurements:
-        """The one study, or an empty one that says where the files are."""
-        return self.read or Measurements((), PAD, str(self.place), "", ())
+        """Measurements of the single file, or an empty record that names the folder of several."""
+        return self.read or Measurements((), PAD, str(self.location), "", ())
 
     def __iter__(self) -> Iterator[Measurements | Fault]:
         """Yield a study of each pad, and a fault for each file that cannot be read."""
         if self.read is not None:
-            for pad in self.shard.part(self._wanted(self.read)):
+            for pad in self.shard.part(self._selected(self.read)):
                 yield alone(self.read, pad)
             return
         for file in self.shard.part(self.files):
@@ -99,10 +99,10 @@ class Source:
             except Exception as error:  # one bad file must not stop the others
                 yield replace(fault_of(error), of=file.name)
                 continue
-            for pad in self._wanted(study):
+            for pad in self._selected(study):
                 yield alone(study, pad)
 
-    def _wanted(self, study: Measurements) -> list[Pad]:
+    def _selected(self, study: Measurements) -> list[Pad]:
         if not self.only:
             return list(study.pads)
         known = {pad.name: pad for pad in study.pads}
@@ -149,7 +149,7 @@ def pad_of(study: Measurements, name: str) -> Measurements:
     return alone(study, study.pad(name))
 
 
-def _known(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
+def _checked_names(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
     return tuple(study.pad(name).name for name in only)
 
 
@@ -157,7 +157,7 @@ def _files(path: Path) -> list[Path]:
     """Return the file, or those files of a folder that may hold measurements."""
     if not path.is_dir():
         return [path]
-    found = [
+    files = [
         file
         for file in sorted(path.iterdir())
         if file.is_file()
@@ -165,11 +165,11 @@ def _files(path: Path) -> list[Path]:
         and file.suffix.lower() not in _NO_MEASUREMENTS
         and file.name != REFERENCES
     ]
-    if not found:
+    if not files:
         raise InputError(
             "no measurements in this folder", file=path, remedy="name a folder with files of them"
         )
-    return found
+    return files
 
 
 def _stem(file: Path) -> str:
@@ -178,7 +178,7 @@ def _stem(file: Path) -> str:
     return name.rpartition(".")[0] or name
 
 
-def _tell_apart(files: Sequence[Path]) -> None:
+def _refuse_same_names(files: Sequence[Path]) -> None:
     """Refuse files whose pads would go to one folder."""
     seen: dict[str, Path] = {}
     for file in files:

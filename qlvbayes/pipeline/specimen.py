@@ -1,4 +1,4 @@
-"""A study as one works with it by hand: its pads by name, each with what can be done with it."""
+"""Offer a study for interactive work: pads by name, each to look at, fit and diagnose."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """One pad with its tests, ready to be fitted and diagnosed.
+    """Hold one pad with its tests, ready to be fitted and diagnosed.
 
     Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
     stress.
@@ -39,20 +39,20 @@ class Specimen:
     pad: Pad
 
     def __repr__(self) -> str:
-        """``<pad B, 6 tests>``."""
+        """Return ``<pad B, 6 tests>``."""
         count = len(self.pad.tests)
         return f"<pad {self.pad.name}, {count} {'test' if count == 1 else 'tests'}>"
 
     @cached_property
     def experiment(self) -> Experiment:
-        """The tests made ready: motion, phases, rates, roles and the noise floor.
+        """Prepared tests: motion, phases, rates, roles and the noise floor.
 
-        Without readings that are bad; choices that keep all make the tests ready anew.
+        Bad readings are left out; a fit whose choices keep them prepares the tests again.
         """
         return prepare(self.pad)
 
     def look(self, *, bonded: bool | None = None) -> PadSeen:
-        """Tell what is in the tests and what of the model they can show; nothing is fitted.
+        """Return what is in the tests and what of the model they can show; nothing is fitted.
 
         ``plots.plot_look`` draws ``experiment``.
 
@@ -92,18 +92,18 @@ class Specimen:
         all_tests
             Whether tests that would validate are fitted too.
         settings
-            Of the sampler: walkers, steps and seed.
+            Settings of the sampler: walkers, steps and seed.
         folder
-            Where the growing chain is kept, so that a killed run goes on where it was.
+            Folder that keeps the growing chain, so that a killed run continues where it stopped.
         progress
-            Is told how far the sampling has come.
+            Function that receives the steps done and the steps to do.
 
         Raises
         ------
         InputError
             A choice cannot be used with these tests.
         """
-        choices = self._or_usual(choices)
+        choices = self._or_default(choices)
         return fit_pad(
             self._ready(choices, all_tests=all_tests),
             choices,
@@ -122,7 +122,7 @@ class Specimen:
         evidence: str = "laplace",
         seed: int = 0,
         tell: Report = lambda text: None,
-        watch: Callable[[SearchProgress], None] = lambda standing: None,
+        watch: Callable[[SearchProgress], None] = lambda progress: None,
     ) -> Diagnosis:
         """Say what the model lacks, a law or effects, from all tests.
 
@@ -133,23 +133,24 @@ class Specimen:
         kinds
             Effects that are looked for: by default the list, and those of the choices' own file.
         thresholds
-            Prior probabilities, and how sure the verdict must be.
+            Prior probabilities, and the probability that a verdict needs.
         evidence
             ``nested`` samples the plain model and the two best hypotheses again by nested
             sampling, a minute or two each.
         seed
-            Of nested sampling.
+            Seed of nested sampling.
         tell
-            Hears what is being done.
+            Function that receives a line on each step of the search.
         watch
-            Sees at each such step what is known so far; may raise `StopSearch` to end the search.
+            Function that receives the state of the search at each step; it may raise `StopSearch`
+            to end the search.
 
         Raises
         ------
         InputError
             The noise model is not Gaussian, or a choice cannot be used with these tests.
         """
-        choices = self._or_usual(choices)
+        choices = self._or_default(choices)
         return diagnose(
             self._ready(choices),
             choices,
@@ -167,13 +168,13 @@ class Specimen:
         keep = choices.keep_all_readings
         return prepare(self.pad, all_tests=all_tests, keep_all_readings=keep, use=choices.use)
 
-    def _or_usual(self, choices: Choices | None) -> Choices:
+    def _or_default(self, choices: Choices | None) -> Choices:
         return choices or Choices(bonded=self.pad.units.bonded_default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Study(Measurements):
-    """All pads of one file by name: ``study["B"]`` is a `Specimen`, and its names are iterated."""
+    """Hold all pads of one file by name: ``study["B"]`` is a `Specimen`; iteration yields names."""
 
     def __getitem__(self, name: str) -> Specimen:
         """Return the pad of that name; InputError lists the known names otherwise."""
@@ -188,22 +189,22 @@ class Study(Measurements):
         return len(self.pads)
 
     def __repr__(self) -> str:
-        """``<study pads.csv: A, B, C>``."""
+        """Return ``<study pads.csv: A, B, C>``."""
         return f"<study {Path(self.source).name}: {', '.join(self)}>"
 
     def fit(
         self, choices: Choices | None = None, *, client: Any = None, **options: Any
     ) -> dict[str, Fit]:
-        """Draw the constants of every pad from their posterior; the fits by pad.
+        """Draw the constants of every pad from their posterior; return the fits by pad.
 
         Parameters
         ----------
         choices
             The model, as of `Specimen.fit`.
         client
-            What works: a ``distributed.Client``, or an executor with ``submit`` such as a
-            ``ProcessPoolExecutor`` that spawns; by default this process, one pad after the other.
-            The fits do not depend on it.
+            A ``distributed.Client``, or an executor with ``submit`` such as a
+            ``ProcessPoolExecutor`` that spawns, that does the work; by default this process does,
+            one pad after the other. The fits do not depend on it.
         **options
             ``method``, ``all_tests`` and ``settings`` of `Specimen.fit`.
 
@@ -219,14 +220,14 @@ class Study(Measurements):
     def diagnose(
         self, choices: Choices | None = None, *, client: Any = None, **options: Any
     ) -> dict[str, DiagnosisResult]:
-        """Say of every pad what the model lacks; the results by pad.
+        """Say of every pad what the model lacks; return the results by pad.
 
         Parameters
         ----------
         choices
             The model to start from, as of `Specimen.diagnose`.
         client
-            What works, as of `fit`.
+            Client or executor that does the work, as of `fit`.
         **options
             ``kinds``, ``thresholds``, ``evidence`` and ``seed`` of `Specimen.diagnose`.
 
@@ -240,16 +241,16 @@ class Study(Measurements):
         return self._each(partial(_diagnosed, choices, options), client)
 
     def _each(self, task: Callable[[Specimen], Answer], client: Any) -> dict[str, Answer]:
-        found, faults = {}, []
+        results, faults = {}, []
         for outcome in run_all(task, map(Specimen, self.pads), engine_of(client)):
             name = outcome.item.pad.name
             if outcome.fault is not None:
                 faults.append(replace(outcome.fault, of=f"pad {name}"))
             else:
-                found[name] = cast(Answer, outcome.answer)
+                results[name] = cast(Answer, outcome.answer)
         if faults:
-            raise FailedError(faults, len(self), list(found.values()))
-        return found
+            raise FailedError(faults, len(self), list(results.values()))
+        return results
 
     @cached_property
     def _specimens(self) -> dict[str, Specimen]:
@@ -287,5 +288,11 @@ def read_study(path: str | Path) -> Study:
     InputError
         The file cannot be used as it is; the error names line and remedy.
     """
-    found = read_measurements(path)
-    return Study(found.pads, found.units, found.source, found.sha256, found.notices)
+    measurements = read_measurements(path)
+    return Study(
+        measurements.pads,
+        measurements.units,
+        measurements.source,
+        measurements.sha256,
+        measurements.notices,
+    )

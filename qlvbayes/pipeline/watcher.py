@@ -1,4 +1,4 @@
-"""Who looks on while a study runs: nobody, unless told otherwise."""
+"""Define what a study reports while it runs."""
 
 from __future__ import annotations
 
@@ -16,52 +16,52 @@ from qlvbayes.motion.firstlook import FirstLook
 
 
 class Watcher:
-    """Is told of each step of a study; this one says nothing.
+    """Receive a report of each step of a study; this class ignores all of them.
 
-    Override what you want to see. Nothing that is returned changes the results.
+    Override the methods that you want to see. No return value changes the results.
     """
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
-        """Something that takes a while; yields a function that tells more of it."""
-        return nullcontext(_unheard)
+        """Begin something that takes a while; yield a function that receives details."""
+        return nullcontext(_ignore)
 
     def sampling(self, label: str) -> AbstractContextManager[Progress]:
-        """A chain is about to run; yields a function of the steps done and the steps to do."""
-        return nullcontext(_unheard)
+        """Begin sampling; yield a function that receives the steps done and the steps to do."""
+        return nullcontext(_ignore)
 
     def notice(self, text: str) -> None:
-        """Something that the user should know."""
+        """Receive something that the user should know."""
 
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
-        """The tests have been looked at, and nothing is fitted yet."""
+        """Receive the first look at the tests, before anything is fitted."""
 
     def overall(
         self, size: int, *, alone: bool
     ) -> AbstractContextManager[Callable[[int, int], None]]:
-        """So many pads are about to be worked on, one by one or side by side.
+        """Begin the work on ``size`` pads; yield a function of the pads done and the pads to do.
 
-        Yields a function of the pads done and the pads to do. Of pads that are worked on by other
-        processes each is told as a whole, in order, once it is done.
+        alone: whether this process works on one pad after the other. Otherwise the reports of each
+        pad come together, in the order of the pads, once the pad is done.
         """
-        return nullcontext(_unheard)
+        return nullcontext(_ignore)
 
     def starting(self, lines: Sequence[str]) -> None:
-        """A pad is about to be fitted: which tests, the noise floor and the priors, in words."""
+        """Receive, before a pad is fitted, its tests, the noise floor and the priors in words."""
 
     def fitted(self, summary: FitSummary) -> None:
-        """A pad has been fitted."""
+        """Receive the summary of a fit."""
 
     def checked(self, check: CheckResult) -> None:
-        """A fit has been checked."""
+        """Receive the check of a fit."""
 
-    def searched(self, pad: str, standing: SearchProgress) -> None:
-        """A search for what a pad lacks has come so far."""
+    def searched(self, pad: str, progress: SearchProgress) -> None:
+        """Receive the state of the search for the effect that a pad's model lacks."""
 
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
     ) -> None:
-        """A pad has its verdict, in paragraphs of words too."""
+        """Receive the verdict on a pad, its paragraphs in words and its figures."""
 
 
-def _unheard(*words: Any) -> None:
-    """Nobody listens."""
+def _ignore(*words: Any) -> None:
+    """Ignore a report."""

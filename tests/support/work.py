@@ -70,7 +70,7 @@ class MeanStep:
         (folder / "deep" / "who.txt").write_text(pad.name)
         watcher.notice(f"pad {pad.name}: done")
 
-    def tell(self, folder, watcher):
+    def report_saved(self, folder, watcher):
         watcher.notice(f"pad {folder.name}: there")
 
 
@@ -98,5 +98,5 @@ class SlowStep:
         (folder / "done.txt").write_text(study.pads[0].name)
         watcher.notice(f"pad {folder.name}: done")
 
-    def tell(self, folder, watcher):
+    def report_saved(self, folder, watcher):
         watcher.notice(f"pad {folder.name}: there")
