@@ -67,7 +67,9 @@ def split_first(text: str) -> tuple[str, str]:
 def _differ(results: Results, compared: Sequence[Comparing], remedies: dict) -> tuple[str, ...]:
     if len(results.pads) < 2:
         return ("There is only one pad here.",)
-    return tuple(found.line for found in compared) or (f"Not compared yet: {remedies['compare']}",)
+    return tuple(comparison.line for comparison in compared) or (
+        f"Not compared yet: {remedies['compare']}",
+    )
 
 
 def _fails(pad: PadResults, remedies: dict) -> str:
@@ -76,18 +78,18 @@ def _fails(pad: PadResults, remedies: dict) -> str:
         return f"not checked yet: {remedies['check']}"
     worst = check.worst
     said = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
-    plain = pad.plain.check if pad.plain else None
-    if pad.final.effects and plain and (worst := plain.worst):
+    baseline = pad.baseline.check if pad.baseline else None
+    if pad.final.effects and baseline and (worst := baseline.worst):
         return (
             f"the model {model_name(pad.final)} {said}; the plain model "
-            f"{_worst(worst, plain, pad)}."
+            f"{_worst(worst, baseline, pad)}."
         )
     return f"the model {said}."
 
 
 def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:
-    place = where(cell, check.noise, pad.force_unit)
-    return f"fails in {len(check.failing)} of {len(check.cells)} phases, worst in {place}"
+    location = where(cell, check.noise, pad.force_unit)
+    return f"fails in {len(check.failing)} of {len(check.cells)} phases, worst in {location}"
 
 
 def _missing(pad: PadResults, remedies: dict) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import inf
 
 from qlvbayes.fitting.pad_check import Curves, TestCurves
-from qlvbayes.report.collect import Model, PadResults
+from qlvbayes.report.collect import FitResults, PadResults
 from qlvbayes.report.failing import model_name
 
 _MOST = 3000  # samples of a test
@@ -22,7 +22,7 @@ def chart_of(pad: PadResults) -> dict | None:
     curves = pad.final.curves
     if curves is None or not curves.tests:
         return None
-    before, tests = _plain_means(pad), _by_rate(curves)
+    before, tests = _baseline_means(pad), _by_rate(curves)
     return {
         "unit": curves.force_unit,
         "name": curves.force_name,
@@ -35,19 +35,19 @@ def chart_of(pad: PadResults) -> dict | None:
 
 def _first(pad: PadResults, names: list[str]) -> int:
     """Return the test that is shown first: where a model fails worst, else the fastest."""
-    for model in (pad.final, pad.plain):
+    for model in (pad.final, pad.baseline):
         worst = model.check.worst if model and model.check else None
         if worst and worst.test in names:
             return names.index(worst.test)
     return len(names) - 1
 
 
-def _plain_means(pad: PadResults) -> dict[str, TestCurves]:
+def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
     """Return the plain model's, by test, where it is not the last model."""
-    plain: Model | None = pad.plain
-    if plain is None or plain.curves is None or plain.effects == pad.final.effects:
+    baseline: FitResults | None = pad.baseline
+    if baseline is None or baseline.curves is None or baseline.effects == pad.final.effects:
         return {}
-    return {test.test: test for test in plain.curves.tests}
+    return {test.test: test for test in baseline.curves.tests}
 
 
 def _by_rate(curves: Curves) -> list[TestCurves]:
@@ -57,7 +57,7 @@ def _by_rate(curves: Curves) -> list[TestCurves]:
 
 def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
     rows = list(_rows(test.phase))
-    plain = before.mean if before and before.time == test.time else None
+    baseline = before.mean if before and before.time == test.time else None
     columns = {
         "t": test.time,
         "observed": test.observed,
@@ -72,7 +72,7 @@ def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
         "fitted": test.role == "fit",
         "phases": [[p.kind, p.start, p.stop] for p in test.phases],
         **{name: [values[k] for k in rows] for name, values in columns.items()},
-        "plain": None if plain is None else [plain[k] for k in rows],
+        "plain": None if baseline is None else [baseline[k] for k in rows],
         "left_out": [[one.time, one.force] for one in test.left_out],
     }
 

@@ -49,60 +49,60 @@ class Comparing:
     notices: tuple[str, ...]
 
 
-def comparing_of(found: Compared) -> Comparing:
+def comparing_of(compared: Compared) -> Comparing:
     """Return one comparison as it is shown."""
-    told = found.found
-    first, second = told.names
-    notices = told.notices
-    line = _in_a_line(told)
-    words = told.words or found.words or (line,)
+    comparison = compared.comparison
+    first, second = comparison.names
+    notices = comparison.notices
+    line = _in_a_line(comparison)
+    words = comparison.words or compared.words or (line,)
     said = [text for text in words if text.rstrip(".").lower() not in map(str.lower, notices)]
     return Comparing(
         first,
         second,
-        told.between,
+        comparison.between,
         tuple(said[:_FIRST]),
         line,
         tuple(said[_FIRST:]),
-        tuple(_groups(told)),
-        percent(told.region),
+        tuple(_groups(comparison)),
+        percent(comparison.region),
         notices,
     )
 
 
-def _in_a_line(told: Comparison) -> str:
+def _in_a_line(comparison: Comparison) -> str:
     """Return whether they differ, and in which constants, or quantities if there are none."""
-    pair = " and ".join(told.names)
-    where = _grouped(told, told.of_group("constants") or told.contrasts)
-    if told.differ and where.startswith("different "):
+    pair = " and ".join(comparison.names)
+    where = _grouped(comparison, comparison.of_group("constants") or comparison.contrasts)
+    if comparison.differ and where.startswith("different "):
         return f"{pair} differ {where.removeprefix('different ')}."
     head = {
         True: f"{pair} differ",
         False: f"No difference between {pair} is shown",
         None: f"These tests cannot tell whether {pair} differ",
-    }[told.differ]
+    }[comparison.differ]
     return f"{head}: {where}."
 
 
-def _grouped(told: Comparison, contrasts: Sequence[Contrast]) -> str:
+def _grouped(comparison: Comparison, contrasts: Sequence[Contrast]) -> str:
     """Return which quantities differ, which are equal, which are open."""
-    found: dict[str, list[str]] = {}
+    by_answer: dict[str, list[str]] = {}
     for one in contrasts:
-        found.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)
+        by_answer.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)
     said = []
-    if "differs" in found:
-        said.append(f"different in {joined(found['differs'])}")
-    if "equal" in found:
-        said.append(f"equal within {percent(told.region)} in {joined(found['equal'])}")
-    if "open" in found:
-        said.append(f"undecided in {joined(found['open'])}")
+    if "differs" in by_answer:
+        said.append(f"different in {joined(by_answer['differs'])}")
+    if "equal" in by_answer:
+        said.append(f"equal within {percent(comparison.region)} in {joined(by_answer['equal'])}")
+    if "open" in by_answer:
+        said.append(f"undecided in {joined(by_answer['open'])}")
     return "; ".join(said)
 
 
-def _groups(told: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:
+def _groups(comparison: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:
     """Rows by kind of quantity, in the file's order."""
-    for group in dict.fromkeys(one.group for one in told.contrasts):
-        yield group, tuple(_row(one, *told.names) for one in told.of_group(group))
+    for group in dict.fromkeys(one.group for one in comparison.contrasts):
+        yield group, tuple(_row(one, *comparison.names) for one in comparison.of_group(group))
 
 
 def _row(one: Contrast, first: str, second: str) -> ContrastRow:

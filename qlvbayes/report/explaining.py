@@ -13,7 +13,7 @@ _MOST = 8  # hypotheses shown
 
 
 @dataclass(frozen=True)
-class Step:
+class StepRow:
     """A model on the way to the verdict."""
 
     model: str
@@ -25,7 +25,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class HypothesisRow:
     """What the plain model may lack."""
 
     effect: str
@@ -45,8 +45,8 @@ class Explaining:
     pad: str
     verdict: str
     words: tuple[str, ...]
-    steps: tuple[Step, ...]
-    ranking: tuple[Hypothesis, ...]
+    steps: tuple[StepRow, ...]
+    ranking: tuple[HypothesisRow, ...]
     more: int
     suggestions: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...]
@@ -55,19 +55,21 @@ class Explaining:
 
 def explaining_of(pad: PadResults) -> Explaining | None:
     """Return what the diagnosis found; None where it was not done."""
-    found = pad.diagnosis
-    if found is None:
+    diagnosis = pad.diagnosis
+    if diagnosis is None:
         return None
-    named = {*found.effects, *found.group}
+    named = {*diagnosis.effects, *diagnosis.group}
     return Explaining(
         pad.name,
-        found.verdict,
-        _spoken(pad) or (verdict_line(found),),
-        tuple(_step(stage, found.stages[0].base, found.noise) for stage in found.stages),
-        tuple(_hypothesis(ranked, named) for ranked in found.ranking[:_MOST]),
-        max(0, len(found.ranking) - _MOST),
-        tuple((one.test, number(one.evidence, 2)) for one in found.suggestions),
-        found.warnings,
+        diagnosis.verdict,
+        _spoken(pad) or (verdict_line(diagnosis),),
+        tuple(
+            _step(stage, diagnosis.stages[0].base, diagnosis.noise) for stage in diagnosis.stages
+        ),
+        tuple(_hypothesis(ranked, named) for ranked in diagnosis.ranking[:_MOST]),
+        max(0, len(diagnosis.ranking) - _MOST),
+        tuple((one.test, number(one.evidence, 2)) for one in diagnosis.suggestions),
+        diagnosis.warnings,
         pad.force_unit,
     )
 
@@ -78,9 +80,9 @@ def _spoken(pad: PadResults) -> tuple[str, ...]:
     return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
 
 
-def _step(stage: Stage, chosen: LawPair, noise: float) -> Step:
+def _step(stage: Stage, chosen: LawPair, noise: float) -> StepRow:
     heldout = stage.heldout_rmse
-    return Step(
+    return StepRow(
         _model(stage, chosen),
         number(stage.rmse, zeros=True),
         number(heldout, zeros=True),
@@ -95,13 +97,13 @@ def _model(stage: Stage, chosen: LawPair) -> str:
     return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 
-def _hypothesis(ranked: Ranked, named: set[str]) -> Hypothesis:
+def _hypothesis(ranked: Ranked, named: set[str]) -> HypothesisRow:
     constants = [
         with_unit(f"{name} = {to_sd(e.mean, e.sd)} ± {to_sd(e.sd, e.sd)}", e.unit)
         for name, e in ranked.parameters.items()
     ]
     none = ranked.effect == "none"
-    return Hypothesis(
+    return HypothesisRow(
         "nothing" if none else ranked.effect,
         "" if none else seen(ranked.effect),
         percent(ranked.inclusion),

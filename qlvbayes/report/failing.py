@@ -8,14 +8,14 @@ from qlvbayes.fitting import residuals
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.io.wording import joined
 from qlvbayes.motion.phases import NAMES
-from qlvbayes.report.collect import Model, PadResults
+from qlvbayes.report.collect import FitResults, PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """Error over noise in one phase of one test, and how dark it is (0 to 1)."""
 
     ratio: str
@@ -30,7 +30,7 @@ class TestRow:
     test: str
     rate: str
     role: str
-    cells: tuple[Cell | None, ...]
+    cells: tuple[MapCell | None, ...]
 
 
 @dataclass(frozen=True)
@@ -88,12 +88,12 @@ def failing_of(pad: PadResults) -> Failing | None:
     if check is None:
         return None
     models = [(pad.final, check)]
-    if pad.plain and pad.plain.check and pad.plain.effects != pad.final.effects:
-        models.insert(0, (pad.plain, pad.plain.check))
+    if pad.baseline and pad.baseline.check and pad.baseline.effects != pad.final.effects:
+        models.insert(0, (pad.baseline, pad.baseline.check))
     return Failing(
         pad.name,
-        tuple(_words(model_name(model), found, pad) for model, found in reversed(models)),
-        tuple(_map(model_name(model), found) for model, found in models),
+        tuple(_words(model_name(model), result, pad) for model, result in reversed(models)),
+        tuple(_map(model_name(model), result) for model, result in models),
         tuple(_detail(cell, check.noise) for cell in check.cells),
         _repeated(check),
         number(check.noise),
@@ -111,7 +111,7 @@ def where(cell: residuals.Cell, noise: float, unit: str) -> str:
     )
 
 
-def model_name(model: Model) -> str:
+def model_name(model: FitResults) -> str:
     """'plain model', or 'with viscous_drag'."""
     return f"with {' + '.join(model.effects)}" if model.effects else "plain model"
 
@@ -141,9 +141,9 @@ def _words(name: str, check: CheckResult, pad: PadResults) -> str:
 
 def _map(name: str, check: CheckResult) -> Map:
     phases = [p for p in NAMES if any(cell.phase == p for cell in check.cells)]
-    found: dict[str, dict[str, residuals.Cell]] = {}
+    by_test: dict[str, dict[str, residuals.Cell]] = {}
     for cell in check.cells:
-        found.setdefault(cell.test, {})[cell.phase] = cell
+        by_test.setdefault(cell.test, {})[cell.phase] = cell
     return Map(
         f"{name[0].upper()}{name[1:]}",
         tuple(NAMES[phase] for phase in phases),
@@ -154,18 +154,18 @@ def _map(name: str, check: CheckResult) -> Map:
                 next(iter(cells.values())).role,
                 tuple(_cell(cells.get(phase), check.noise) for phase in phases),
             )
-            for test, cells in found.items()
+            for test, cells in by_test.items()
         ),
     )
 
 
-def _cell(cell: residuals.Cell | None, noise: float) -> Cell | None:
+def _cell(cell: residuals.Cell | None, noise: float) -> MapCell | None:
     if cell is None:
         return None
     ratio = cell.rmse / noise
     shade = min(max((ratio - 1.0) / (_DARKEST - 1.0), 0.0), 1.0)
     text = f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
-    return Cell(text, round(shade, 2), cell.fails)
+    return MapCell(text, round(shade, 2), cell.fails)
 
 
 def _detail(cell: residuals.Cell, noise: float) -> Detail:

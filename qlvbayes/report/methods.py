@@ -101,8 +101,8 @@ def _laws(choices: dict) -> tuple[str, str]:
 
 def _thresholds(results: Results) -> tuple[str, ...]:
     """Return the thresholds of the first diagnosis in words, the others by name."""
-    told = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
-    used = next((settings for settings in told if settings), None)
+    recorded = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
+    used = next((settings for settings in recorded if settings), None)
     known = asdict(used.thresholds) if used else {}
     known = {name: _counted(own) if isinstance(own, dict) else own for name, own in known.items()}
     return tuple(
@@ -119,16 +119,16 @@ def _comparisons(results: Results) -> str:
     """Return how pads were compared, from what the first comparison says of itself."""
     if not results.comparisons:
         return ""
-    found = results.comparisons[0].found
+    comparison = results.comparisons[0].comparison
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
-        f"equal where their ratio is within {percent(found.region)} of one with a "
+        f"equal where their ratio is within {percent(comparison.region)} of one with a "
         f"probability of at least {percent(0.95)}"
     )
-    if found.omnibus is None:
+    if comparison.omnibus is None:
         return f"{text}."
     joint = "whether they differ at all is a joint test that equals fail in"
-    return f"{text}; {joint} {percent(found.omnibus.false_alarms)} of cases."
+    return f"{text}; {joint} {percent(comparison.omnibus.false_alarms)} of cases."
 
 
 def source_name(results: Results) -> str | None:
@@ -146,9 +146,9 @@ def _choices(results: Results) -> dict:
 
 def _sources(results: Results) -> set[tuple[str, str]]:
     facts = [pad.final.facts for pad in results.pads]
-    found = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
-    found += [(run.source, run.sha256) for run in results.runs.values()]
-    return {(Path(source).name, digest) for source, digest in found}
+    sources = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
+    sources += [(run.source, run.sha256) for run in results.runs.values()]
+    return {(Path(source).name, digest) for source, digest in sources}
 
 
 def _seeds(results: Results) -> set[int]:
@@ -158,13 +158,13 @@ def _seeds(results: Results) -> set[int]:
 
 
 def _versions(results: Results) -> dict[str, str]:
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for pad in results.pads:
         if "qlvbayes_version" in pad.final.facts:
-            found["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
+            versions["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
     for run in results.runs.values():
-        found |= run.versions
-    return found
+        versions |= run.versions
+    return versions
 
 
 def _commands(results: Results) -> tuple[str, ...]:
@@ -172,12 +172,12 @@ def _commands(results: Results) -> tuple[str, ...]:
     name = source_name(results)
     if name is None:
         return ()
-    plain = Choices()
-    given = Choices.from_dict(_choices(results)) if _choices(results) else plain
+    default = Choices()
+    given = Choices.from_dict(_choices(results)) if _choices(results) else default
     words = ["qlvbayes", "fit", name, "-o", results.out.name]
     options = {"elastic": "law", "relaxation": "relaxing", "noise": "noise"}
     for option, key in options.items():
-        if getattr(given, key) != getattr(plain, key):
+        if getattr(given, key) != getattr(default, key):
             words += [f"--{option}", str(getattr(given, key))]
     for option, values in (("prior", given.priors), ("fix", given.fixed), ("add", given.effects)):
         words += [word for value in values for word in (f"--{option}", value)]

@@ -18,7 +18,7 @@ _CONSTANTS = 12  # columns of constants: those of most pads come first
 
 
 @dataclass(frozen=True)
-class Line:
+class OverviewRow:
     """One pad: its folder, what is in it, verdict and what that names, errors, constants.
 
     fails: phases in which structure beyond noise is left; worst: largest error over the noise;
@@ -39,7 +39,7 @@ class Line:
 class Overview:
     """All pads, how many have which verdict, and the constants that the table shows."""
 
-    lines: tuple[Line, ...]
+    lines: tuple[OverviewRow, ...]
     verdicts: tuple[tuple[str, int], ...]
     constants: tuple[str, ...]
 
@@ -61,18 +61,18 @@ def is_older(page: Path, folder: Path) -> bool:
     return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
 
 
-def _line(folder: Path) -> Line:
+def _line(folder: Path) -> OverviewRow:
     summary = read_if_there(FitSummary, folder / "summary.json")
     check = read_if_there(CheckResult, folder / "check.json")
-    found = read_if_there(DiagnosisResult, folder / "diagnosis.json")
+    diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     parameters = summary.parameters if summary else {}
     worst = max((cell.rmse / check.noise for cell in check.cells), default=None) if check else None
-    return Line(
-        next((part.pad for part in (summary, check, found) if part), folder.name),
+    return OverviewRow(
+        next((part.pad for part in (summary, check, diagnosis) if part), folder.name),
         folder.name,
         str(facts_of(folder / "posterior.nc").get("fluid") or ""),
-        BADGES.get(found.verdict, found.verdict) if found else "not diagnosed",
-        ", ".join(found.group or found.effects) if found else "",
+        BADGES.get(diagnosis.verdict, diagnosis.verdict) if diagnosis else "not diagnosed",
+        ", ".join(diagnosis.group or diagnosis.effects) if diagnosis else "",
         len(check.failing) if check else None,
         "" if worst is None else number(worst, 2),
         {

@@ -72,11 +72,11 @@ def page(results: Results) -> str:
     """Return the whole HTML text; nothing in it refers to anything outside it."""
     remedies = _remedies(results)
     embed = Embedder(results.out)
-    compared = [comparing_of(found) for found in results.comparisons]
+    compared = [comparing_of(comparison) for comparison in results.comparisons]
     pads = [_view(pad, embed, remedies) for pad in results.pads]
     contrasts = [
-        embed(found.folder, "contrasts", f"{view.first} over {view.second}")
-        for found, view in zip(results.comparisons, compared, strict=True)
+        embed(comparison.folder, "contrasts", f"{view.first} over {view.second}")
+        for comparison, view in zip(results.comparisons, compared, strict=True)
     ]
     return _template().render(
         title=_title(results),
@@ -108,8 +108,8 @@ def _view(pad: PadResults, embed: Embedder, remedies: dict[str, str]) -> PadView
 
 def _relaxation(pad: PadResults) -> tuple[str, ...]:
     """Lines on the tests that were held; none where there are no such tests."""
-    found = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
-    return () if found is None else tuple(found.text().splitlines())
+    fitted = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
+    return () if fitted is None else tuple(fitted.text().splitlines())
 
 
 def _title(results: Results) -> str:
@@ -182,10 +182,10 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    found = overview_of(folders)
+    overview = overview_of(folders)
     commands = [run.command for run in runs_in(folder).values()]
     text = _template("overview").render(
-        title=f"{len(folders)} pads", found=found, commands=commands
+        title=f"{len(folders)} pads", overview=overview, commands=commands
     )
     write_whole(path, text.encode())
     return path

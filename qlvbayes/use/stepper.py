@@ -105,8 +105,8 @@ class Stepper:
                 remedy=f"give one number, or {self.draws} for {self.draws} draws",
             )
         full = np.broadcast_to(given, (self.draws,))
-        state, found = function(self._models, self._state, full, self.dt)
-        answer = np.asarray(found)
+        state, computed = function(self._models, self._state, full, self.dt)
+        answer = np.asarray(computed)
         if lost := int(np.sum(np.isnan(answer))):
             raise InputError(
                 f"{lost} of {self.draws} draws have no displacement with this force",

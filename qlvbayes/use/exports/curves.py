@@ -20,7 +20,7 @@ _STATED = (10.0, 100.0, 1000.0)  # s, at which relaxation is stated in words
 _SHEAR = 2.0 * (1.0 + POISSON)  # Young's modulus over the shear modulus
 
 
-class Curves(AbstractTarget):
+class ViscoelasticCurves(AbstractTarget):
     r"""What small deformation about first contact shows, with 90 % bands over the draws.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \quad
@@ -88,10 +88,14 @@ def _stated(pad: ExportedPad, hold: float) -> list[str]:
     for time in _STATED:
         ends = _banded(pad, ("", ""), partial(relaxed, time=np.array([time])))
         middle, low, high = (float(values[0]) for values in ends.values())
-        told = f"{middle:.4g} ({low:.4g} to {high:.4g})"
+        interval = f"{middle:.4g} ({low:.4g} to {high:.4g})"
         lines.append(
             f"Share left {time:g} s after a jump: "
-            + (told if time <= hold else f"not stated: held to {hold:.4g} s, do not extrapolate")
+            + (
+                interval
+                if time <= hold
+                else f"not stated: held to {hold:.4g} s, do not extrapolate"
+            )
         )
     return lines
 
@@ -125,8 +129,8 @@ def dynamic_shares(draws: Draws, omega: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _stiffness(pad: ExportedPad, draws: Draws) -> np.ndarray:
     """K(0) of each draw, (n, 1)."""
     laws = type(pad.elastic)(*draws.elastic.T)
-    found = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
-    return np.asarray(found)[:, None]
+    stiffness = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
+    return np.asarray(stiffness)[:, None]
 
 
 def _units(pad: ExportedPad, specimen: Geometry | None) -> tuple[str, str, float]:

@@ -20,7 +20,7 @@ def error_files(
     target: type[AbstractTarget],
     pressed: Pressing,
     forces: Mapping[str, Floats],
-    said: Mapping[str, float | list[float]],
+    constants: Mapping[str, float | list[float]],
 ) -> dict[str, bytes]:
     """``pad_B_error.txt`` and ``pad_B_error.json``.
 
@@ -38,7 +38,7 @@ def error_files(
         "date": pad.date,
         "against": "model" if pressed.absent else "measured",
         "why_not_measured": pressed.absent or None,
-        "numbers": dict(said),
+        "numbers": dict(constants),
         "whole": {
             name: {"rms": x.rms, "largest": x.largest, "holds_rms": x.hold}
             for name, x in whole.items()

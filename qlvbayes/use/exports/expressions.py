@@ -114,7 +114,9 @@ class Expressions:
                 return self.constant(known[op](*(x.value for x in args)))
         return self._simpler(op, args) or self._node(op, args, value)
 
-    def of(self, program: core.ClosedJaxpr, inputs: Sequence[Expression]) -> list[Expression]:
+    def from_program(
+        self, program: core.ClosedJaxpr, inputs: Sequence[Expression]
+    ) -> list[Expression]:
         """Return all elements of the program's results, in order, from single numbers.
 
         Raises TranslationError naming an instruction that has no expression.
@@ -122,21 +124,21 @@ class Expressions:
         rest = iter(inputs)
         shapes = [variable.aval.shape for variable in program.jaxpr.invars]
         arrays = [_array([next(rest) for _ in range(math.prod(x))], x) for x in shapes]
-        return [x for found in self._run(program, arrays) for x in found.ravel()]
+        return [x for array in self._run(program, arrays) for x in array.ravel()]
 
     def _run(self, program: Any, inputs: Sequence[Nodes]) -> list[Nodes]:
         jaxpr, consts = (
             (program.jaxpr, program.consts) if hasattr(program, "jaxpr") else (program, ())
         )
         values: dict[Any, Nodes] = dict(zip(jaxpr.invars, inputs, strict=True))
-        values |= {x: self._numbers(y) for x, y in zip(jaxpr.constvars, consts, strict=True)}
+        values |= {x: self._constants(y) for x, y in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Any) -> Nodes:
-            return self._numbers(atom.val) if isinstance(atom, core.Literal) else values[atom]
+            return self._constants(atom.val) if isinstance(atom, core.Literal) else values[atom]
 
         for line in jaxpr.eqns:
-            found = self._instruction(line, [read(x) for x in line.invars])
-            values |= dict(zip(line.outvars, found, strict=True))
+            results = self._instruction(line, [read(x) for x in line.invars])
+            values |= dict(zip(line.outvars, results, strict=True))
         return [read(x) for x in jaxpr.outvars]
 
     def _instruction(self, line: Any, given: list[Nodes]) -> list[Nodes]:
@@ -170,8 +172,8 @@ class Expressions:
 
     def _each(self, make: Callable[..., Expression], given: Sequence[Nodes]) -> Nodes:
         whole = np.broadcast_arrays(*given)
-        found = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
-        return _array(found, whole[0].shape)
+        results = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
+        return _array(results, whole[0].shape)
 
     def either(self, which: Expression, yes: Expression, no: Expression) -> Expression:
         """``yes`` where a condition holds, else ``no``."""
@@ -216,8 +218,8 @@ class Expressions:
         columns = moved.reshape(-1, *shape)
         return self._each(lambda *x: self._folded(op, x), list(columns))
 
-    def _product(self, left: Nodes, right: Nodes, numbers: Any) -> Nodes:
-        (on_left, on_right), batch = numbers
+    def _product(self, left: Nodes, right: Nodes, dimensions: Any) -> Nodes:
+        (on_left, on_right), batch = dimensions
         if any(batch):
             raise TranslationError("its step multiplies stacks of matrices")
         rows = np.moveaxis(left, on_left, range(len(on_left)))
@@ -226,16 +228,16 @@ class Expressions:
         shape = rows.shape[len(on_left) :] + columns.shape[len(on_right) :]
         rows = rows.reshape(math.prod(inner), -1)
         columns = columns.reshape(math.prod(inner), -1)
-        found = [
+        sums = [
             self._folded("add", [self.call("mul", x, y) for x, y in zip(a, b, strict=True)])
             for a in rows.T
             for b in columns.T
         ]
-        return _array(found, shape)
+        return _array(sums, shape)
 
-    def _numbers(self, value: Any) -> Nodes:
-        plain = np.asarray(value)
-        return _array([self.constant(x) for x in plain.ravel().tolist()], plain.shape)
+    def _constants(self, value: Any) -> Nodes:
+        array = np.asarray(value)
+        return _array([self.constant(x) for x in array.ravel().tolist()], array.shape)
 
     def _simpler(self, op: str, args: tuple[Expression, ...]) -> Expression | None:
         """Sums with 0 and products with 0 and 1; a condition that is known."""
@@ -272,19 +274,19 @@ _ELEMENTWISE = (
 
 
 def _array(values: list[Expression], shape: tuple[int, ...]) -> Nodes:
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found.reshape(shape)
+    nodes = np.empty(len(values), dtype=object)
+    nodes[:] = values
+    return nodes.reshape(shape)
 
 
 def _moved(primitive: Any, params: dict, given: list[Nodes]) -> list[Nodes]:
     """Elements at their new places: the instruction is run on their numbers."""
     every = [x for array in given for x in array.ravel()]
     ends = np.cumsum([array.size for array in given])
-    places = [
+    indices = [
         np.arange(end - array.size, end).reshape(array.shape)
         for array, end in zip(given, ends, strict=True)
     ]
-    found = primitive.bind(*map(jax.numpy.asarray, places), **params)
-    results = map(np.asarray, found if primitive.multiple_results else [found])
+    moved = primitive.bind(*map(jax.numpy.asarray, indices), **params)
+    results = map(np.asarray, moved if primitive.multiple_results else [moved])
     return [_array([every[k] for k in x.ravel()], x.shape) for x in results]

@@ -43,8 +43,8 @@ class Isaac(AbstractTarget):
             stiffness=stiffness,
             damping=damping,
         )
-        numbers = {"stiffness (N/m)": stiffness, "damping (N s/m)": damping}
+        constants = {"stiffness (N/m)": stiffness, "damping (N s/m)": damping}
         return {
             f"{pad.identifier}.usda": text.encode(),
-            **error_files(pad, type(self), pressed, {"compliant contact": force}, numbers),
+            **error_files(pad, type(self), pressed, {"compliant contact": force}, constants),
         }

@@ -50,7 +50,7 @@ def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
     """
     elastic = type(pad.elastic).units
     effects = [name for piece in pad.pieces for name in piece.columns]
-    numbers = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))
+    columns = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))
     return [
         {
             "elastic": dict(zip(elastic, e, strict=True)),
@@ -58,5 +58,5 @@ def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
             "c": c,
             "v": v,
         }
-        for e, a, c, v in zip(*numbers, strict=True)
+        for e, a, c, v in zip(*columns, strict=True)
     ]

@@ -36,7 +36,7 @@ _LENGTH = "displacement"
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
+class LayerComputation:
     """What a layer does: states of the law beneath, its own memory, and a force (None at first)."""
 
     states: tuple[Expression, ...]
@@ -62,21 +62,21 @@ class Work:
     @cached_property
     def ordered(self) -> tuple[Expression, ...]:
         """Every expression after those that it is made of."""
-        found: dict[int, Expression] = {}
+        known: dict[int, Expression] = {}
 
         def visit(x: Expression) -> None:
-            if id(x) not in found:
+            if id(x) not in known:
                 for arg in x.args:
                     visit(arg)
-                found[id(x)] = x
+                known[id(x)] = x
 
         for x in self.results:
             visit(x)
-        return tuple(found.values())
+        return tuple(known.values())
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ExportedLayer:
     """One layer, as a language writes it.
 
     name: part of an identifier; said: the law in one line; columns: names of the layer's numbers in
@@ -88,8 +88,8 @@ class Piece:
     name: str
     said: str
     columns: tuple[str, ...]
-    begin: Work
-    step: Work
+    begin: LayerComputation
+    step: LayerComputation
     touch: int | None = None
     inverts: bool = True
     late: bool = False
@@ -110,22 +110,22 @@ class Piece:
         return len(self.step.states)
 
 
-def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
+def exported_layers(model: Model) -> tuple[tuple[ExportedLayer, ...], dict[str, str]]:
     """Return the layers that can be written out, innermost first, and why others cannot.
 
     An effect that acts on the relaxation alone is in the spectrum already, and is neither.
     """
     lost = without_steps(model)
-    found: list[Piece] = []
+    pieces: list[ExportedLayer] = []
     for layer in model.law.layers:
         name = getattr(layer, "name", "contact")
         if name in lost or in_spectrum(layer, model):
             continue
         try:
-            found.append(piece_of(layer))
+            pieces.append(piece_of(layer))
         except TranslationError as reason:
             lost[name] = str(reason)
-    return tuple(found), lost
+    return tuple(pieces), lost
 
 
 def in_spectrum(layer: Layer, model: Model) -> bool:
@@ -141,7 +141,7 @@ def changed(effect: AbstractEffect, model: Model) -> Any:
     return jax.eval_shape(lambda law: effect.spectrum(*law.spectrum()), model.relaxation)
 
 
-def piece_of(layer: Layer) -> Piece:
+def piece_of(layer: Layer) -> ExportedLayer:
     """Return a layer's begin and step as expressions.
 
     TranslationError where there is no form of them.
@@ -152,8 +152,8 @@ def piece_of(layer: Layer) -> Piece:
     columns = tuple(name for field in fields_of(layer) for name in field.names)
     if isinstance(layer, ChannelLag):
         before = make.named("state", 0)
-        begin, step = Work((before,), (), None), Work((before,), (), before)
-        return Piece(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
+        begin, step = LayerComputation((before,), (), None), LayerComputation((before,), (), before)
+        return ExportedLayer(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
     constants = [make.named("constant_of", _identifier(name)) for name in columns]
     begin, step = _traced(layer, make, constants)
     if touches := layer.level == Level.CONTACT:
@@ -161,22 +161,24 @@ def piece_of(layer: Layer) -> Piece:
     touch = len(step.memory) - 1 if touches else None
     name = _identifier(layer.name)
     name = f"{name}_effect" if name in ("contact", "material") else name
-    return Piece(name, layer.law, columns, begin, step, touch, layer.inverts)
+    return ExportedLayer(name, layer.law, columns, begin, step, touch, layer.inverts)
 
 
-def _contact(make: Expressions) -> Piece:
+def _contact(make: Expressions) -> ExportedLayer:
     """Contact, with the force that it has where steps follow it beyond its loss."""
-    begin, plain = _with_touch(make, *_traced(Contact(), make, []))
+    begin, free = _with_touch(make, *_traced(Contact(), make, []))
     _, followed = _traced(Contact(followed=True), make, [])
-    assert plain.force is not None
+    assert free.force is not None
     assert followed.force is not None
-    force = make.either(make.named("line", "followed"), followed.force, plain.force)
-    step = Work(plain.states, plain.memory, force)
+    force = make.either(make.named("line", "followed"), followed.force, free.force)
+    step = LayerComputation(free.states, free.memory, force)
     said = "a loose specimen has no depth below 0, and its force is never negative"
-    return Piece("contact", said, (), begin, step, touch=0)
+    return ExportedLayer("contact", said, (), begin, step, touch=0)
 
 
-def _with_touch(make: Expressions, begin: Work, step: Work) -> tuple[Work, Work]:
+def _with_touch(
+    make: Expressions, begin: LayerComputation, step: LayerComputation
+) -> tuple[LayerComputation, LayerComputation]:
     """Return a layer with one more number in memory: 1 where the specimen is touched, else 0."""
     assert step.force is not None
     zero = make.constant(0.0)
@@ -184,27 +186,29 @@ def _with_touch(make: Expressions, begin: Work, step: Work) -> tuple[Work, Work]
     touched = make.call("and", pressed, make.call("ne", step.force, zero))
     memory = (*step.memory, make.either(touched, make.constant(1.0), zero))
     return (
-        Work(begin.states, (*begin.memory, zero), None),
-        Work(step.states, memory, step.force),
+        LayerComputation(begin.states, (*begin.memory, zero), None),
+        LayerComputation(step.states, memory, step.force),
     )
 
 
-def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tuple[Work, Work]:
+def _traced(
+    layer: Layer, make: Expressions, constants: list[Expression]
+) -> tuple[LayerComputation, LayerComputation]:
     leaves, shape = jax.tree.flatten(layer)
     sizes = [jax.ShapeDtypeStruct(np.shape(leaf), float) for leaf in leaves]
     number = jax.ShapeDtypeStruct((), float)
     state_shape = None
 
-    def begins(numbers, displacement):  # type: ignore[no-untyped-def]
+    def begins(values, displacement):  # type: ignore[no-untyped-def]
         nonlocal state_shape
-        state = jax.tree.unflatten(shape, numbers).begin(_Beneath(), displacement)
+        state = jax.tree.unflatten(shape, values).begin(_Beneath(), displacement)
         parts, state_shape = jax.tree.flatten(state)
         return parts
 
-    def goes_on(numbers, parts, line):  # type: ignore[no-untyped-def]
+    def goes_on(values, parts, line):  # type: ignore[no-untyped-def]
         state = jax.tree.unflatten(state_shape, parts)
         given = Line(*line)
-        state, force = jax.tree.unflatten(shape, numbers).step(_Beneath(), state, given)
+        state, force = jax.tree.unflatten(shape, values).step(_Beneath(), state, given)
         return jax.tree.leaves(state), force
 
     begun, kept = jax.make_jaxpr(begins, return_shape=True)(sizes, number)
@@ -213,9 +217,11 @@ def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tup
     stepped = jax.make_jaxpr(goes_on)(sizes, kept, [number] * len(LINE))
     parts = list(_named(kept, make))
     line = [make.named("line", name) for name in LINE]
-    first = make.of(begun, [*constants, make.named("line", _LENGTH)])
-    *after, force = make.of(stepped, [*constants, *parts, *line])
-    return Work(*_sorted(first, kept), None), Work(*_sorted(after, kept), force)
+    first = make.from_program(begun, [*constants, make.named("line", _LENGTH)])
+    *after, force = make.from_program(stepped, [*constants, *parts, *line])
+    return LayerComputation(*_sorted(first, kept), None), LayerComputation(
+        *_sorted(after, kept), force
+    )
 
 
 def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
@@ -232,11 +238,11 @@ def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
 
 
 def _sorted(
-    found: list[Expression], kept: list[Any]
+    expressions: list[Expression], kept: list[Any]
 ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
     """States of the law beneath, and numbers."""
     is_state = [part.dtype == _STATE for part in kept for _ in range(int(np.prod(part.shape)))]
-    pairs = list(zip(found, is_state, strict=True))
+    pairs = list(zip(expressions, is_state, strict=True))
     return tuple(x for x, own in pairs if own), tuple(x for x, own in pairs if not own)
 
 

@@ -60,7 +60,7 @@ class MuJoCo(AbstractTarget):
             said = in_comment(card(pad, type(self), extra))
             return template(file, card=said, **values).encode()
 
-        numbers: dict[str, float | list[float]] = {
+        constants: dict[str, float | list[float]] = {
             f"solref of {_MASS:g} kg (1/s2, 1/s)": solref,
             "solimp (1, 1, m, 1, 1)": solimp,
             "joint stiffness (N/m, N/m2, N/m3)": [k0, k1, k2],
@@ -74,7 +74,7 @@ class MuJoCo(AbstractTarget):
             f"{pad.identifier}_contact.xml": filled("mujoco_contact.xml.j2", contact),
             f"{pad.identifier}_plugin.c": filled("mujoco_plugin.c.j2", polynomial, contact),
             **c_files(pad, type(self)),
-            **error_files(pad, type(self), pressed, forces, numbers),
+            **error_files(pad, type(self), pressed, forces, constants),
         }
 
 
@@ -90,13 +90,13 @@ def _contact(pressed: Pressing) -> tuple[list[float], list[float], Floats]:
 
     # at one impedance throughout the contact is a spring and a damper
     spring, damper = fitted([pressed.depth, pressed.speed], pressed) * (1.0 - _IMPEDANCE) / _MASS
-    found = closest(
+    parameters = closest(
         law,
         pressed,
         [spring, damper, 0.5 * _IMPEDANCE, 0.5, 2.0],
         [0.0, 0.0, LEAST_IMPEDANCE, _MIDPOINTS[0], _POWERS[0]],
         [float("inf"), float("inf"), _IMPEDANCE, _MIDPOINTS[1], _POWERS[1]],
     )
-    s, b, least, middle, power = found
-    force = law(pressed.depth, pressed.speed, *found)
+    s, b, least, middle, power = parameters
+    force = law(pressed.depth, pressed.speed, *parameters)
     return [-s, -b], [least, _IMPEDANCE, width, middle, power], force

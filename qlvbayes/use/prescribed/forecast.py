@@ -121,10 +121,10 @@ def predict_program(
     effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
     time, value = given.time[kept], given.value[kept]
     side = sides[0]
-    found = Forecast(
+    forecast = Forecast(
         side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
     )
-    return replace(found, warnings=(*warnings, *_warnings(found, side)))
+    return replace(forecast, warnings=(*warnings, *_warnings(forecast, side)))
 
 
 def _stepping(
@@ -164,18 +164,18 @@ def _read(program: str | Path, units: UnitSystem) -> Program:
 
 def _batches(run, models: Model, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
     count = len(jax.tree.leaves(models)[0])
-    found = []
+    answers = []
     for start in range(0, count, _BATCH):
         # the last batch is filled up, so that one compiled function serves any number
         rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
         some = jax.tree.map(lambda x, rows=rows: x[rows], models)
-        found.append(np.asarray(run(some, *map(jnp.asarray, columns))))
-    return np.concatenate(found)[:count]
+        answers.append(np.asarray(run(some, *map(jnp.asarray, columns))))
+    return np.concatenate(answers)[:count]
 
 
 @jax.jit
-def _forces(models: Model, time: Array, place: Array, speed: Array) -> Array:
-    motion = Motion(time, place, speed, jnp.zeros_like(time))
+def _forces(models: Model, time: Array, displacement: Array, speed: Array) -> Array:
+    motion = Motion(time, displacement, speed, jnp.zeros_like(time))
     return jax.vmap(lambda model: model.force(motion))(models)
 
 
@@ -184,32 +184,32 @@ def _displacements(models: Model, time: Array, force: Array) -> Array:
     return jax.vmap(lambda model: displacement_from_force(model, time, force))(models)
 
 
-def _warnings(found: Forecast, side: Side) -> Iterator[str]:
+def _warnings(forecast: Forecast, side: Side) -> Iterator[str]:
     if not side.converged:
         yield f"the sampling of {side.name} did not converge"
-    for effect in found.effects:
+    for effect in forecast.effects:
         if effect in _CLOCK:
             yield f"{effect} goes with the clock: this is as in the pad's first test"
-    if "conditioning" in found.effects:
+    if "conditioning" in forecast.effects:
         yield "conditioning goes with the number of tests: this is as in the pad's first test"
-    if "inertia" in found.effects:
+    if "inertia" in forecast.effects:
         yield "inertia is left out: the corners of a program have no acceleration"
     if side.reach is None:
         yield "the tests are not known: whether this lies beyond them cannot be said"
         return
-    yield from _beyond(found, side)
+    yield from _beyond(forecast, side)
 
 
-def _beyond(found: Forecast, side: Side) -> Iterator[str]:
-    reach, units, program = side.reach, side.units, found.program
+def _beyond(forecast: Forecast, side: Side) -> Iterator[str]:
+    reach, units, program = side.reach, side.units, forecast.program
     assert reach is not None
     moved = program.quantity == "displacement"
-    place = found.given if moved else found.median
-    lasting = np.diff(found.time) > 0.0  # a jump has no speed
+    displacement = forecast.given if moved else forecast.median
+    lasting = np.diff(forecast.time) > 0.0  # a jump has no speed
     speeds = np.abs(
-        program.rate if moved else np.diff(place)[lasting] / np.diff(found.time)[lasting]
+        program.rate if moved else np.diff(displacement)[lasting] / np.diff(forecast.time)[lasting]
     )
-    depth, speed, rest = float(place.max()), float(speeds.max()), program.longest_rest
+    depth, speed, rest = float(displacement.max()), float(speeds.max()), program.longest_rest
     if program.jumps:
         yield (
             f"it jumps at {program.jumps[0]:.4g} s, and the quickest ramp that was tested took "

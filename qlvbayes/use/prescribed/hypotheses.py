@@ -80,24 +80,26 @@ class Hypotheses(Result, frozen=True, kw_only=True):
 
 
 def drawn_hypotheses(
-    found: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
+    diagnosis: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
 ) -> Hypotheses:
     """Draws of every hypothesis that ``found.result.alternatives`` tells, made of ``choices``.
 
     draws: of all together; a hypothesis has its share of them, and one at least.
     """
-    work, rng = found.work, np.random.default_rng(seed)
+    work, rng = diagnosis.work, np.random.default_rng(seed)
     seen = {
         (one.hypothesis.base, tuple(work.search.added(one.hypothesis))): one
         for one in work.search.candidates.values()
     }
-    told = found.result.alternatives
-    total = sum(one.probability for one in told)
+    alternatives = diagnosis.result.alternatives
+    total = sum(one.probability for one in alternatives)
     drawn = []
-    for one in told:
-        weighed = seen[one.base.pair, one.effects]
+    for one in alternatives:
+        candidate = seen[one.base.pair, one.effects]
         count = max(round(draws * one.probability / total), 1)
-        constants = dict(zip(weighed.point.own.names, _draws(weighed, count, rng).T, strict=True))
+        constants = dict(
+            zip(candidate.point.own.names, _draws(candidate, count, rng).T, strict=True)
+        )
         kept = {
             name: tuple(values.tolist())
             for name, values in constants.items()
@@ -105,20 +107,20 @@ def drawn_hypotheses(
         }
         drawn.append(DrawnHypothesis(one.base, one.effects, one.probability, kept))
     return Hypotheses(
-        pad=found.result.pad,
-        units=found.result.units,
+        pad=diagnosis.result.pad,
+        units=diagnosis.result.units,
         choices=choices,
         covered=covered(work.experiment),
         hypotheses=tuple(drawn),
     )
 
 
-def _draws(weighed: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _draws(candidate: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
-    own, found = weighed.point.own, weighed.evidence
+    own, evidence = candidate.point.own, candidate.evidence
     thetas = rng.multivariate_normal(
-        found.mean,
-        found.covariance + found.spread,
+        evidence.mean,
+        evidence.covariance + evidence.spread,
         _TRIED * count,
         check_valid="ignore",
         method="eigh",

@@ -18,7 +18,7 @@ class Program:
     the fit; rate: its slope just after each point.
     """
 
-    told: str
+    title: str
     quantity: Literal["displacement", "force"]
     time: np.ndarray
     value: np.ndarray

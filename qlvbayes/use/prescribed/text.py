@@ -58,29 +58,29 @@ def _rest() -> Course:
     return Course(np.zeros(1), np.zeros(1), np.zeros(1))
 
 
-def _part(words: _Words, start: float, place: float) -> Course:
+def _part(words: _Words, start: float, position: float) -> Course:
     kind = words.choose(("ramp", "hold", "sine", "force"), "begin with")
     if kind == "hold":
-        part = hold(start, place, words.positive(_SECONDS, "a time"))
+        part = hold(start, position, words.positive(_SECONDS, "a time"))
     elif kind == "sine":
-        part = _sine(words, start, place)
+        part = _sine(words, start, position)
     else:
-        part = _ramp(words, start, place, "force" if kind == "force" else None)
+        part = _ramp(words, start, position, "force" if kind == "force" else None)
     words.end()
     return part
 
 
-def _ramp(words: _Words, start: float, place: float, wanted: Quantity | None) -> Course:
+def _ramp(words: _Words, start: float, position: float, wanted: Quantity | None) -> Course:
     words.skip("to")
     target = words.value(wanted)
     how = words.choose(("at", "in"), "go on with")
     given = words.positive(words.rates() if how == "at" else _SECONDS, _GIVEN[how])
-    if target == place:
+    if target == position:
         raise InputError(f"'{words.phrase}' goes nowhere", remedy="write a hold instead")
-    return ramp(start, place, target, given if how == "at" else abs(target - place) / given)
+    return ramp(start, position, target, given if how == "at" else abs(target - position) / given)
 
 
-def _sine(words: _Words, start: float, place: float) -> Course:
+def _sine(words: _Words, start: float, position: float) -> Course:
     """Straight pieces whose ends are exact, as are the rates there."""
     size = words.value(None)
     hertz = words.positive(_HERTZ, "a frequency")
@@ -90,7 +90,7 @@ def _sine(words: _Words, start: float, place: float) -> Course:
         raise InputError(f"{count:g} cycles are {points} points", remedy=f"use {MOST} or fewer")
     turns = np.linspace(0.0, 2.0 * np.pi * count, points + 1)
     rate = 2.0 * np.pi * hertz * size * np.cos(turns)
-    return Course(start + turns / (2.0 * np.pi * hertz), place + size * np.sin(turns), rate)
+    return Course(start + turns / (2.0 * np.pi * hertz), position + size * np.sin(turns), rate)
 
 
 class _Words:
@@ -120,17 +120,17 @@ class _Words:
         """Return a displacement or a force, in the units of the fit."""
         number, word = self._number("a displacement or a force"), self._next()
         known = self._factors if wanted is None else {wanted: self._factors[wanted]}
-        found = next((key for key, factors in known.items() if word in factors), None)
-        if found is None:
+        quantity = next((key for key, factors in known.items() if word in factors), None)
+        if quantity is None:
             self._refuse(word, f"use {_either([unit for f in known.values() for unit in f])}")
-        if self.quantity not in (None, found):
+        if self.quantity not in (None, quantity):
             raise InputError(
-                f"'{self.phrase}' prescribes the {found}, what stands before it the "
+                f"'{self.phrase}' prescribes the {quantity}, what stands before it the "
                 f"{self.quantity}",
                 remedy="prescribe one of them in the whole program",
             )
-        self.quantity = found
-        return number * known[found][word]
+        self.quantity = quantity
+        return number * known[quantity][word]
 
     def positive(self, factors: Mapping[str, float], what: str) -> float:
         """Return a number above 0 and its unit."""
