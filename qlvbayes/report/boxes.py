@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import BADGES, box_line, model_name, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import number, percent, with_unit
 
 
 @dataclass(frozen=True)
@@ -48,26 +48,16 @@ class Box:
     remedy: str | None
 
 
-BADGES = {
-    "adequate": "adequate",
-    "missing_effect": "effect found",
-    "ambiguous": "ambiguous",
-    "partly_explained": "partly explained",
-    "unexplained": "unexplained",
-}
-
-
 def verdict_box(pad: PadResults, remedy: str) -> Box:
     """Return the box of one pad; ``remedy`` is the command that would diagnose it."""
     diagnosis = pad.diagnosis
-    verdict = diagnosis.verdict if diagnosis else ""
-    shown = (diagnosis.group or diagnosis.effects) if diagnosis else ()
+    shown = shown_effects(diagnosis) if diagnosis else ()
     return Box(
         pad.name,
         pad.fluid,
-        verdict or "open",
-        BADGES.get(verdict, verdict or "not diagnosed"),
-        verdict_line(diagnosis) if diagnosis else _undiagnosed(pad),
+        diagnosis.verdict if diagnosis else "open",
+        BADGES[diagnosis.verdict] if diagnosis else "not diagnosed",
+        box_line(diagnosis) if diagnosis else _undiagnosed(pad),
         tuple(Named(name, seen(name)) for name in shown),
         _bars(diagnosis, pad.force_unit) if diagnosis else (),
         f"Error {_of_what(diagnosis)} (root mean square)" if diagnosis else "",
@@ -82,40 +72,6 @@ def seen(name: str) -> str:
         return find(name).seen
     except InputError:
         return ""
-
-
-def verdict_line(diagnosis: DiagnosisResult) -> str:
-    """Return the verdict in one line; named effects follow it."""
-    many = len(diagnosis.effects) > 1
-    return {
-        "adequate": f"Nothing is missing that these tests can show{_on_laws(diagnosis)}.",
-        "missing_effect": f"The plain model lacks {'these effects' if many else 'one effect'}"
-        f"{_sure(diagnosis)}:",
-        "ambiguous": f"Something is missing{besides(diagnosis)}, and these tests cannot tell which of "
-        "these it is:",
-        "partly_explained": f"The plain model lacks {'these effects' if many else 'this effect'}"
-        f"{_sure(diagnosis)}, and something that none of the known effects explains:",
-        "unexplained": "Something is missing that none of the known effects explains.",
-    }.get(diagnosis.verdict, diagnosis.verdict)
-
-
-def besides(diagnosis: DiagnosisResult) -> str:
-    """Return what an ambiguous verdict is sure of; the last effect stands for the group."""
-    sure = list(diagnosis.effects[:-1])
-    return f" besides {joined(sure)}" if sure else ""
-
-
-def _on_laws(diagnosis: DiagnosisResult) -> str:
-    """Return the base laws, where they are not those chosen."""
-    if not diagnosis.changed:
-        return ""
-    return f", with other laws than were chosen: {joined(diagnosis.changed)}"
-
-
-def _sure(diagnosis: DiagnosisResult) -> str:
-    if len(diagnosis.effects) != 1:
-        return ""
-    return f" (probability {percent(diagnosis.probability_of(diagnosis.effects[0]))})"
 
 
 def _undiagnosed(pad: PadResults) -> str:
@@ -146,9 +102,9 @@ def _bars(diagnosis: DiagnosisResult, unit: str) -> tuple[Bar, ...]:
     added = [e for e in last.effects if e not in first.effects]
     changed = [*diagnosis.changed, *added]
     if changed:
-        rows.append((f"with {' + '.join(changed)}", errors[-1], "after"))
+        rows.append((model_name(changed), errors[-1], "after"))
     if first.effects:
-        rows[0] = (f"with {' + '.join(first.effects)}", *rows[0][1:])
+        rows[0] = (model_name(first.effects), *rows[0][1:])
     rows.append(("noise alone", diagnosis.noise, "noise"))
     longest = max(value for _, value, _ in rows) or 1.0
     return tuple(
@@ -181,7 +137,7 @@ def _other_laws(pad: PadResults) -> list[str]:
     words += [word for name in own.effects for word in ("--add", name)]
     return [
         f"These tests ask for other laws than the fit has (probability "
-        f"{percent(base.probability)}): fit again with {' '.join(words)}."
+        f"{percent_unbroken(base.probability)}): fit again with {' '.join(words)}."
     ]
 
 
@@ -190,7 +146,7 @@ def _notices(pad: PadResults) -> list[str]:
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
     notices = dict.fromkeys(text for part in parts if part for text in part.notices)
     said = [text.removeprefix(f"pad {pad.name}: ") for text in notices]
-    return [f"{text[0].upper()}{text[1:]}." for text in said] + _small(pad)
+    return [f"{capitalized(text)}." for text in said] + _small(pad)
 
 
 def _small(pad: PadResults) -> list[str]:
@@ -203,6 +159,7 @@ def _small(pad: PadResults) -> list[str]:
         return []
     size = with_unit(number(left.rms, 2), pad.force_unit)
     return [
-        f"A systematic error is left that is certain but small: {percent(left.share_of_peak)} of "
-        f"the peak force ({size}) in the {left.phase} of {left.test}."
+        "A systematic error is left that is certain but small: "
+        f"{percent_unbroken(left.share_of_peak)} of the peak force ({size}) in the {left.phase} of "
+        f"{left.test}."
     ]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import inf
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.report.collect import FitResults, PadResults
-from qlvbayes.report.failing import model_name
 
 _MOST = 3000  # samples of a test
 _BAND = 1.645  # sds on either side that hold 90 % of normal noise
@@ -27,7 +27,7 @@ def chart_of(pad: PadResults) -> dict | None:
         "unit": curves.force_unit,
         "name": curves.force_name,
         "noise": _BAND * curves.noise,
-        "model": model_name(pad.final),
+        "model": model_name(pad.final.effects),
         "first": _first(pad, [test.test for test in tests]),
         "tests": [_test(test, before.get(test.test), pad) for test in tests],
     }

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from qlvbayes.comparison.contrast import Comparison, Contrast
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import DASH, joined, number, percent_unbroken
 from qlvbayes.report.collect import Compared
-from qlvbayes.report.numbers import DASH, number, percent
 
 _FIRST = 2  # paragraphs before the figure
 _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}
@@ -65,7 +64,7 @@ def comparing_of(compared: Compared) -> Comparing:
         line,
         tuple(said[_FIRST:]),
         tuple(_groups(comparison)),
-        percent(comparison.region),
+        percent_unbroken(comparison.region),
         notices,
     )
 
@@ -93,7 +92,9 @@ def _grouped(comparison: Comparison, contrasts: Sequence[Contrast]) -> str:
     if "differs" in by_answer:
         said.append(f"different in {joined(by_answer['differs'])}")
     if "equal" in by_answer:
-        said.append(f"equal within {percent(comparison.region)} in {joined(by_answer['equal'])}")
+        said.append(
+            f"equal within {percent_unbroken(comparison.region)} in {joined(by_answer['equal'])}"
+        )
     if "open" in by_answer:
         said.append(f"undecided in {joined(by_answer['open'])}")
     return "; ".join(said)
@@ -115,7 +116,7 @@ def _row(one: Contrast, first: str, second: str) -> ContrastRow:
         number(one.second.median),
         DASH if ratio is None else number(ratio.median),
         "" if ratio is None else f"{number(ratio.low)} to {number(ratio.high)}",
-        percent(one.direction),
+        percent_unbroken(one.direction),
         more.get(one.answer, one.answer),
         _KINDS.get(one.answer, "open"),
         one.extrapolated,

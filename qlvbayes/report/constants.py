@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 from qlvbayes.fitting.summary import Constant
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import DASH, NBSP, joined, number, to_sd, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import FitResults, PadResults
-from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import box_line, stage_name
 from qlvbayes.diagnosis.result import LawPair, Ranked, Stage
-from qlvbayes.report.boxes import seen, verdict_line
+from qlvbayes.io.wording import capitalized, number, percent_unbroken, to_sd, with_unit
+from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import number, percent, to_sd, with_unit
 
 _MOST = 8  # hypotheses shown
 
@@ -62,7 +63,7 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     return Explaining(
         pad.name,
         diagnosis.verdict,
-        _spoken(pad) or (verdict_line(diagnosis),),
+        _spoken(pad) or (box_line(diagnosis),),
         tuple(
             _step(stage, diagnosis.stages[0].base, diagnosis.noise) for stage in diagnosis.stages
         ),
@@ -77,24 +78,19 @@ def explaining_of(pad: PadResults) -> Explaining | None:
 def _spoken(pad: PadResults) -> tuple[str, ...]:
     """Return the paragraphs of diagnosis.txt below a heading that names the pad."""
     said = [text.removeprefix(f"Pad {pad.name}: ").replace("+-", "±") for text in pad.words]
-    return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
+    return tuple(capitalized(text) for text in said)
 
 
 def _step(stage: Stage, chosen: LawPair, noise: float) -> StepRow:
     heldout = stage.heldout_rmse
     return StepRow(
-        _model(stage, chosen),
+        stage_name(stage, chosen),
         number(stage.rmse, zeros=True),
         number(heldout, zeros=True),
         number(None if heldout is None else heldout / noise, zeros=True),
         number(stage.log_evidence, 5),
         str(len(stage.failing)),
     )
-
-
-def _model(stage: Stage, chosen: LawPair) -> str:
-    """Return a step's laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 
 def _hypothesis(ranked: Ranked, named: set[str]) -> HypothesisRow:
@@ -106,8 +102,8 @@ def _hypothesis(ranked: Ranked, named: set[str]) -> HypothesisRow:
     return HypothesisRow(
         "nothing" if none else ranked.effect,
         "" if none else seen(ranked.effect),
-        percent(ranked.inclusion),
-        "" if ranked.certainty is None else percent(ranked.certainty),
+        percent_unbroken(ranked.inclusion),
+        "" if ranked.certainty is None else percent_unbroken(ranked.certainty),
         number(ranked.log_bayes_factor),
         number(ranked.rmse, zeros=True),
         ", ".join(constants),

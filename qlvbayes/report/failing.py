@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.fitting import residuals
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import capitalized, joined, number, percent_unbroken, with_unit
 from qlvbayes.motion.phases import NAMES
-from qlvbayes.report.collect import FitResults, PadResults
-from qlvbayes.report.numbers import number, percent, with_unit
+from qlvbayes.report.collect import PadResults
 
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be
 
@@ -92,8 +92,8 @@ def failing_of(pad: PadResults) -> Failing | None:
         models.insert(0, (pad.baseline, pad.baseline.check))
     return Failing(
         pad.name,
-        tuple(_words(model_name(model), result, pad) for model, result in reversed(models)),
-        tuple(_map(model_name(model), result) for model, result in models),
+        tuple(_words(model_name(model.effects), result, pad) for model, result in reversed(models)),
+        tuple(_map(model_name(model.effects), result) for model, result in models),
         tuple(_detail(cell, check.noise) for cell in check.cells),
         _repeated(check),
         number(check.noise),
@@ -111,14 +111,9 @@ def where(cell: residuals.Cell, noise: float, unit: str) -> str:
     )
 
 
-def model_name(model: FitResults) -> str:
-    """'plain model', or 'with viscous_drag'."""
-    return f"with {' + '.join(model.effects)}" if model.effects else "plain model"
-
-
 def _words(name: str, check: CheckResult, pad: PadResults) -> str:
     noise, cells = check.noise, check.cells
-    head = f"{name[0].upper()}{name[1:]}:"
+    head = f"{capitalized(name)}:"
     fitted = {cell.test for cell in cells if cell.role == "fit"}
     rest = {cell.test for cell in cells} - fitted
     basis = f"fitted to {joined(sorted(fitted))}, the other tests predicted" * bool(fitted and rest)
@@ -145,7 +140,7 @@ def _map(name: str, check: CheckResult) -> Map:
     for cell in check.cells:
         by_test.setdefault(cell.test, {})[cell.phase] = cell
     return Map(
-        f"{name[0].upper()}{name[1:]}",
+        capitalized(name),
         tuple(NAMES[phase] for phase in phases),
         tuple(
             TestRow(
@@ -178,7 +173,7 @@ def _detail(cell: residuals.Cell, noise: float) -> Detail:
         number(cell.rmse, zeros=True),
         f"{cell.rmse / noise:.2f}",
         number(cell.bias, 2),
-        percent(cell.coverage90),
+        percent_unbroken(cell.coverage90),
         cell.fails,
     )
 

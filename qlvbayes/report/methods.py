@@ -9,11 +9,11 @@ from pathlib import Path
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
+from qlvbayes.io.wording import DASH, number, percent_unbroken, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.numbers import DASH, number, percent, with_unit
 
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
@@ -122,13 +122,13 @@ def _comparisons(results: Results) -> str:
     comparison = results.comparisons[0].comparison
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
-        f"equal where their ratio is within {percent(comparison.region)} of one with a "
-        f"probability of at least {percent(0.95)}"
+        f"equal where their ratio is within {percent_unbroken(comparison.region)} of one with a "
+        f"probability of at least {percent_unbroken(0.95)}"
     )
     if comparison.omnibus is None:
         return f"{text}."
     joint = "whether they differ at all is a joint test that equals fail in"
-    return f"{text}; {joint} {percent(comparison.omnibus.false_alarms)} of cases."
+    return f"{text}; {joint} {percent_unbroken(comparison.omnibus.false_alarms)} of cases."
 
 
 def source_name(results: Results) -> str | None:
@@ -204,7 +204,7 @@ def _sampler(facts: dict, summary: FitSummary | None) -> str:
         f"{method}: {number(facts['walkers'])} walkers, {number(facts['kept_steps'], 6)} of "
         f"{number(facts['steps'], 6)} steps kept, autocorrelation time "
         f"{number(facts['autocorrelation_steps'])} steps, acceptance "
-        f"{percent(facts['acceptance'])}{_quality(summary)}"
+        f"{percent_unbroken(facts['acceptance'])}{_quality(summary)}"
     )
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from qlvbayes.diagnosis.phrases import BADGES, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.report.boxes import BADGES
+from qlvbayes.io.wording import number, to_sd
 from qlvbayes.report.collect import MARKS, facts_of, read_if_there
-from qlvbayes.report.numbers import number, to_sd
 
 _CONSTANTS = 12  # columns of constants: those of most pads come first
 
@@ -71,8 +71,8 @@ def _line(folder: Path) -> OverviewRow:
         next((part.pad for part in (summary, check, diagnosis) if part), folder.name),
         folder.name,
         str(facts_of(folder / "posterior.nc").get("fluid") or ""),
-        BADGES.get(diagnosis.verdict, diagnosis.verdict) if diagnosis else "not diagnosed",
-        ", ".join(diagnosis.group or diagnosis.effects) if diagnosis else "",
+        BADGES[diagnosis.verdict] if diagnosis else "not diagnosed",
+        ", ".join(shown_effects(diagnosis)) if diagnosis else "",
         len(check.failing) if check else None,
         "" if worst is None else number(worst, 2),
         {
