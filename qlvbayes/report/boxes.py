@@ -34,7 +34,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Box:
-    """What the reader is told first about one pad."""
+    """The verdict on one pad, which the page begins with."""
 
     pad: str
     fluid: str | None
@@ -89,7 +89,7 @@ def _of_what(diagnosis: DiagnosisResult) -> str:
 
 
 def _heldout(diagnosis: DiagnosisResult) -> list[float] | None:
-    """Errors on tests left out, stage by stage; None for one test alone, which leaves none out."""
+    """Return the errors on tests left out, by stage; None where there is only one test."""
     known = [stage.heldout_rmse for stage in diagnosis.stages if stage.heldout_rmse is not None]
     return known if len(known) == len(diagnosis.stages) else None
 
@@ -142,7 +142,7 @@ def _other_laws(pad: PadResults) -> list[str]:
 
 
 def _notices(pad: PadResults) -> list[str]:
-    """About the measurements, and a systematic error that is certain but small."""
+    """Return notices on the measurements, and on a systematic error that is certain but small."""
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
     notices = dict.fromkeys(text for part in parts if part for text in part.notices)
     said = [text.removeprefix(f"pad {pad.name}: ") for text in notices]

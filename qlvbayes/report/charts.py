@@ -14,10 +14,10 @@ _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 
 def chart_of(pad: PadResults) -> dict | None:
-    """Return what the script draws for one pad: numbers only; None where there are no curves.
+    """Return the curves that the script draws for one pad; None where there are none.
 
     Per test the measured force, the last model's mean and 90 % band and, where effects were added,
-    the plain model's mean, at the same times (s); and time and force of readings left out.
+    the baseline model's mean, at the same times (s); and time and force of readings left out.
     """
     curves = pad.final.curves
     if curves is None or not curves.tests:
@@ -43,7 +43,7 @@ def _first(pad: PadResults, names: list[str]) -> int:
 
 
 def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
-    """Return the plain model's, by test, where it is not the last model."""
+    """Return the baseline model's curves, by test, where it is not the last model."""
     baseline: FitResults | None = pad.baseline
     if baseline is None or baseline.curves is None or baseline.effects == pad.final.effects:
         return {}
@@ -51,7 +51,7 @@ def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
 
 
 def _by_rate(curves: Curves) -> list[TestCurves]:
-    """Slowest first, as in the figures; tests without a rate last."""
+    """Return the slowest first, as in the figures; tests without a rate are last."""
     return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
 
 
@@ -78,7 +78,7 @@ def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
 
 
 def _rows(phase: Sequence[str]) -> Iterator[int]:
-    """Every sample, or evenly many of them in order; first and last of a phase always."""
+    """Yield every sample, or evenly spaced ones, with the first and last of every phase."""
     step = -(-len(phase) // _MOST)
     for k in range(len(phase)):
         edge = k in (0, len(phase) - 1) or phase[k] != phase[k - 1] or phase[k] != phase[k + 1]

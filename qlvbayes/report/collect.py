@@ -1,4 +1,4 @@
-"""What lies in a folder of results, complete or not."""
+"""Read a folder of results, complete or not."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class FitResults:
 
 @dataclass(frozen=True)
 class PadResults:
-    """One pad: its last model, the plain one if it was kept, and the verdict with its words."""
+    """One pad: its last model, the baseline if it was kept, and the verdict with its words."""
 
     name: str
     folder: Path
@@ -72,13 +72,13 @@ class PadResults:
 
     @property
     def fluid(self) -> str | None:
-        """What the pad is filled with, where the measurements say it."""
+        """Fluid in the pad, where the measurements name it."""
         return self.final.facts.get("fluid") or None
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Two pads or two fluids beside each other: the numbers and the answer in words."""
+    """The comparison of two pads or fluids, and its answer in words."""
 
     folder: Path
     comparison: Comparison
@@ -168,7 +168,7 @@ def _paragraphs(path: Path) -> tuple[str, ...]:
 
 
 def facts_of(path: Path) -> dict:
-    """Attributes of a results file, as plain Python."""
+    """Return the attributes of a results file, as Python's own types."""
     if not path.exists():
         return {}
     try:

@@ -31,10 +31,10 @@ class ContrastRow:
 
 @dataclass(frozen=True)
 class Comparing:
-    """Two pads or fluids beside each other.
+    """The comparison of two pads or fluids, as the page shows it.
 
-    words: the answer, the verdict first; line: the same in one line; more: what stands in the table
-    too, said quantity by quantity.
+    words: the answer, the verdict first; line: the same in one line; more: what the table has too,
+    quantity by quantity.
     """
 
     first: str
@@ -101,7 +101,7 @@ def _grouped(comparison: Comparison, contrasts: Sequence[Contrast]) -> str:
 
 
 def _groups(comparison: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:
-    """Rows by kind of quantity, in the file's order."""
+    """Yield rows by kind of quantity, in the file's order."""
     for group in dict.fromkeys(one.group for one in comparison.contrasts):
         yield group, tuple(_row(one, *comparison.names) for one in comparison.of_group(group))
 

@@ -1,4 +1,4 @@
-"""The fourth question: which effect is missing, how sure, and which test would tell."""
+"""The fourth question: which effect is missing, how sure, and which test decides."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class StepRow:
 
 @dataclass(frozen=True)
 class HypothesisRow:
-    """What the plain model may lack."""
+    """An effect that the baseline model may lack."""
 
     effect: str
     seen: str
@@ -55,7 +55,7 @@ class Explaining:
 
 
 def explaining_of(pad: PadResults) -> Explaining | None:
-    """Return what the diagnosis found; None where it was not done."""
+    """Return the results of the diagnosis; None where it was not done."""
     diagnosis = pad.diagnosis
     if diagnosis is None:
         return None

@@ -44,7 +44,7 @@ class Map:
 
 @dataclass(frozen=True)
 class Detail:
-    """One row of the table with all numbers."""
+    """One row of the table of all errors."""
 
     test: str
     phase: str
@@ -70,7 +70,7 @@ class Repeated:
 
 @dataclass(frozen=True)
 class Failing:
-    """Where one pad's model fails: in words, as maps, in numbers."""
+    """Where one pad's model fails: in words, as maps, as a table."""
 
     pad: str
     words: tuple[str, ...]
@@ -83,7 +83,7 @@ class Failing:
 
 
 def failing_of(pad: PadResults) -> Failing | None:
-    """Return what the check found; None where it was not done."""
+    """Return the results of the check; None where it was not done."""
     check = pad.final.check
     if check is None:
         return None
@@ -103,7 +103,7 @@ def failing_of(pad: PadResults) -> Failing | None:
 
 
 def where(cell: residuals.Cell, noise: float, unit: str) -> str:
-    """'the ramp of C-100: 0.049 N root mean square (4.7 times the noise)'."""
+    """Return 'the ramp of C-100: 0.049 N root mean square (4.7 times the noise)'."""
     return (
         f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}: "
         f"{with_unit(number(cell.rmse, 2, zeros=True), unit)} root mean square "

@@ -37,7 +37,7 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Basis:
-    """What one pad's numbers rest on."""
+    """Data, sampler and priors on which one pad's constants rest."""
 
     pad: str
     fitted: str
@@ -86,7 +86,7 @@ def methods_of(results: Results) -> Methods:
 
 
 def _laws(choices: dict) -> tuple[str, str]:
-    """Elastic law and relaxation as equations; by name where a file of the user's own has gone."""
+    """Return both laws as equations; by name where a file of the user's own has gone."""
     if "law" not in choices:
         return DASH, DASH
     try:
@@ -111,7 +111,7 @@ def _thresholds(results: Results) -> tuple[str, ...]:
 
 
 def _counted(fields: dict[str, float]) -> str:
-    """Return numbers as ``beam = 2, near = 25``."""
+    """Return named values as ``beam = 2, near = 25``."""
     return ", ".join(f"{name} = {value:g}" for name, value in fields.items())
 
 

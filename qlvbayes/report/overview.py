@@ -1,4 +1,4 @@
-"""Of many pads: a table in which one is found quickly, and a page for each of them."""
+"""The page of many pads: a table to search, with a page for each of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class OverviewRow:
     """One pad: its folder, what is in it, verdict and what that names, errors, constants.
 
     fails: phases in which structure beyond noise is left; worst: largest error over the noise;
-    constants: medians, as they are shown and as numbers to sort by.
+    constants: medians, as they are shown and as values to sort by.
     """
 
     pad: str
@@ -54,7 +54,7 @@ def overview_of(folders: Sequence[Path]) -> Overview:
 
 
 def is_older(page: Path, folder: Path) -> bool:
-    """Return whether a pad's page is missing, or older than what it tells of."""
+    """Return whether a pad's page is missing, or older than its results."""
     if not page.exists():
         return True
     made = page.stat().st_mtime_ns

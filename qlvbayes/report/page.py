@@ -107,7 +107,7 @@ def _view(pad: PadResults, embed: Embedder, remedies: dict[str, str]) -> PadView
 
 
 def _relaxation(pad: PadResults) -> tuple[str, ...]:
-    """Lines on the tests that were held; none where there are no such tests."""
+    """Return lines on the tests that were held; none where there are no such tests."""
     fitted = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
     return () if fitted is None else tuple(fitted.text().splitlines())
 
@@ -118,7 +118,7 @@ def _title(results: Results) -> str:
 
 
 def _remedies(results: Results) -> dict[str, str]:
-    """The command that does each step that may have been left out."""
+    """Return the command of each step that may have been left out."""
     out, file = results.out.name or "OUT", source_name(results) or "FILE"
     return {
         "fit": as_typed("qlvbayes", "fit", file, "-o", out),
@@ -152,8 +152,8 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
 
     One file that opens without a network: verdicts, constants, comparisons, errors by test and
     phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
-    the command that does them. Of more than 24 pads it is a table in which one is found quickly,
-    and each pad has such a page in its own folder.
+    the command that does them. Of more than 24 pads it is a table to search, and each pad has
+    such a page in its own folder.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ class Abaqus(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.inp``."""
+        """Return the content of ``pad_B.inp``."""
         modulus = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "**")
         lines = [f"*MATERIAL, NAME={pad.identifier.upper()}"]

@@ -24,7 +24,7 @@ class Ansys(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.mac``."""
+        """Return the content of ``pad_B.mac``."""
         modulus = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "!")
         pairs = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)

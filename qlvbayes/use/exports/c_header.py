@@ -25,7 +25,7 @@ class CHeader(AbstractTarget):
     steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.h`` and ``pad_B_draws.h``."""
+        """Return the content of ``pad_B.h`` and ``pad_B_draws.h``."""
         return c_files(pad, type(self))
 
 
@@ -92,7 +92,7 @@ def _touch(pieces: Sequence[ExportedLayer], language: Language) -> str | None:
 
 
 def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
-    """Constants of law and effects, fractions and rates of each draw, in all their digits."""
+    """Return constants, fractions and rates of each draw, in all their digits."""
 
     def digits(values: np.ndarray) -> list[str]:
         return [repr(float(x)) for x in values]
@@ -112,7 +112,7 @@ class C(Language):
         return f"{self.prefix.upper()}_{name.upper()}"
 
     def number(self, value: float) -> str:
-        """Cast, so that a float variant has no double in it."""
+        """Return a literal with a cast, so that a float variant has no double in it."""
         return f"{self.prefix.upper()}_R({value!r})"
 
     def constant(self, name: str) -> str:
@@ -124,7 +124,7 @@ class C(Language):
         return f"{self.prefix}_{name}"
 
     def either(self, condition: str, yes: str, no: str) -> str:
-        """Only one of the two is evaluated."""
+        """Return a choice of two values, of which only one is evaluated."""
         return f"({condition} ? {yes} : {no})"
 
     def function(
@@ -135,7 +135,7 @@ class C(Language):
         body: list[tuple[str, str]],
         result: str,
     ) -> str:
-        """Static and inline."""
+        """Return a static inline function."""
         real = f"{self.prefix}_real"
         written = " ".join([*(text for _, text in body), result])
         typed = [
@@ -161,7 +161,7 @@ class C(Language):
         return f"{way}.{member.removeprefix('s->')}"
 
     def memory(self, index: int) -> str:
-        """In an array."""
+        """Return an element of an array."""
         return f"s->m[{index}]"
 
     def beneath(self, index: int, count: int) -> str:
@@ -174,7 +174,7 @@ class C(Language):
         return f"const {kind} {name} = {text};"
 
     def remember(self, index: int, text: str) -> str:
-        """In an array."""
+        """Return an assignment to an element of an array."""
         return f"s->m[{index}] = {text};"
 
     def declared(self, below: str, name: str) -> str:
@@ -190,11 +190,11 @@ class C(Language):
         return f"{location} = {name};"
 
     def begin(self, below: str, location: str, displacement: str) -> str:
-        """In place."""
+        """Return a call that writes into the struct."""
         return f"{self.prefix}_begin_{below}(k, &{location}, {displacement});"
 
     def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
-        """In place."""
+        """Return a call that changes the struct, and names its force."""
         call = f"{self.prefix}_step_{below}(k, &{location}, {', '.join(line)});"
         return call if name is None else f"const {self.prefix}_real {name} = {call}"
 

@@ -23,7 +23,7 @@ class Comsol(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B_branches.txt`` and ``pad_B_parent.txt``, a list of parameters."""
+        """Return the content of ``pad_B_branches.txt`` and ``pad_B_parent.txt`` (parameters)."""
         modulus = moduli(pad, specimen)
         said = card(pad, type(self), structure(pad))
         head = commented(said, "%")

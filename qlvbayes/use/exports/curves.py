@@ -33,7 +33,7 @@ class ViscoelasticCurves(AbstractTarget):
     diag(v) - u u^T, u_i = (c_i v_i)^{1/2}. A cycle of amplitude a loses the energy pi k'' a^2,
     which is given over a^2. Of stress over strain they are the moduli of that deformation; with a
     specimen's shape Young's moduli E' and E'' (and the energy is that of a volume over the squared
-    strain), beside them G' and G'', which are E' and E'' over 2 (1 + nu). Times and frequencies are
+    strain), with them G' and G'', which are E' and E'' over 2 (1 + nu). Times and frequencies are
     those tested. Tschoegl 1989, doi:10.1007/978-3-642-73602-5, ch. 2 to 4.
     """
 
@@ -42,7 +42,7 @@ class ViscoelasticCurves(AbstractTarget):
     cannot = (NO_CONTACT, "stiffening with depth: this is small deformation about first contact")
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B_relaxation.csv`` and ``pad_B_dynamic.csv``."""
+        """Return the content of ``pad_B_relaxation.csv`` and ``pad_B_dynamic.csv``."""
         if pad.covered is None:
             raise InputError(
                 f"the results of pad {pad.name} do not say which rates and times were tested",
@@ -101,13 +101,13 @@ def _stated(pad: ExportedPad, hold: float) -> list[str]:
 
 
 def relaxed(draws: Draws, time: np.ndarray) -> np.ndarray:
-    """G (n, T) at times (s)."""
+    """Return the relaxation g (n, T) at times (s)."""
     decays = np.exp(-draws.rates[:, :, None] * time)
     return draws.fractions[:, :1] + np.einsum("nk,nkt->nt", draws.fractions[:, 1:], decays)
 
 
 def crept(draws: Draws, time: np.ndarray) -> np.ndarray:
-    """J (n, T) at times (s), times the instantaneous stiffness."""
+    """Return the creep compliance J (n, T) at times (s), times the instantaneous stiffness."""
     u = np.sqrt(draws.fractions[:, 1:] * draws.rates)
     matrix = draws.rates[:, :, None] * np.eye(u.shape[1]) - u[:, :, None] * u[:, None, :]
     rates, vectors = np.linalg.eigh(matrix)
@@ -120,14 +120,14 @@ def crept(draws: Draws, time: np.ndarray) -> np.ndarray:
 
 
 def dynamic_shares(draws: Draws, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Storage and loss (n, W) at angular frequencies (1/s), over the instantaneous stiffness."""
+    """Return storage and loss (n, W) at angular frequencies (1/s), over K(0)."""
     ratio = draws.rates[:, :, None] / omega
     shares = draws.fractions[:, 1:, None] / (1.0 + ratio**2)
     return draws.fractions[:, :1] + np.sum(shares, axis=1), np.sum(shares * ratio, axis=1)
 
 
 def _stiffness(pad: ExportedPad, draws: Draws) -> np.ndarray:
-    """K(0) of each draw, (n, 1)."""
+    """Return the instantaneous stiffness K(0) of each draw, (n, 1)."""
     laws = type(pad.elastic)(*draws.elastic.T)
     stiffness = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
     return np.asarray(stiffness)[:, None]

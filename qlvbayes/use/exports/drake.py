@@ -34,7 +34,7 @@ class Drake(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.sdf``: paste its properties into a collision; and the error of that."""
+        """Return the content of ``pad_B.sdf``, properties of a collision, and of its errors."""
         pressed = pressing(pad)
         spring = pressed.depth
         k, kd = fitted([spring, spring * pressed.speed], pressed)

@@ -1,6 +1,6 @@
-"""A program of JAX on a few numbers as expressions that can be written in another language.
+"""A program of JAX on a few scalars as expressions that can be written in another language.
 
-`Expressions.of` runs a program's instructions (its jaxpr) on expressions in place of numbers:
+`Expressions.from_program` runs a program's instructions (its jaxpr) on expressions, not on numbers:
 arrays become their elements, functions within are gone through, choices stay choices. Equal
 expressions are one object, so that what is used twice is computed once.
 """
@@ -108,7 +108,7 @@ class Expressions:
         return self._node(name, (), value)
 
     def call(self, op: str, *args: Expression, value: Any = None) -> Expression:
-        """``op`` of the arguments, worked out where they are constants."""
+        """Return ``op`` of the arguments, evaluated where they are constants."""
         if all(x.op == "constant" for x in args) and (known := _PAIRS | _SINGLES).get(op):
             with contextlib.suppress(ArithmeticError, ValueError):  # what is none stays as it is
                 return self.constant(known[op](*(x.value for x in args)))
@@ -117,7 +117,7 @@ class Expressions:
     def from_program(
         self, program: core.ClosedJaxpr, inputs: Sequence[Expression]
     ) -> list[Expression]:
-        """Return all elements of the program's results, in order, from single numbers.
+        """Return all elements of the program's results, in order, from scalar inputs.
 
         Raises TranslationError naming an instruction that has no expression.
         """
@@ -176,7 +176,7 @@ class Expressions:
         return _array(results, whole[0].shape)
 
     def either(self, which: Expression, yes: Expression, no: Expression) -> Expression:
-        """``yes`` where a condition holds, else ``no``."""
+        """Return ``yes`` where a condition holds, else ``no``."""
         if which.op == "constant":
             return yes if which.value else no
         return yes if yes is no else self._node("choose", (which, yes, no), None)
@@ -240,7 +240,7 @@ class Expressions:
         return _array([self.constant(x) for x in array.ravel().tolist()], array.shape)
 
     def _simpler(self, op: str, args: tuple[Expression, ...]) -> Expression | None:
-        """Sums with 0 and products with 0 and 1; a condition that is known."""
+        """Return a sum with 0 or a product with 0 or 1 simplified; None where nothing is simpler."""
         zero = [x.op == "constant" and x.value == 0.0 for x in args]
         one = [x.op == "constant" and x.value == 1.0 for x in args]
         if op == "add" and any(zero):
@@ -280,7 +280,7 @@ def _array(values: list[Expression], shape: tuple[int, ...]) -> Nodes:
 
 
 def _moved(primitive: Any, params: dict, given: list[Nodes]) -> list[Nodes]:
-    """Elements at their new places: the instruction is run on their numbers."""
+    """Return the elements in their new order: the instruction is run on their indices."""
     every = [x for array in given for x in array.ravel()]
     ends = np.cumsum([array.size for array in given])
     indices = [

@@ -17,7 +17,7 @@ class Isaac(AbstractTarget):
 
     x: depth (m); k (N/m), c (N s/m), neither below zero; in the mean square along the pad's tests.
     PhysX takes it implicitly, in steps that are to be short against c/k. A compliant material
-    against a rigid one keeps its own numbers. OpenUSD, ``PhysxMaterialAPI``.
+    against a rigid one keeps its own constants. OpenUSD, ``PhysxMaterialAPI``.
     """
 
     name = "isaac"
@@ -30,7 +30,7 @@ class Isaac(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.usda``: bind its material to a collider; and the error of that."""
+        """Return the content of ``pad_B.usda``, whose material goes on a collider, and of its errors."""
         pressed = pressing(pad)
         start = fitted([pressed.depth, pressed.speed], pressed)
         stiffness, damping = closest(spring_damper, pressed, start.tolist())

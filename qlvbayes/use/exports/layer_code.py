@@ -42,7 +42,7 @@ _STATES = ("state", "begin_beneath", "step_beneath")
 
 
 def library_of(pieces: Iterable[ExportedLayer]) -> set[str]:
-    """Functions of C's library that the layers call."""
+    """Return the functions of C's library that the layers call."""
     works = [work for piece in pieces for work in (piece.begin, piece.step)]
     return {LIBRARY[x.op] for work in works for x in work.ordered if x.op in LIBRARY}
 
@@ -75,7 +75,7 @@ class LayerStatements:
             self.text.append(self.language.set(name, written, truth=x.is_true_or_false))
 
     def _state(self, x: Expression) -> None:
-        """A state of the law beneath: the layer's own, or one that passes."""
+        """Write the statements that make a state of the law beneath."""
         own = self.language.beneath
         if x.op == "state":
             self._locations[id(x)] = own(int(x.value), self.piece.beneath)
@@ -157,7 +157,7 @@ class LayerStatements:
 
 
 def _slots(work: LayerComputation) -> dict[int, int]:
-    """By the id of a state that ends up as the layer's own, and those it came from: which."""
+    """Return the index of the layer's own state that each state, by its id, becomes."""
     slots: dict[int, int] = {}
     for slot, x in enumerate(work.states):
         while x.op in _STATES and x.op != "state":

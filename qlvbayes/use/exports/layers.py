@@ -1,7 +1,8 @@
 """The layers of a model, from the steps that the effects themselves take, for other languages.
 
-An effect says in `begin` and `step` how it goes on line by line; these, and no description beside
-them, are translated: each is run once on expressions, with the law beneath it as two calls.
+An effect defines in `begin` and `step` how it continues along each line of a motion. These methods
+themselves are translated, not a second description: each is run once on expressions, in which the
+law beneath it is two calls.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from qlvbayes.use.exports.expressions import Expression, Expressions, Translatio
 
 LINE = ("h", "to", "speed", "clear")
 """A line's duration (s), end, speed, and how far it then is off the specimen."""
-_MOST = 64  # numbers that a layer remembers, each written out
+_MOST = 64  # scalars in a layer's memory, each of which is written out
 
 _STATE = np.uint8  # stands for a state of the law beneath
 _LENGTH = "displacement"
@@ -37,7 +38,10 @@ _LENGTH = "displacement"
 
 @dataclass(frozen=True, eq=False)
 class LayerComputation:
-    """What a layer does: states of the law beneath, its own memory, and a force (None at first)."""
+    """The results of a layer's `begin` or `step`, as expressions.
+
+    states: of the law beneath; memory: the layer's own; force: None of `begin`, which has none.
+    """
 
     states: tuple[Expression, ...]
     memory: tuple[Expression, ...]
@@ -45,12 +49,12 @@ class LayerComputation:
 
     @property
     def results(self) -> tuple[Expression, ...]:
-        """All expressions that are computed."""
+        """Expressions that are computed."""
         return (*self.states, *self.memory, *((self.force,) if self.force else ()))
 
     @cached_property
     def used(self) -> dict[int, int]:
-        """How often each expression is used, by its id."""
+        """Number of uses of each expression, by its id."""
         count: dict[int, int] = {}
         for x in self.ordered:
             for arg in x.args:
@@ -61,7 +65,7 @@ class LayerComputation:
 
     @cached_property
     def ordered(self) -> tuple[Expression, ...]:
-        """Every expression after those that it is made of."""
+        """Expressions in the order of evaluation, each after its arguments."""
         known: dict[int, Expression] = {}
 
         def visit(x: Expression) -> None:
@@ -79,10 +83,10 @@ class LayerComputation:
 class ExportedLayer:
     """One layer, as a language writes it.
 
-    name: part of an identifier; said: the law in one line; columns: names of the layer's numbers in
-    a posterior; touch: which of its memory says that the specimen is touched, None where it does
-    not; inverts: as of the effect; late: whether it reads what was there a while ago, for which
-    languages have a queue of lines of their own, in place of ``begin`` and ``step``.
+    name: part of an identifier; said: the law in one line; columns: names of the layer's constants
+    in a posterior; touch: index in its memory of the flag that the specimen is touched, None where
+    it has none; inverts: as of the effect; late: whether it reads the force of an earlier time, for
+    which languages have a queue of lines, not ``begin`` and ``step``.
     """
 
     name: str
@@ -96,17 +100,17 @@ class ExportedLayer:
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """The columns' names as identifiers."""
+        """Names of the columns as identifiers."""
         return tuple(_identifier(name) for name in self.columns)
 
     @property
     def memory(self) -> int:
-        """How many numbers it remembers."""
+        """Number of scalars in its memory."""
         return len(self.step.memory)
 
     @property
     def beneath(self) -> int:
-        """How many states of the layer beneath it keeps."""
+        """Number of states of the layer beneath that it keeps."""
         return len(self.step.states)
 
 
@@ -144,7 +148,7 @@ def changed(effect: AbstractEffect, model: Model) -> Any:
 def piece_of(layer: Layer) -> ExportedLayer:
     """Return a layer's begin and step as expressions.
 
-    TranslationError where there is no form of them.
+    Raises TranslationError where they cannot be written as expressions.
     """
     make = Expressions(_CALLS)
     if not isinstance(layer, AbstractEffect):
@@ -165,7 +169,7 @@ def piece_of(layer: Layer) -> ExportedLayer:
 
 
 def _contact(make: Expressions) -> ExportedLayer:
-    """Contact, with the force that it has where steps follow it beyond its loss."""
+    """Return contact, with the force that it has where steps follow it beyond its loss."""
     begin, free = _with_touch(make, *_traced(Contact(), make, []))
     _, followed = _traced(Contact(followed=True), make, [])
     assert free.force is not None
@@ -179,7 +183,7 @@ def _contact(make: Expressions) -> ExportedLayer:
 def _with_touch(
     make: Expressions, begin: LayerComputation, step: LayerComputation
 ) -> tuple[LayerComputation, LayerComputation]:
-    """Return a layer with one more number in memory: 1 where the specimen is touched, else 0."""
+    """Return a layer with one more scalar in memory: 1 where the specimen is touched, else 0."""
     assert step.force is not None
     zero = make.constant(0.0)
     pressed = make.call("gt", make.named("line", "to"), zero)
@@ -225,7 +229,7 @@ def _traced(
 
 
 def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
-    """Inputs for what a layer keeps."""
+    """Yield an input for each state and scalar that a layer keeps."""
     states = memory = 0
     for part in kept:
         if part.dtype == _STATE:
@@ -240,7 +244,7 @@ def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
 def _sorted(
     expressions: list[Expression], kept: list[Any]
 ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
-    """States of the law beneath, and numbers."""
+    """Return the states of the law beneath, and the layer's own memory."""
     is_state = [part.dtype == _STATE for part in kept for _ in range(int(np.prod(part.shape)))]
     pairs = list(zip(expressions, is_state, strict=True))
     return tuple(x for x, own in pairs if own), tuple(x for x, own in pairs if not own)

@@ -26,7 +26,7 @@ class LSDyna(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.k``. Raises InputError where there are more than 18 terms."""
+        """Return the content of ``pad_B.k``. Raises InputError where there are more than 18 terms."""
         modulus = moduli(pad, specimen)
         if pad.fractions.size > _MOST:
             raise InputError(
@@ -51,5 +51,5 @@ class LSDyna(AbstractTarget):
 
 
 def _field(value: float) -> str:
-    """Behind a blank, so that one is told from the next by eye."""
+    """Return a field that begins with a blank, so that the eye separates it from the last."""
     return column(value, _WIDTH - 1).rjust(_WIDTH)

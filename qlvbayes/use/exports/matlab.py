@@ -20,7 +20,7 @@ class MatlabFunction(AbstractTarget):
     cannot = (ONE_DRAW,)
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.m``."""
+        """Return the content of ``pad_B.m``."""
         text = template(
             "pad.m.j2",
             p=pad.identifier,
@@ -42,7 +42,7 @@ class M(Language):
         return {"pow": "power", "fabs": "abs", "fmax": "max", "fmin": "min"}.get(name, name)
 
     def number(self, value: float) -> str:
-        """As it stands."""
+        """Return the number in all its digits."""
         return repr(value)
 
     def constant(self, name: str) -> str:
@@ -65,7 +65,7 @@ class M(Language):
         body: list[tuple[str, str]],
         result: str,
     ) -> str:
-        """Local to the file."""
+        """Return a function that is local to the file."""
         lines = [f"  {key} = {text};" for key, text in body]
         head = f"function result_ = {name}({', '.join(arguments)})"
         return "\n".join([head, f"  % {summary}", *lines, f"  result_ = {result};", "end", ""])
@@ -85,7 +85,7 @@ class M(Language):
         return f"{way}.{member.removeprefix('state.')}"
 
     def memory(self, index: int) -> str:
-        """In an array."""
+        """Return an element of an array."""
         return f"state.m({index + 1})"
 
     def beneath(self, index: int, count: int) -> str:
@@ -93,11 +93,11 @@ class M(Language):
         return "state.below" if count == 1 else f"state.below{{{index + 1}}}"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """As it stands."""
+        """Return an assignment."""
         return f"{name} = {text};"
 
     def remember(self, index: int, text: str) -> str:
-        """In an array."""
+        """Return an assignment to an element of an array."""
         return f"state.m({index + 1}) = {text};"
 
     def declared(self, below: str, name: str) -> str:
@@ -105,19 +105,19 @@ class M(Language):
         return f"{name} = struct();"
 
     def copy(self, below: str, name: str, location: str) -> str:
-        """Copies are made by assignment."""
+        """Return an assignment, which copies."""
         return f"{name} = {location};"
 
     def keep(self, location: str, name: str) -> str:
-        """Copies are made by assignment."""
+        """Return an assignment, which copies."""
         return f"{location} = {name};"
 
     def begin(self, below: str, location: str, displacement: str) -> str:
-        """Return the state is returned."""
+        """Return a call whose result is the state."""
         return f"{location} = begin_{below}_(k, {displacement});"
 
     def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
-        """Return the state is returned beside the force."""
+        """Return a call whose results are the force and the state."""
         call = f"step_{below}_(k, {location}, {', '.join(line)})"
         return f"[{name or '~'}, {location}] = {call};"
 

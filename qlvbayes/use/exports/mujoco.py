@@ -10,7 +10,7 @@ from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import SI, Pressing, closest, fitted, pressing
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
-_MASS = 0.1  # kg, of the body in the files; the numbers of solref go as one over it
+_MASS = 0.1  # kg, of the body in the files; both constants of solref go as one over it
 _IMPEDANCE = 0.1  # the largest: the mass that a contact adds is then a ninth of the body's
 _MIDPOINTS = (0.05, 0.95)  # of solimp's sigmoid: beyond them it is a step
 _POWERS = (1.0, 6.0)
@@ -36,7 +36,7 @@ class MuJoCo(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.xml``, ``pad_B_contact.xml``, ``pad_B_plugin.c``, its header, and the errors."""
+        """Return the content of the joint, the contact, the plugin, its header and their errors."""
         pressed = pressing(pad)
         x, v = pressed.depth, pressed.speed
         k0, k1, k2, c = map(float, fitted([x, x**2, x**3, v], pressed))
@@ -79,7 +79,7 @@ class MuJoCo(AbstractTarget):
 
 
 def _contact(pressed: Pressing) -> tuple[list[float], list[float], Floats]:
-    """Solref, solimp and the force (n,) of the contact that is closest, at steady speed."""
+    """Return solref, solimp and the force (n,) of the contact that is closest, at steady speed."""
     width = float(max(pressed.depth))
 
     def law(

@@ -28,7 +28,7 @@ from qlvbayes.model.stepping import without_inverse
 from qlvbayes.motion.covered import Covered
 from qlvbayes.use.exports.layers import ExportedLayer, exported_layers, in_spectrum
 
-_LONGEST = 40  # characters of a name in an identifier: C and MATLAB tell 63 apart
+_LONGEST = 40  # characters of a name in an identifier: C and MATLAB distinguish 63
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class Draws:
 
 @dataclass(frozen=True, eq=False)
 class ExportedPad:
-    """elastic, relaxation: laws with the numbers of the draw that lies closest to the medians.
+    """A fitted pad as every target gets it.
 
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
-    of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
-    constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
-    of the middle draw and what goes along of the effects; source, sha256: the file that was fitted
-    and its digest; data: where the user says that it is; all_tests: whether every test was fitted;
-    pieces: its layers, for other languages; left_out: effects that do not go along, each with the
-    reason.
+    of results; middle: the draw that lies closest to the medians; table: draws evenly out of all;
+    intervals: of the pad's constants; folder: of its results; date: of the export, as 2026-01-31;
+    model: with the constants of the middle draw and the effects that are exported; source, sha256:
+    the file that was fitted and its digest; data: where the user says that it is; all_tests:
+    whether every test was fitted; pieces: its layers, for other languages; left_out: effects that
+    are not exported, each with the reason.
     """
 
     name: str
@@ -94,12 +94,12 @@ class ExportedPad:
 
     @property
     def elastic(self) -> AbstractElastic:
-        """The elastic law of the middle draw."""
+        """Elastic law of the middle draw."""
         return self.model.elastic
 
     @property
     def relaxation(self) -> AbstractRelaxation:
-        """The relaxation of the middle draw, with what effects make of it."""
+        """Relaxation of the middle draw, after the effects that change it."""
         return self.model.relaxation
 
     @property
@@ -115,7 +115,7 @@ class ExportedPad:
 
     @property
     def one_way(self) -> str:
-        """Why no displacement is found from a force, or nothing."""
+        """Reason why displacement cannot be computed from force; empty where it can."""
         why = without_inverse(self.model)
         return "; ".join(f"{name}: {reason}" for name, reason in why.items())
 
@@ -130,7 +130,7 @@ class ExportedPad:
         return 1.0 / self.middle.rates[0]
 
     def stiffness(self, depth: float) -> float:
-        """Instantaneous stiffness of the middle draw, in the pad's units."""
+        """Return the instantaneous stiffness of the middle draw, in the pad's units."""
         return float(self.elastic.stiffness(jax.numpy.asarray(depth)))
 
 
@@ -179,7 +179,7 @@ def read_pad(
 
 
 def identifier(name: str, others: Iterable[str]) -> str:
-    """The name in letters and digits, told apart from others of which the same would be left.
+    """Return the name in letters and digits, distinct from that of every other pad.
 
     Upper and lower case count as the same, for constants of C are in upper case.
     """
@@ -204,7 +204,7 @@ def _file_of(out: Path, name: str) -> Path:
 
 
 def _columns(saved: Saved, names: list[str]) -> np.ndarray:
-    """(n, P) draws of the named constants."""
+    """Return the draws (n, P) of the named constants."""
     if missing := [name for name in names if name not in saved.names]:
         raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
     return saved.draws[:, [saved.names.index(name) for name in names]]
@@ -234,7 +234,7 @@ def _going_along(model: Model, left_out: Mapping[str, str]) -> Model:
 
 
 def _spectrum(model: Model) -> tuple[jax.Array, jax.Array]:
-    """Fractions and rates, with what effects make of them."""
+    """Return fractions and rates, after the effects that change them."""
     spectrum = model.relaxation.spectrum()
     for effect in model.effects:
         spectrum = effect.spectrum(*spectrum) or spectrum

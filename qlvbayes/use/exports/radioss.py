@@ -29,7 +29,7 @@ class OpenRadioss(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.rad``. Raises InputError where nothing stays, or there are too many terms."""
+        """Return the content of ``pad_B.rad``. Raises InputError where nothing stays, or there are too many terms."""
         modulus = moduli(pad, specimen)
         shear = modulus.shear * float(pad.fractions[0])
         if shear <= 0.0 or pad.times.size > _MOST:
@@ -68,5 +68,5 @@ class OpenRadioss(AbstractTarget):
 
 
 def _field(value: float) -> str:
-    """Behind a blank, so that one is told from the next by eye."""
+    """Return a field that begins with a blank, so that the eye separates it from the last."""
     return column(value, _WIDTH - 1).rjust(_WIDTH)

@@ -1,4 +1,4 @@
-"""A pad without memory: fewer numbers for contact in rigid-body simulators, and what that costs."""
+"""A pad without memory: contact laws for rigid-body simulators, with their error."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _RAMP = 100  # times in a ramp, and as many in a hold
 
 Floats = NDArray[np.float64]
 Law = Callable[..., Floats]
-"""Force (N) of depth (m), speed (m/s) and some numbers."""
+"""Force (N) of depth (m), speed (m/s) and the law's constants."""
 
 
 class PhaseLabel(NamedTuple):
@@ -75,7 +75,7 @@ class Pressing:
         return np.array([np.max(top[names == name]) for name in names])
 
     def errors(self, force: Floats) -> Floats:
-        """(cells,) root mean square of a force (n,) less the measured one, over the test's peak."""
+        """Return the root mean square error (cells,) of a force (n,), over the test's peak."""
         squares = np.bincount(self.cell, weights=(force - self.measured) ** 2)
         return np.asarray(np.sqrt(squares / np.bincount(self.cell)) / self.peaks)
 
@@ -90,7 +90,7 @@ class Pressing:
 
 @dataclass(frozen=True)
 class Miss:
-    """By how much fewer numbers miss the force, over the largest one; of all cells, and of holds.
+    """Error of a law without memory over the largest force, in all phases and in holds.
 
     modelled: whether it is the force of the pad's model, not the measured one.
     """
@@ -193,7 +193,7 @@ def _averages(model: Model, record: Record) -> Array:
 
 
 def fitted(columns: Sequence[Floats], pressed: Pressing) -> Floats:
-    """Factors, none below zero, that bring the columns closest to the model's force.
+    """Return the factors, none below zero, that bring the columns closest to the model's force.
 
     In the mean square, every phase of every test counting alike.
     """
@@ -210,9 +210,9 @@ def closest(
     low: Sequence[float] | float = 0.0,
     high: Sequence[float] | float = np.inf,
 ) -> list[float]:
-    """Numbers of a law, between two bounds, that bring it closest to the model's force.
+    """Return a law's constants, between two bounds, that bring it closest to the model's force.
 
-    law: force of depth, speed and the numbers; start: where the search begins. In the mean square,
+    law: force of depth, speed and the constants; start: where the search begins. In the mean square,
     every phase of every test counting alike.
     """
     root = np.sqrt(pressed.weight)

@@ -24,7 +24,7 @@ _LIBRARY = ("exp", "expm1", "pow")
 
 
 class Language(ABC):
-    """How a language writes a function of numbers."""
+    """The syntax of a language, for functions of scalars."""
 
     @abstractmethod
     def library(self, name: str) -> str:
@@ -40,11 +40,11 @@ class Language(ABC):
 
     @abstractmethod
     def own(self, name: str) -> str:
-        """Name of a function of ours."""
+        """Return the name of a function that is generated."""
 
     @abstractmethod
     def either(self, condition: str, yes: str, no: str) -> str:
-        """``yes`` where the condition holds, else ``no``."""
+        """Return ``yes`` where the condition holds, else ``no``."""
 
     @abstractmethod
     def function(
@@ -59,7 +59,7 @@ class Language(ABC):
 
     @abstractmethod
     def truth(self, value: bool) -> str:
-        """True or false."""
+        """Return the literal of true or of false."""
 
     @abstractmethod
     def opposite(self, condition: str) -> str:
@@ -113,11 +113,11 @@ class Language(ABC):
 
     @abstractmethod
     def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
-        """Both functions of a layer, from their statements."""
+        """Return both functions of a layer, from their statements."""
 
     @abstractmethod
     def late(self, piece: ExportedLayer, below: str) -> str:
-        """Both functions of a late channel, which keeps the lines that are on their way."""
+        """Return both functions of a late channel, which keeps the lines that are on their way."""
 
 
 def functions_of(law: Formulas, language: Language) -> str:
@@ -137,7 +137,7 @@ def functions_of(law: Formulas, language: Language) -> str:
 
 
 def needs(law: Formulas) -> set[str]:
-    """Functions of C's library that a step calls."""
+    """Return the functions of C's library that a step calls."""
     order: dict[str, Function] = {}
     for function in (law.force, law.stiffness, law.step, law.slope):
         _gather(function, order)

@@ -1,4 +1,4 @@
-"""What a posterior says of a program: the force of a displacement, or the other way round."""
+"""Posterior forecasts of a program: the force of a displacement, or the reverse."""
 
 from __future__ import annotations
 
@@ -36,11 +36,22 @@ _CLOCK = (
 class Forecast:
     """A program's points (N,), and what each posterior draw (n, N) answers.
 
-    program: what was prescribed, of times that may repeat where its rate jumps; time (N,): s;
-    given (N,): what was prescribed; answers (n, N): the force of a prescribed displacement, the
-    displacement of a prescribed force; effects: in the model, or in one of several; warnings: one
-    sentence each, on where it leaves what the pad's tests cover; averaged: the hypotheses of a
-    diagnosis whose draws are mixed, none where the draws are of one model.
+    Parameters
+    ----------
+    program
+        The prescribed program; times repeat where its rate jumps.
+    time
+        Times (N,) in s.
+    given
+        The prescribed displacement or force (N,).
+    answers
+        The force of a prescribed displacement or the displacement of a prescribed force (n, N).
+    effects
+        Effects in the model, or in one of several.
+    warnings
+        Sentences on where the program leaves the range that the pad's tests cover.
+    averaged
+        Hypotheses of a diagnosis whose draws are mixed; empty where the draws are of one model.
     """
 
     pad: str
@@ -59,7 +70,7 @@ class Forecast:
         return np.median(self.answers, axis=0)
 
     def band(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Ends (N,) of the middle ``share`` of the answers, point by point."""
+        """Return the ends (N,) of the middle ``share`` of the answers, point by point."""
         low, high = np.quantile(self.answers, [0.5 - 0.5 * share, 0.5 + 0.5 * share], axis=0)
         return low, high
 
@@ -71,7 +82,7 @@ def predict_program(
     draws: int = DRAWS,
     pad: str = "pad",
 ) -> Forecast:
-    """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
+    """Return the force of a prescribed displacement, or the reverse, draw by draw.
 
     The specimen is at rest at the beginning. Effects of the fit take part, the rig's too; noise
     does not, so that bands are of what the specimen does, not of what a load cell would write.
@@ -89,7 +100,7 @@ def predict_program(
     draws
         How many of the posterior, evenly out of all.
     pad
-        What plain draws are called.
+        Name of the pad, for draws by the constants' names, which have none.
 
     Returns
     -------
@@ -144,7 +155,7 @@ def _stepping(
 
 
 def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndarray:
-    """(n, N) of draws of one model."""
+    """Return the answers (n, N) of the draws of one model."""
     if given.quantity == "displacement":
         return _batches(_forces, models, given.time, given.value, given.rate)
     check_inverse(models)

@@ -1,7 +1,7 @@
 """Draws of the constants of every hypothesis that a diagnosis left, as many as it is likely.
 
-A hypothesis's constants are taken as normal about its mode, in the numbers and within the bounds in
-which the diagnosis weighed it, and many hypotheses as their mixture (Hoeting et al. 1999,
+A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds in
+which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al. 1999,
 doi:10.1214/ss/1009212519).
 """
 
@@ -40,15 +40,21 @@ class DrawnHypothesis(Part, frozen=True):
     constants: dict[str, tuple[float, ...]]
 
     def __str__(self) -> str:
-        """``hertz with prony:2 + friction (0.61)``."""
+        """Return it as ``hertz with prony:2 + friction (0.61)``."""
         return f"{' + '.join((str(self.base), *self.effects))} ({self.probability:.2f})"
 
 
 class Hypotheses(Result, frozen=True, kw_only=True):
-    """What a diagnosis left, likeliest first: ``hypotheses.json``.
+    """The hypotheses that a diagnosis left, likeliest first: ``hypotheses.json``.
 
-    choices: of the diagnosis; each hypothesis has other laws, and effects more; covered: by the
-    tests.
+    Parameters
+    ----------
+    choices
+        Choices of the diagnosis; each hypothesis has laws of its own and further effects.
+    covered
+        Range of depths, rates and times that the tests cover.
+    hypotheses
+        Draws of each.
     """
 
     indent: ClassVar[int | None] = None
@@ -82,7 +88,7 @@ class Hypotheses(Result, frozen=True, kw_only=True):
 def drawn_hypotheses(
     diagnosis: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
 ) -> Hypotheses:
-    """Draws of every hypothesis that ``found.result.alternatives`` tells, made of ``choices``.
+    """Return draws of every hypothesis in ``diagnosis.result.alternatives``, under ``choices``.
 
     draws: of all together; a hypothesis has its share of them, and one at least.
     """
@@ -116,7 +122,7 @@ def drawn_hypotheses(
 
 
 def _draws(candidate: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
+    """Return draws (count, P) of the constants about a mode, within their priors' bounds."""
     own, evidence = candidate.point.own, candidate.evidence
     thetas = rng.multivariate_normal(
         evidence.mean,

@@ -14,7 +14,7 @@ MOST = 50_000  # points; 400 draws of them are 160 MB
 class Program:
     """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest.
 
-    told: as it was given; time (s), never decreasing; value: displacement or force, in the units of
+    title: the text that was given, or the name of its file; time (s), never decreasing; value: displacement or force, in the units of
     the fit; rate: its slope just after each point.
     """
 

@@ -22,7 +22,7 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 
 
 def read_table(path: Path, units: UnitSystem) -> Program:
-    """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
+    """Read columns time_s and displacement_mm, or time_s and force_N, or other units of them.
 
     Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises
     InputError with file and line.
@@ -89,7 +89,7 @@ def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _crept(time: np.ndarray) -> np.ndarray:
-    """Times of creep in long stretches, over which displacement is not straight."""
+    """Return times of creep in long stretches, over which displacement is not straight."""
     width = np.diff(time)
     long = (width > _LONG * (time[-1] - time[0])) | (width.size <= _FEW)
     between = [np.empty(0)]
@@ -105,7 +105,7 @@ def _quantity(names: list[str]) -> Literal["displacement", "force"]:
 
 
 def _columns(names: list[str], units: UnitSystem, path: Path) -> list[tuple[int, float]]:
-    """Place and factor to the units of the fit, of time and of what is prescribed."""
+    """Return index and factor to the units of the fit, of the two columns."""
     own = {"time": "s", units.displacement_name: units.displacement, units.force_name: units.force}
     expected = [column_name(key, "" if unit == "1" else unit) for key, unit in own.items()]
     columns: dict[str, tuple[int, float]] = {}

@@ -27,7 +27,7 @@ _FORMS = (
 
 
 def parse(text: str, units: UnitSystem) -> Program:
-    """Phrases, one after the other, separated by commas; every program begins at zero, at rest.
+    """Read phrases, separated by commas; every program begins at zero, at rest.
 
     ramp VALUE at SPEED, ramp VALUE in TIME: to that value, not by it; hold TIME; sine AMPLITUDE
     FREQUENCY NUMBER cycles, about where it is; force is a ramp of the force. Values in mm (um, nm,
@@ -81,7 +81,7 @@ def _ramp(words: _Words, start: float, position: float, wanted: Quantity | None)
 
 
 def _sine(words: _Words, start: float, position: float) -> Course:
-    """Straight pieces whose ends are exact, as are the rates there."""
+    """Return straight pieces whose ends are exact, as are the rates there."""
     size = words.value(None)
     hertz = words.positive(_HERTZ, "a frequency")
     count = words.positive(_CYCLES, "a number of cycles")
@@ -97,7 +97,7 @@ class _Words:
     """The words of a phrase, taken one after the other."""
 
     def __init__(self, phrase: str, units: UnitSystem, quantity: Quantity | None) -> None:
-        """quantity: what the phrases before this one prescribe."""
+        """Split a phrase; ``quantity`` is what the phrases before it prescribe."""
         self.phrase, self._left = phrase, _TOKEN.findall(phrase)
         self.quantity = quantity
         own = (units.displacement_name, units.displacement), (units.force_name, units.force)
@@ -112,7 +112,7 @@ class _Words:
         return word.lower()
 
     def skip(self, word: str) -> None:
-        """Leave out a word that need not be there."""
+        """Skip a word that need not be there."""
         if self._left and self._left[0].lower() == word:
             self._left.pop(0)
 
@@ -142,12 +142,12 @@ class _Words:
         return number * factors[word]
 
     def rates(self) -> dict[str, float]:
-        """Units of the speed of what is prescribed."""
+        """Return the units of the rate of the prescribed quantity."""
         assert self.quantity is not None
         return {f"{unit}/s": factor for unit, factor in self._factors[self.quantity].items()}
 
     def end(self) -> None:
-        """Nothing may be left."""
+        """Refuse words that are left."""
         if self._left:
             self._refuse(self._left[0], "end the phrase there, or put a comma before what follows")
 

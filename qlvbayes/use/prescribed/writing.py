@@ -16,7 +16,7 @@ _DIGITS = 9  # more than any rig resolves
 
 
 def columns(forecast: Forecast) -> dict[str, np.ndarray]:
-    """Time, what is prescribed, and the median and the bands of the answer, (N,) each."""
+    """Return time, the prescribed quantity, and median and bands of the answer, (N,) each."""
     units = forecast.units
     displacement = column_name(
         units.displacement_name, "" if units.dimensionless else units.displacement
@@ -55,7 +55,7 @@ def content(forecast: Forecast) -> dict[str, object]:
 
 
 def write_forecast(folder: Path, forecast: Forecast) -> None:
-    """Leave prediction.json and prediction.csv."""
+    """Write prediction.json and prediction.csv."""
     write_json(folder / "prediction.json", content(forecast), indent=None)
     table = columns(forecast)
     rows = [",".join(table)]
