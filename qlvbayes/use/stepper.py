@@ -68,9 +68,9 @@ class Stepper:
         self._answer: Floats | None = None
 
     def force(self, next_displacement: ArrayLike) -> Floats:
-        """Return the force (draws,) in N once the platen has gone to ``next_displacement`` (mm) in ``dt``.
+        """Return the force (draws,) in N after a step of the platen to ``next_displacement`` (mm).
 
-        One number for all draws, or (draws,). Raises InputError where it is not finite.
+        One value for all draws, or (draws,). Raises InputError where it is not finite.
         """
         return self._take(_forward, next_displacement)
 

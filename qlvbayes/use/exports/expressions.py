@@ -35,7 +35,7 @@ class Expression:
 
     @property
     def is_true_or_false(self) -> bool:
-        """Whether it is a condition, not a number."""
+        """True of a condition, false of a number."""
         return self.op in _CONDITIONS or (self.op == "constant" and isinstance(self.value, bool))
 
 
@@ -240,7 +240,7 @@ class Expressions:
         return _array([self.constant(x) for x in array.ravel().tolist()], array.shape)
 
     def _simpler(self, op: str, args: tuple[Expression, ...]) -> Expression | None:
-        """Return a sum with 0 or a product with 0 or 1 simplified; None where nothing is simpler."""
+        """Return a sum with 0, a product with 0 or 1, simplified; None for any other operation."""
         zero = [x.op == "constant" and x.value == 0.0 for x in args]
         one = [x.op == "constant" and x.value == 1.0 for x in args]
         if op == "add" and any(zero):

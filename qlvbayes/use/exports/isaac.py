@@ -30,7 +30,7 @@ class Isaac(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.usda``, whose material goes on a collider, and of its errors."""
+        """Return the content of ``pad_B.usda``, the material of a collider, and of its errors."""
         pressed = pressing(pad)
         start = fitted([pressed.depth, pressed.speed], pressed)
         stiffness, damping = closest(spring_damper, pressed, start.tolist())

@@ -26,7 +26,10 @@ class LSDyna(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.k``. Raises InputError where there are more than 18 terms."""
+        """Return the content of ``pad_B.k``.
+
+        Raises InputError where there are more than 18 terms.
+        """
         modulus = moduli(pad, specimen)
         if pad.fractions.size > _MOST:
             raise InputError(

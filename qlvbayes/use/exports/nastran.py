@@ -27,7 +27,10 @@ class Nastran(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.bdf``. Raises InputError where there are more than five terms."""
+        """Return the content of ``pad_B.bdf``.
+
+        Raises InputError where there are more than five terms.
+        """
         modulus = moduli(pad, specimen)
         if pad.times.size > _MOST:
             raise InputError(

@@ -29,7 +29,10 @@ class OpenRadioss(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.rad``. Raises InputError where nothing stays, or there are too many terms."""
+        """Return the content of ``pad_B.rad``.
+
+        Raises InputError where nothing stays, or there are too many terms.
+        """
         modulus = moduli(pad, specimen)
         shear = modulus.shear * float(pad.fractions[0])
         if shear <= 0.0 or pad.times.size > _MOST:

@@ -212,8 +212,8 @@ def closest(
 ) -> list[float]:
     """Return a law's constants, between two bounds, that bring it closest to the model's force.
 
-    law: force of depth, speed and the constants; start: where the search begins. In the mean square,
-    every phase of every test counting alike.
+    law: force of depth, speed and the constants; start: where the search begins. In the mean
+    square, every phase of every test counting alike.
     """
     root = np.sqrt(pressed.weight)
     begin = np.maximum(start, low)

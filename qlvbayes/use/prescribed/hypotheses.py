@@ -1,8 +1,8 @@
 """Draws of the constants of every hypothesis that a diagnosis left, as many as it is likely.
 
-A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds in
-which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al. 1999,
-doi:10.1214/ss/1009212519).
+A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds
+in which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al.
+1999, doi:10.1214/ss/1009212519).
 """
 
 from __future__ import annotations
