@@ -1,7 +1,7 @@
 """The verdict in words: the same facts as a sentence, a line or a heading.
 
-The summary, the page, the figures and the terminal say one verdict at different lengths. They take
-their phrases from here, so that a change of the verdict's rules changes one file of words.
+The summary, the page, the figures and the terminal state one verdict at different lengths. All take
+their phrases from here, so that they agree.
 """
 
 from __future__ import annotations
