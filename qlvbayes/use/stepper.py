@@ -68,19 +68,47 @@ class Stepper:
         self._answer: Floats | None = None
 
     def force(self, next_displacement: ArrayLike) -> Floats:
-        """Return the force (draws,) in N after a step of the platen to ``next_displacement`` (mm).
+        """Return the force after a step of the platen.
 
-        One value for all draws, or (draws,). Raises InputError where it is not finite.
+        Parameters
+        ----------
+        next_displacement
+            Displacement (mm) at the end of the step: one value for all draws, or (draws,).
+
+        Returns
+        -------
+        NDArray
+            Force (draws,) in N.
+
+        Raises
+        ------
+        InputError
+            The displacement has another shape or is not finite.
         """
         return self._take(_forward, next_displacement)
 
     def displacement(self, next_force: ArrayLike) -> Floats:
-        """Return the displacement (draws,) in mm with ``next_force`` (N) after ``dt``.
+        """Return the displacement with which each draw has a force after a step.
 
         Each draw's platen goes there. To send one command to all, save ``state``, ask, ``restore``
         it and step with `force`. A loose specimen carries no force below zero; there the platen
-        rests on its surface. Raises InputError where no displacement has the force, and stays
-        where it was; and with a channel_lag, whose reading is of a moment before.
+        rests on its surface.
+
+        Parameters
+        ----------
+        next_force
+            Force (N) at the end of the step: one value for all draws, or (draws,).
+
+        Returns
+        -------
+        NDArray
+            Displacement (draws,) in mm.
+
+        Raises
+        ------
+        InputError
+            No displacement has the force, and the state stays as it was; or the model has a
+            channel_lag, whose reading is of an earlier time.
         """
         check_inverse(self._models)
         return self._take(_inverse, next_force)
@@ -88,7 +116,10 @@ class Stepper:
     def band(self, share: float = 0.9) -> tuple[float, float]:
         """Return the ends of the middle ``share`` of the last answer over the draws.
 
-        Raises InputError before the first step.
+        Raises
+        ------
+        InputError
+            No step was made yet.
         """
         if self._answer is None:
             raise InputError("no step was made yet", remedy="ask for a force or a displacement")
@@ -101,7 +132,13 @@ class Stepper:
         return jax.tree.map(np.array, self._state)
 
     def restore(self, state: State) -> None:
-        """Continue from a ``state`` of this stepper; raise InputError for another model's state."""
+        """Continue from a ``state`` of this stepper.
+
+        Raises
+        ------
+        InputError
+            The state is another model's.
+        """
         given, own = (jax.tree.map(np.shape, x) for x in (state, self._state))
         if given != own:
             raise InputError("a state of another model", remedy="restore what .state gave")
