@@ -11,14 +11,14 @@ from support.exported_pad import TESTED, exported
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.curves import Curves
+from qlvbayes.use.exports.curves import ViscoelasticCurves
 from qlvbayes.use.exports.target import Geometry
 
 
 def tables(pad, specimen=None):
     """Columns of both files by their names."""
     found = []
-    for content in Curves().files(pad, specimen).values():
+    for content in ViscoelasticCurves().files(pad, specimen).values():
         lines = [x for x in content.decode().splitlines() if not x.startswith("#")]
         rows = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",")
         found.append(dict(zip(lines[0].split(","), rows.T, strict=True)))
@@ -106,7 +106,7 @@ def test_a_cycle_loses_what_its_loop_encloses(tmp_path):
 
 
 def test_relaxation_is_stated_in_words_as_far_as_it_was_held(pad):
-    text = Curves().files(pad, None)["pad_B_relaxation.csv"].decode()
+    text = ViscoelasticCurves().files(pad, None)["pad_B_relaxation.csv"].decode()
     assert f"# Share left 10 s after a jump: {left(pad, np.array([10.0]))[0]:.4g} (" in text
     for time in (100, 1000):
         assert f"# Share left {time} s after a jump: not stated: held to 30 s" in text
@@ -134,4 +134,4 @@ def test_a_specimens_shape_makes_moduli_of_it(pad):
 
 def test_what_has_no_stiffness_at_first_contact_is_refused(tmp_path):
     with pytest.raises(InputError, match="hertz has no stiffness at first contact"):
-        Curves().files(exported(tmp_path, Choices(law="hertz")), None)
+        ViscoelasticCurves().files(exported(tmp_path, Choices(law="hertz")), None)

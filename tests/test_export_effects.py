@@ -16,7 +16,7 @@ from qlvbayes.effects.catalogue import find
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.c_header import CHeader
-from qlvbayes.use.exports.matlab import Matlab
+from qlvbayes.use.exports.matlab import MatlabFunction
 
 EXACT = 1e-12  # of the largest force
 TOGETHER = ("viscous_drag", "fluid_pressure", "stress_softening", "friction", "force_offset")
@@ -302,7 +302,7 @@ def ran(tmp_path_factory):
     pads = []
     for i, effects in enumerate(CASES):
         pad = exported(root / str(i), Choices(effects=effects), spread=0.0)
-        (root / str(i) / "pad_B.m").write_bytes(Matlab().files(pad, None)["pad_B.m"])
+        (root / str(i) / "pad_B.m").write_bytes(MatlabFunction().files(pad, None)["pad_B.m"])
         pads.append(reference(Choices(effects=effects)))
     names = ", ".join(f"'{root / str(i)}'" for i in range(len(CASES)))
     back = [int(effects in INVERTED and len(effects) < 3) for effects in CASES]

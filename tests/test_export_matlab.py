@@ -9,7 +9,7 @@ from support.lawmotions import LAWS, python_force, retracting
 from support.octave import OCTAVE
 
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.matlab import Matlab
+from qlvbayes.use.exports.matlab import MatlabFunction
 
 pytestmark = pytest.mark.skipif(
     OCTAVE is None, reason="no GNU Octave here: the function is not run"
@@ -46,7 +46,7 @@ def ran(tmp_path_factory):
     pads = []
     for i, (law, bonded) in enumerate(CASES):
         pad = exported(root / str(i), Choices(law=law, bonded=bonded))
-        (root / str(i) / "pad_B.m").write_bytes(Matlab().files(pad, None)["pad_B.m"])
+        (root / str(i) / "pad_B.m").write_bytes(MatlabFunction().files(pad, None)["pad_B.m"])
         pads.append(pad)
     names = ", ".join(f"'{root / str(i)}'" for i in range(len(CASES)))
     numbers = [

@@ -26,7 +26,7 @@ from qlvbayes.motion.cutting import cut, refuse_unknown
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.use.exports.card import card
 from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.pad import Interval
+from qlvbayes.use.exports.pad import PosteriorInterval
 from qlvbayes.use.prescribed.forecast import predict_program
 from qlvbayes.use.prescribed.table import read_table
 
@@ -403,7 +403,7 @@ def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
 
 def test_a_share_with_an_upper_bound_alone_is_told_in_exports(tmp_path):
     pad = exported(tmp_path)
-    told = [Interval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
+    told = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
             for x in pad.intervals]  # fmt: skip
     for one in (card(replace(pad, intervals=tuple(told)), JsonFile),):
         assert any("long-term modulus is NOT DETERMINED: c[0], 1e-07 to 0.0003" in x for x in one)

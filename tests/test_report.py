@@ -34,6 +34,7 @@ from support.written_results import (
 from qlvbayes import Comparison, InputError, write_report
 from qlvbayes.fitting.runs import Runs, record_run
 from qlvbayes.io.data import read_measurements
+from qlvbayes.io.wording import DASH, number, percent_unbroken, to_sd
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
@@ -46,7 +47,6 @@ from qlvbayes.report.collect import Compared, collect
 from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.figures import Embedder
 from qlvbayes.report.methods import methods_of
-from qlvbayes.report.numbers import DASH, number, percent, to_sd
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
 
@@ -432,11 +432,13 @@ def test_numbers_can_be_read_back(value, digits, zeros):
 
 @given(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True))
 def test_no_probability_is_rounded_to_certainty(share):
-    assert percent(share).split("\u00a0")[0] not in ("0", "100")
+    assert percent_unbroken(share).split("\u00a0")[0] not in ("0", "100")
 
 
 def test_unknown_numbers_are_dashes():
-    assert number(None) == number(float("nan")) == percent(None) == to_sd(None, None) == DASH
+    assert (
+        number(None) == number(float("nan")) == percent_unbroken(None) == to_sd(None, None) == DASH
+    )
     assert to_sd(0.33621, 0.0035) == "0.3362"
 
 

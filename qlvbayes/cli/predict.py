@@ -147,7 +147,7 @@ def _table(forecasts: Sequence[Forecast]) -> Table:
     first = forecasts[0]
     moved = first.program.quantity == "displacement"
     name = first.units.force_name if moved else first.units.displacement_name
-    table = Table(title=first.program.told)
+    table = Table(title=first.program.title)
     for column in ("pad", f"largest {name}", "90 % band", f"last {name}", "90 % band"):
         table.add_column(column, justify="left" if column == "pad" else "right")
     for forecast in forecasts:

@@ -20,8 +20,8 @@ from qlvbayes.cli.options import (
     thresholds,
     with_groups,
 )
-from qlvbayes.cli.tables import verdict_line
 from qlvbayes.cli.terminal import Terminal
+from qlvbayes.diagnosis.phrases import terminal_line
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.parallel.faults import FailedError
 from qlvbayes.pipeline.run import run_study
@@ -70,7 +70,7 @@ def study_command(
         except FailedError as error:
             failed, verdicts = error, error.results
     for result in verdicts:
-        out.print(verdict_line(result), soft_wrap=True)
+        out.print(terminal_line(result), soft_wrap=True)
     if source.shard.count > 1:
         out.print(f"results in {output}; all parts together: qlvbayes gather {output}")
     elif verdicts:

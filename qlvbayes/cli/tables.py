@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, log10
 
 from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, written
-from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, LawPair, Ranked, Stage
+from qlvbayes.diagnosis.phrases import stage_name
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Ranked
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import Constant, FitSummary
-from qlvbayes.io.wording import percent, plain, to_noise
+from qlvbayes.io.wording import percent, plain, significant, to_noise
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
 _MOST = 8  # most hypotheses in a table
-
-
-def significant(value: float, sd: float) -> str:
-    """Return a number with two digits of its sd (four significant ones where it has none)."""
-    if sd <= 0.0:
-        return f"{value:.4g}"
-    return f"{value:.{max(0, 1 - floor(log10(sd)))}f}"
 
 
 def constants_table(summary: FitSummary) -> Table:
@@ -52,13 +45,6 @@ def constants_line(summary: FitSummary) -> str:
     shown = [(name, c) for name, c in summary.parameters.items() if not name.startswith("noise.")]
     values = ", ".join(f"{name} {significant(c.median, c.sd)} ± {c.sd:.2g}" for name, c in shown)
     return f"pad {summary.pad}: {values}"
-
-
-def verdict_line(result: DiagnosisResult) -> str:
-    """Return the line of one pad of many: its verdict with what it names."""
-    named = ", ".join(result.group or result.effects)
-    verdict = result.verdict.replace("_", " ")
-    return f"pad {result.pad}: {verdict}{': ' + named if named else ''}"
 
 
 def _interval(c: Constant) -> str:
@@ -175,7 +161,7 @@ def steps_table(result: DiagnosisResult, unit: str) -> Table:
     table.add_column("phases that fail", justify="right")
     for stage in result.stages:
         table.add_row(
-            _model(stage, result.stages[0].base),
+            stage_name(stage, result.stages[0].base),
             to_noise(stage.rmse, result.noise),
             "one test"
             if stage.heldout_rmse is None
@@ -200,11 +186,6 @@ def ranking_table(result: DiagnosisResult, unit: str) -> Table:
         sure = "" if ranked.certainty is None else percent(ranked.certainty)
         table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, result.noise))
     return table
-
-
-def _model(stage: Stage, chosen: LawPair) -> str:
-    """Return a step's laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 
 def _figures(ranked: Ranked, noise: float) -> tuple[str, str, str]:

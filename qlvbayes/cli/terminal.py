@@ -19,8 +19,8 @@ from qlvbayes.cli.tables import (
     constants_table,
     ranking_table,
     steps_table,
-    verdict_line,
 )
+from qlvbayes.diagnosis.phrases import terminal_line
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
@@ -120,7 +120,7 @@ class Terminal(Watcher):
         if self.quiet:
             return
         if self._brief:
-            out.print(verdict_line(result), soft_wrap=True)
+            out.print(terminal_line(result), soft_wrap=True)
             return
         out.print(steps_table(result, result.units.force))
         out.print(ranking_table(result, result.units.force))

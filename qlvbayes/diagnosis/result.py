@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import msgspec
@@ -11,6 +10,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.io.wording import decimals_of
 
 
 class Estimate(Part, frozen=True):
@@ -22,12 +22,11 @@ class Estimate(Part, frozen=True):
 
     def __str__(self) -> str:
         """Return both to the sd's second digit, as ``0.001672 ± 0.000090 N s/mm``."""
-        places = 1 - math.floor(math.log10(self.sd)) if self.sd > 0.0 else 3
+        decimals = decimals_of(self.sd) if self.sd > 0.0 else 3
         unit = "" if self.unit == "1" else f" {self.unit}"
-        if places > 6:
+        if decimals > 6:
             return f"{self.mean:.3g} ± {self.sd:.1g}{unit}"
-        places = max(places, 0)
-        return f"{self.mean:.{places}f} ± {self.sd:.{places}f}{unit}"
+        return f"{self.mean:.{decimals}f} ± {self.sd:.{decimals}f}{unit}"
 
 
 class LawPair(Part, frozen=True):

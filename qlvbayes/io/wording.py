@@ -1,8 +1,12 @@
-"""Write numbers and lists of words as text for messages."""
+"""Numbers and lists of words as text: in ASCII for messages and tables, typeset for the page."""
 
 from __future__ import annotations
 
-from math import floor, log10
+from math import floor, isfinite, log10
+
+DASH = "–"  # for what is not known
+NBSP = "\u00a0"  # between a number and its unit, where no line may break
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def plain(value: float, digits: int = 3) -> str:
@@ -36,3 +40,55 @@ def percent(share: float) -> str:
 def joined(words: list[str], last: str = "and") -> str:
     """Return words as 'a, b and c'."""
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def capitalized(text: str) -> str:
+    """Return the text with its first letter in upper case, the others as they are."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def decimals_of(sd: float) -> int:
+    """Return how many decimals show two digits of an sd; 0 where it has none."""
+    return max(0, 1 - floor(log10(sd))) if sd > 0.0 else 0
+
+
+def significant(value: float, sd: float) -> str:
+    """Return a number with two digits of its sd (four significant ones where it has none)."""
+    return f"{value:.{decimals_of(sd)}f}" if sd > 0.0 else f"{value:.4g}"
+
+
+def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
+    """Return significant digits, typeset; '1.2 × 10⁻⁷' for the very small and large.
+
+    It is a dash for what is not known. ``zeros`` keeps zeros at the end, so that errors in one
+    column have as many digits.
+    """
+    if value is None or not isfinite(value):
+        return DASH
+    text = (f"{value:#.{digits}g}" if zeros else f"{value:.{digits}g}").removesuffix(".")
+    if "e" not in text:
+        return text.replace("-", "−")
+    base, _, power = text.partition("e")
+    if 0 <= int(power) < 7:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{base} × 10{str(int(power)).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def to_sd(value: float | None, sd: float | None) -> str:
+    """Return a number as `significant` does, typeset; a dash where it is not known."""
+    if value is None or not sd or not isfinite(sd):
+        return number(value, 4)
+    decimals = decimals_of(sd)
+    return number(value) if decimals > 6 else f"{value:.{decimals}f}".replace("-", "−")
+
+
+def percent_unbroken(share: float | None) -> str:
+    """Return a probability as `percent` does, without a place where a line could break."""
+    if share is None or not isfinite(share):
+        return DASH
+    return percent(share).replace(" ", NBSP)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a number and its unit, '0.34 N/mm'; the number alone where the unit is 1."""
+    return text if unit in ("", "1") else f"{text}{NBSP}{unit}"

@@ -13,12 +13,13 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.leftout import LABEL, mark_left_out
-from qlvbayes.plots.naming import heading, model_lines, model_name
+from qlvbayes.plots.naming import heading, model_lines
 from qlvbayes.plots.panels import lay_out_panels, leaders, lines_of, name_row
 from qlvbayes.plots.stretches import (
     DWELLS,

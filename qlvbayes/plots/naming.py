@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from textwrap import fill
 
+from qlvbayes.diagnosis import phrases
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.wording import plain
 from qlvbayes.plots.style import quantity, shortened
@@ -15,49 +16,17 @@ _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 _LINE, _LINE_TIGHT = 80, 40  # characters across two columns of a journal, and across one
 
 
-def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
-    """Return 'plain model', 'with viscous_drag + friction', 'by hertz', 'by hertz with friction'.
-
-    ``laws`` are base laws that are not the chosen ones.
-    """
-    words = [_by(laws)] if laws else []
-    words += [f"with {' + '.join(effects)}"] if effects else []
-    return " ".join(words) or "plain model"
-
-
 def model_lines(effects: Sequence[str], laws: Sequence[str], most: int) -> str:
-    """Return the same in lines of ``most`` characters at most, where words allow it."""
+    """Return a model's name in lines of ``most`` characters at most, where words allow it."""
     words = ["by " + "\nand ".join(broken(name, most) for name in laws)] if laws else []
     words += ["with " + "\n+ ".join(broken(name, most) for name in effects)] if effects else []
-    return "\n".join(words) or model_name(effects)
+    return "\n".join(words) or phrases.model_name(effects)
 
 
 def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
     """Return the pad and its verdict, in several lines if needed; ``tight`` is for one column."""
     line = _LINE_TIGHT if tight else _LINE
-    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {_verdict(diagnosis)}", line)
-
-
-def _verdict(diagnosis: DiagnosisResult) -> str:
-    if diagnosis.verdict == "adequate":
-        return f"nothing missing that these tests show{_on_laws(diagnosis)}"
-    if diagnosis.verdict == "unexplained":
-        tried = diagnosis.tried
-        return f"unexplained, also {model_name(tried)}" if tried else "unexplained by any effect"
-    if diagnosis.verdict == "ambiguous":
-        certain = [name for name in diagnosis.effects if name not in diagnosis.group]
-        return "missing " + " + ".join([*certain, f"one of {', '.join(diagnosis.group)}"])
-    rest = ", and something unlisted" if diagnosis.verdict == "partly_explained" else ""
-    return f"missing {' + '.join(diagnosis.effects)}{rest}{_on_laws(diagnosis)}"
-
-
-def _on_laws(diagnosis: DiagnosisResult) -> str:
-    """Return the base laws, where they are not the chosen ones."""
-    return f", {_by(diagnosis.changed)}" if diagnosis.changed else ""
-
-
-def _by(laws: Sequence[str]) -> str:
-    return f"by {' and '.join(laws)}"
+    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {phrases.heading(diagnosis)}", line)
 
 
 def parameter_label(name: str, unit: str = "1") -> str:

@@ -51,7 +51,7 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
             axis.yaxis.set_major_locator(MaxNLocator(4))
         figure.align_ylabels(axes[:, 0])
         most = _TITLE_TIGHT if tight else _TITLE
-        figure.suptitle(shortened(f"{found.pad}: {found.program.told}", most))
+        figure.suptitle(shortened(f"{found.pad}: {found.program.title}", most))
         handles, names = axes[1, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=3)
     return list(axes.flat)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, inf, log10
+from math import inf
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import decimals_of
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
     draw_colours,
@@ -96,7 +97,7 @@ def _draw_cell(axis: Axes, cell: Cell, check: CheckResult, worst: float, row: in
 
 def _signed(bias: float, error: float) -> str:
     """Return a bias to a tenth of the error that it is part of."""
-    digits = max(1 - floor(log10(error)), 0) if error > 0.0 else 0
+    digits = decimals_of(error)
     text = f"{bias:+.{digits}f}" if digits < 6 else f"{bias:+.1e}"
     text = text.replace("-", "+") if float(text) == 0.0 else text
     return text.replace("-", "\N{MINUS SIGN}")

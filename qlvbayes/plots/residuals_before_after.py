@@ -8,6 +8,7 @@ from textwrap import fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.diagnosis.result import CellError, DiagnosisResult, Place, Stage
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.phases import KINDS
@@ -20,7 +21,7 @@ from qlvbayes.plots.cellmap import (
     short,
     worst_of,
 )
-from qlvbayes.plots.naming import heading, model_name
+from qlvbayes.plots.naming import heading
 from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
 
 _ROW, _FRAME = 8.0, 41.0  # mm: a row of cells and the margins

@@ -1,1 +1,1 @@
-"""One self-contained page that tells what a study found."""
+"""One self-contained page with the results of a study."""

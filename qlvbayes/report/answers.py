@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import answer, model_name
 from qlvbayes.fitting.residuals import Cell, CheckResult
-from qlvbayes.io.wording import joined
-from qlvbayes.report.boxes import besides, seen
+from qlvbayes.io.wording import NBSP
+from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.comparing import Comparing
 from qlvbayes.report.constants import constants_words
-from qlvbayes.report.failing import model_name, where
-from qlvbayes.report.numbers import NBSP
-
-_VERDICTS = {
-    "adequate": "nothing that these tests can show",
-    "unexplained": "something that none of the known effects explains",
-}
+from qlvbayes.report.failing import where
 
 
 @dataclass(frozen=True)
@@ -67,7 +62,9 @@ def split_first(text: str) -> tuple[str, str]:
 def _differ(results: Results, compared: Sequence[Comparing], remedies: dict) -> tuple[str, ...]:
     if len(results.pads) < 2:
         return ("There is only one pad here.",)
-    return tuple(found.line for found in compared) or (f"Not compared yet: {remedies['compare']}",)
+    return tuple(comparison.line for comparison in compared) or (
+        f"Not compared yet: {remedies['compare']}",
+    )
 
 
 def _fails(pad: PadResults, remedies: dict) -> str:
@@ -76,33 +73,21 @@ def _fails(pad: PadResults, remedies: dict) -> str:
         return f"not checked yet: {remedies['check']}"
     worst = check.worst
     said = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
-    plain = pad.plain.check if pad.plain else None
-    if pad.final.effects and plain and (worst := plain.worst):
+    baseline = pad.baseline.check if pad.baseline else None
+    if pad.final.effects and baseline and (worst := baseline.worst):
         return (
-            f"the model {model_name(pad.final)} {said}; the plain model "
-            f"{_worst(worst, plain, pad)}."
+            f"the model {model_name(pad.final.effects)} {said}; the plain model "
+            f"{_worst(worst, baseline, pad)}."
         )
     return f"the model {said}."
 
 
 def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:
-    place = where(cell, check.noise, pad.force_unit)
-    return f"fails in {len(check.failing)} of {len(check.cells)} phases, worst in {place}"
+    location = where(cell, check.noise, pad.force_unit)
+    return f"fails in {len(check.failing)} of {len(check.cells)} phases, worst in {location}"
 
 
 def _missing(pad: PadResults, remedies: dict) -> str:
-    found = pad.diagnosis
-    if found is None:
+    if pad.diagnosis is None:
         return f"not diagnosed yet: {remedies['diagnose']}"
-    if found.verdict in _VERDICTS:
-        return f"{_VERDICTS[found.verdict]}."
-    if found.verdict == "ambiguous":
-        group = joined(list(found.group), "or")
-        return f"one of {group}{besides(found)}; these tests cannot tell which."
-    rest = ", and something that none of them explains" * (found.verdict == "partly_explained")
-    return f"{joined([_with_sight(name) for name in found.effects])}{rest}."
-
-
-def _with_sight(name: str) -> str:
-    what = seen(name)
-    return f"{name} ({what})" if what else name
+    return answer(pad.diagnosis, seen)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import BADGES, box_line, model_name, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import number, percent, with_unit
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Box:
-    """What the reader is told first about one pad."""
+    """The verdict on one pad, which the page begins with."""
 
     pad: str
     fluid: str | None
@@ -48,31 +48,21 @@ class Box:
     remedy: str | None
 
 
-BADGES = {
-    "adequate": "adequate",
-    "missing_effect": "effect found",
-    "ambiguous": "ambiguous",
-    "partly_explained": "partly explained",
-    "unexplained": "unexplained",
-}
-
-
 def verdict_box(pad: PadResults, remedy: str) -> Box:
     """Return the box of one pad; ``remedy`` is the command that would diagnose it."""
-    found = pad.diagnosis
-    verdict = found.verdict if found else ""
-    shown = (found.group or found.effects) if found else ()
+    diagnosis = pad.diagnosis
+    shown = shown_effects(diagnosis) if diagnosis else ()
     return Box(
         pad.name,
         pad.fluid,
-        verdict or "open",
-        BADGES.get(verdict, verdict or "not diagnosed"),
-        verdict_line(found) if found else _undiagnosed(pad),
+        diagnosis.verdict if diagnosis else "open",
+        BADGES[diagnosis.verdict] if diagnosis else "not diagnosed",
+        box_line(diagnosis) if diagnosis else _undiagnosed(pad),
         tuple(Named(name, seen(name)) for name in shown),
-        _bars(found, pad.force_unit) if found else (),
-        f"Error {_of_what(found)} (root mean square)" if found else "",
+        _bars(diagnosis, pad.force_unit) if diagnosis else (),
+        f"Error {_of_what(diagnosis)} (root mean square)" if diagnosis else "",
         tuple(_warnings(pad)),
-        None if found else remedy,
+        None if diagnosis else remedy,
     )
 
 
@@ -82,40 +72,6 @@ def seen(name: str) -> str:
         return find(name).seen
     except InputError:
         return ""
-
-
-def verdict_line(found: DiagnosisResult) -> str:
-    """Return the verdict in one line; named effects follow it."""
-    many = len(found.effects) > 1
-    return {
-        "adequate": f"Nothing is missing that these tests can show{_on_laws(found)}.",
-        "missing_effect": f"The plain model lacks {'these effects' if many else 'one effect'}"
-        f"{_sure(found)}:",
-        "ambiguous": f"Something is missing{besides(found)}, and these tests cannot tell which of "
-        "these it is:",
-        "partly_explained": f"The plain model lacks {'these effects' if many else 'this effect'}"
-        f"{_sure(found)}, and something that none of the known effects explains:",
-        "unexplained": "Something is missing that none of the known effects explains.",
-    }.get(found.verdict, found.verdict)
-
-
-def besides(found: DiagnosisResult) -> str:
-    """Return what an ambiguous verdict is sure of; the last effect stands for the group."""
-    sure = list(found.effects[:-1])
-    return f" besides {joined(sure)}" if sure else ""
-
-
-def _on_laws(found: DiagnosisResult) -> str:
-    """Return the base laws, where they are not those chosen."""
-    if not found.changed:
-        return ""
-    return f", with other laws than were chosen: {joined(found.changed)}"
-
-
-def _sure(found: DiagnosisResult) -> str:
-    if len(found.effects) != 1:
-        return ""
-    return f" (probability {percent(found.probability_of(found.effects[0]))})"
 
 
 def _undiagnosed(pad: PadResults) -> str:
@@ -128,28 +84,28 @@ def _undiagnosed(pad: PadResults) -> str:
     return f"Not diagnosed. The fit fails in {fails} of {len(check.cells)} phases of its tests."
 
 
-def _of_what(found: DiagnosisResult) -> str:
-    return "of the fit" if _heldout(found) is None else "on tests left out"
+def _of_what(diagnosis: DiagnosisResult) -> str:
+    return "of the fit" if _heldout(diagnosis) is None else "on tests left out"
 
 
-def _heldout(found: DiagnosisResult) -> list[float] | None:
-    """Errors on tests left out, stage by stage; None for one test alone, which leaves none out."""
-    known = [stage.heldout_rmse for stage in found.stages if stage.heldout_rmse is not None]
-    return known if len(known) == len(found.stages) else None
+def _heldout(diagnosis: DiagnosisResult) -> list[float] | None:
+    """Return the errors on tests left out, by stage; None where there is only one test."""
+    known = [stage.heldout_rmse for stage in diagnosis.stages if stage.heldout_rmse is not None]
+    return known if len(known) == len(diagnosis.stages) else None
 
 
-def _bars(found: DiagnosisResult, unit: str) -> tuple[Bar, ...]:
-    first, last = found.stages[0], found.stages[-1]
-    errors = _heldout(found) or [stage.rmse for stage in found.stages]
-    kind = "after" if found.verdict == "adequate" else "before"
+def _bars(diagnosis: DiagnosisResult, unit: str) -> tuple[Bar, ...]:
+    first, last = diagnosis.stages[0], diagnosis.stages[-1]
+    errors = _heldout(diagnosis) or [stage.rmse for stage in diagnosis.stages]
+    kind = "after" if diagnosis.verdict == "adequate" else "before"
     rows = [("plain model", errors[0], kind)]
     added = [e for e in last.effects if e not in first.effects]
-    changed = [*found.changed, *added]
+    changed = [*diagnosis.changed, *added]
     if changed:
-        rows.append((f"with {' + '.join(changed)}", errors[-1], "after"))
+        rows.append((model_name(changed), errors[-1], "after"))
     if first.effects:
-        rows[0] = (f"with {' + '.join(first.effects)}", *rows[0][1:])
-    rows.append(("noise alone", found.noise, "noise"))
+        rows[0] = (model_name(first.effects), *rows[0][1:])
+    rows.append(("noise alone", diagnosis.noise, "noise"))
     longest = max(value for _, value, _ in rows) or 1.0
     return tuple(
         Bar(label, value / longest, with_unit(number(value, zeros=True), unit), kind)
@@ -160,49 +116,50 @@ def _bars(found: DiagnosisResult, unit: str) -> tuple[Bar, ...]:
 def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.troubles if summary and not summary.converged else ()
-    found = [f"The sampling has not converged: {text}." for text in troubles]
-    found += _notices(pad)
-    return found + _other_laws(pad)
+    warnings = [f"The sampling has not converged: {text}." for text in troubles]
+    warnings += _notices(pad)
+    return warnings + _other_laws(pad)
 
 
 def _other_laws(pad: PadResults) -> list[str]:
     """Return a sentence where the fit lacks the laws that the diagnosis asks for."""
-    found, chosen = pad.diagnosis, pad.final.facts.get("choices")
-    if found is None or chosen is None or found.verdict == "unexplained":
+    diagnosis, chosen = pad.diagnosis, pad.final.facts.get("choices")
+    if diagnosis is None or chosen is None or diagnosis.verdict == "unexplained":
         return []
     try:
         own = Choices.from_dict(json.loads(chosen))
     except InputError:  # a law's file that has gone
         return []
-    base = found.base
+    base = diagnosis.base
     if (own.law, own.relaxing) == base.pair:
         return []
     words = ["--elastic", base.elastic, "--relaxation", base.relaxation]
     words += [word for name in own.effects for word in ("--add", name)]
     return [
         f"These tests ask for other laws than the fit has (probability "
-        f"{percent(base.probability)}): fit again with {' '.join(words)}."
+        f"{percent_unbroken(base.probability)}): fit again with {' '.join(words)}."
     ]
 
 
 def _notices(pad: PadResults) -> list[str]:
-    """About the measurements, and a systematic error that is certain but small."""
+    """Return notices on the measurements, and on a systematic error that is certain but small."""
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
-    told = dict.fromkeys(text for part in parts if part for text in part.notices)
-    said = [text.removeprefix(f"pad {pad.name}: ") for text in told]
-    return [f"{text[0].upper()}{text[1:]}." for text in said] + _small(pad)
+    notices = dict.fromkeys(text for part in parts if part for text in part.notices)
+    said = [text.removeprefix(f"pad {pad.name}: ") for text in notices]
+    return [f"{capitalized(text)}." for text in said] + _small(pad)
 
 
 def _small(pad: PadResults) -> list[str]:
     """Return a sentence on a remainder that the verdict does not count."""
-    found = pad.diagnosis
-    left = found.remainder if found else None
-    if found is None or left is None or not left.sure:
+    diagnosis = pad.diagnosis
+    left = diagnosis.remainder if diagnosis else None
+    if diagnosis is None or left is None or not left.sure:
         return []
-    if found.verdict in ("unexplained", "partly_explained"):
+    if diagnosis.verdict in ("unexplained", "partly_explained"):
         return []
     size = with_unit(number(left.rms, 2), pad.force_unit)
     return [
-        f"A systematic error is left that is certain but small: {percent(left.share_of_peak)} of "
-        f"the peak force ({size}) in the {left.phase} of {left.test}."
+        "A systematic error is left that is certain but small: "
+        f"{percent_unbroken(left.share_of_peak)} of the peak force ({size}) in the {left.phase} of "
+        f"{left.test}."
     ]

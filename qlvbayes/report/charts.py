@@ -5,29 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import inf
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.fitting.pad_check import Curves, TestCurves
-from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.failing import model_name
+from qlvbayes.report.collect import FitResults, PadResults
 
 _MOST = 3000  # samples of a test
 _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 
 def chart_of(pad: PadResults) -> dict | None:
-    """Return what the script draws for one pad: numbers only; None where there are no curves.
+    """Return the curves that the script draws for one pad; None where there are none.
 
     Per test the measured force, the last model's mean and 90 % band and, where effects were added,
-    the plain model's mean, at the same times (s); and time and force of readings left out.
+    the baseline model's mean, at the same times (s); and time and force of readings left out.
     """
     curves = pad.final.curves
     if curves is None or not curves.tests:
         return None
-    before, tests = _plain_means(pad), _by_rate(curves)
+    before, tests = _baseline_means(pad), _by_rate(curves)
     return {
         "unit": curves.force_unit,
         "name": curves.force_name,
         "noise": _BAND * curves.noise,
-        "model": model_name(pad.final),
+        "model": model_name(pad.final.effects),
         "first": _first(pad, [test.test for test in tests]),
         "tests": [_test(test, before.get(test.test), pad) for test in tests],
     }
@@ -35,29 +35,29 @@ def chart_of(pad: PadResults) -> dict | None:
 
 def _first(pad: PadResults, names: list[str]) -> int:
     """Return the test that is shown first: where a model fails worst, else the fastest."""
-    for model in (pad.final, pad.plain):
+    for model in (pad.final, pad.baseline):
         worst = model.check.worst if model and model.check else None
         if worst and worst.test in names:
             return names.index(worst.test)
     return len(names) - 1
 
 
-def _plain_means(pad: PadResults) -> dict[str, TestCurves]:
-    """Return the plain model's, by test, where it is not the last model."""
-    plain: Model | None = pad.plain
-    if plain is None or plain.curves is None or plain.effects == pad.final.effects:
+def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
+    """Return the baseline model's curves, by test, where it is not the last model."""
+    baseline: FitResults | None = pad.baseline
+    if baseline is None or baseline.curves is None or baseline.effects == pad.final.effects:
         return {}
-    return {test.test: test for test in plain.curves.tests}
+    return {test.test: test for test in baseline.curves.tests}
 
 
 def _by_rate(curves: Curves) -> list[TestCurves]:
-    """Slowest first, as in the figures; tests without a rate last."""
+    """Return the slowest first, as in the figures; tests without a rate are last."""
     return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
 
 
 def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
     rows = list(_rows(test.phase))
-    plain = before.mean if before and before.time == test.time else None
+    baseline = before.mean if before and before.time == test.time else None
     columns = {
         "t": test.time,
         "observed": test.observed,
@@ -72,13 +72,13 @@ def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
         "fitted": test.role == "fit",
         "phases": [[p.kind, p.start, p.stop] for p in test.phases],
         **{name: [values[k] for k in rows] for name, values in columns.items()},
-        "plain": None if plain is None else [plain[k] for k in rows],
+        "plain": None if baseline is None else [baseline[k] for k in rows],
         "left_out": [[one.time, one.force] for one in test.left_out],
     }
 
 
 def _rows(phase: Sequence[str]) -> Iterator[int]:
-    """Every sample, or evenly many of them in order; first and last of a phase always."""
+    """Yield every sample, or evenly spaced ones, with the first and last of every phase."""
     step = -(-len(phase) // _MOST)
     for k in range(len(phase)):
         edge = k in (0, len(phase) - 1) or phase[k] != phase[k - 1] or phase[k] != phase[k + 1]

@@ -1,4 +1,4 @@
-"""What lies in a folder of results, complete or not."""
+"""Read a folder of results, complete or not."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 
 @dataclass(frozen=True)
-class Model:
+class FitResults:
     """One fit: its constants, its check, its curves, and how it was made; None where not done.
 
     facts: the attributes of ``posterior.nc``.
@@ -50,12 +50,12 @@ class Model:
 
 @dataclass(frozen=True)
 class PadResults:
-    """One pad: its last model, the plain one if it was kept, and the verdict with its words."""
+    """One pad: its last model, the baseline if it was kept, and the verdict with its words."""
 
     name: str
     folder: Path
-    final: Model
-    plain: Model | None
+    final: FitResults
+    baseline: FitResults | None
     diagnosis: DiagnosisResult | None
     words: tuple[str, ...]
 
@@ -72,16 +72,16 @@ class PadResults:
 
     @property
     def fluid(self) -> str | None:
-        """What the pad is filled with, where the measurements say it."""
+        """Fluid in the pad, where the measurements name it."""
         return self.final.facts.get("fluid") or None
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Two pads or two fluids beside each other: the numbers and the answer in words."""
+    """The comparison of two pads or fluids, and its answer in words."""
 
     folder: Path
-    found: Comparison
+    comparison: Comparison
     words: tuple[str, ...]
 
 
@@ -123,32 +123,32 @@ def runs_in(out: Path) -> dict[str, Run]:
 def pad_in(folder: Path) -> PadResults:
     """Return one pad, as far as it is there."""
     final = _model(folder)
-    plain = folder / "plain"
+    baseline = folder / "plain"
     diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     named = [part.pad for part in (final.summary, final.check, diagnosis) if part]
     return PadResults(
         str(named[0] if named else final.facts.get("pad", folder.name)),
         folder,
         final,
-        _model(plain) if plain.is_dir() else None,
+        _model(baseline) if baseline.is_dir() else None,
         diagnosis,
         _paragraphs(folder / "diagnosis.txt"),
     )
 
 
-def _model(folder: Path) -> Model:
+def _model(folder: Path) -> FitResults:
     draws, summary = folder / "posterior.nc", read_if_there(FitSummary, folder / "summary.json")
     facts = facts_of(draws)
     if summary is None and draws.exists():
-        summary, told = summary_of_draws(draws)
-        facts = told | facts
+        summary, described = summary_of_draws(draws)
+        facts = described | facts
     check = read_if_there(CheckResult, folder / "check.json")
-    return Model(folder, summary, check, read_if_there(Curves, folder / "curves.json"), facts)
+    return FitResults(folder, summary, check, read_if_there(Curves, folder / "curves.json"), facts)
 
 
 def _compared(folder: Path) -> Compared:
-    found = Comparison.read(folder / "compare.json")
-    return Compared(folder, found, _paragraphs(folder / "compare.txt"))
+    comparison = Comparison.read(folder / "compare.json")
+    return Compared(folder, comparison, _paragraphs(folder / "compare.txt"))
 
 
 def read_if_there(kind: type[Kind], path: Path) -> Kind | None:
@@ -168,17 +168,17 @@ def _paragraphs(path: Path) -> tuple[str, ...]:
 
 
 def facts_of(path: Path) -> dict:
-    """Attributes of a results file, as plain Python."""
+    """Return the attributes of a results file, as Python's own types."""
     if not path.exists():
         return {}
     try:
         with h5py.File(path) as file:
-            return {name: _plain(value) for name, value in file.attrs.items()}
+            return {name: _as_python(value) for name, value in file.attrs.items()}
     except OSError as error:
         raise _damaged(path) from error
 
 
-def _plain(value: object) -> object:
+def _as_python(value: object) -> object:
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, h5py.Empty):

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from qlvbayes.comparison.contrast import Comparison, Contrast
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import DASH, joined, number, percent_unbroken
 from qlvbayes.report.collect import Compared
-from qlvbayes.report.numbers import DASH, number, percent
 
 _FIRST = 2  # paragraphs before the figure
 _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}
@@ -32,10 +31,10 @@ class ContrastRow:
 
 @dataclass(frozen=True)
 class Comparing:
-    """Two pads or fluids beside each other.
+    """The comparison of two pads or fluids, as the page shows it.
 
-    words: the answer, the verdict first; line: the same in one line; more: what stands in the table
-    too, said quantity by quantity.
+    words: the answer, the verdict first; line: the same in one line; more: what the table has too,
+    quantity by quantity.
     """
 
     first: str
@@ -49,60 +48,62 @@ class Comparing:
     notices: tuple[str, ...]
 
 
-def comparing_of(found: Compared) -> Comparing:
+def comparing_of(compared: Compared) -> Comparing:
     """Return one comparison as it is shown."""
-    told = found.found
-    first, second = told.names
-    notices = told.notices
-    line = _in_a_line(told)
-    words = told.words or found.words or (line,)
+    comparison = compared.comparison
+    first, second = comparison.names
+    notices = comparison.notices
+    line = _in_a_line(comparison)
+    words = comparison.words or compared.words or (line,)
     said = [text for text in words if text.rstrip(".").lower() not in map(str.lower, notices)]
     return Comparing(
         first,
         second,
-        told.between,
+        comparison.between,
         tuple(said[:_FIRST]),
         line,
         tuple(said[_FIRST:]),
-        tuple(_groups(told)),
-        percent(told.region),
+        tuple(_groups(comparison)),
+        percent_unbroken(comparison.region),
         notices,
     )
 
 
-def _in_a_line(told: Comparison) -> str:
+def _in_a_line(comparison: Comparison) -> str:
     """Return whether they differ, and in which constants, or quantities if there are none."""
-    pair = " and ".join(told.names)
-    where = _grouped(told, told.of_group("constants") or told.contrasts)
-    if told.differ and where.startswith("different "):
+    pair = " and ".join(comparison.names)
+    where = _grouped(comparison, comparison.of_group("constants") or comparison.contrasts)
+    if comparison.differ and where.startswith("different "):
         return f"{pair} differ {where.removeprefix('different ')}."
     head = {
         True: f"{pair} differ",
         False: f"No difference between {pair} is shown",
         None: f"These tests cannot tell whether {pair} differ",
-    }[told.differ]
+    }[comparison.differ]
     return f"{head}: {where}."
 
 
-def _grouped(told: Comparison, contrasts: Sequence[Contrast]) -> str:
+def _grouped(comparison: Comparison, contrasts: Sequence[Contrast]) -> str:
     """Return which quantities differ, which are equal, which are open."""
-    found: dict[str, list[str]] = {}
+    by_answer: dict[str, list[str]] = {}
     for one in contrasts:
-        found.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)
+        by_answer.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)
     said = []
-    if "differs" in found:
-        said.append(f"different in {joined(found['differs'])}")
-    if "equal" in found:
-        said.append(f"equal within {percent(told.region)} in {joined(found['equal'])}")
-    if "open" in found:
-        said.append(f"undecided in {joined(found['open'])}")
+    if "differs" in by_answer:
+        said.append(f"different in {joined(by_answer['differs'])}")
+    if "equal" in by_answer:
+        said.append(
+            f"equal within {percent_unbroken(comparison.region)} in {joined(by_answer['equal'])}"
+        )
+    if "open" in by_answer:
+        said.append(f"undecided in {joined(by_answer['open'])}")
     return "; ".join(said)
 
 
-def _groups(told: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:
-    """Rows by kind of quantity, in the file's order."""
-    for group in dict.fromkeys(one.group for one in told.contrasts):
-        yield group, tuple(_row(one, *told.names) for one in told.of_group(group))
+def _groups(comparison: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:
+    """Yield rows by kind of quantity, in the file's order."""
+    for group in dict.fromkeys(one.group for one in comparison.contrasts):
+        yield group, tuple(_row(one, *comparison.names) for one in comparison.of_group(group))
 
 
 def _row(one: Contrast, first: str, second: str) -> ContrastRow:
@@ -115,7 +116,7 @@ def _row(one: Contrast, first: str, second: str) -> ContrastRow:
         number(one.second.median),
         DASH if ratio is None else number(ratio.median),
         "" if ratio is None else f"{number(ratio.low)} to {number(ratio.high)}",
-        percent(one.direction),
+        percent_unbroken(one.direction),
         more.get(one.answer, one.answer),
         _KINDS.get(one.answer, "open"),
         one.extrapolated,

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 from qlvbayes.fitting.summary import Constant
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import DASH, NBSP, joined, number, to_sd, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.boxes import seen
-from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
+from qlvbayes.report.collect import FitResults, PadResults
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {
@@ -26,7 +25,7 @@ _MEANINGS = {
     "noise.scale": "width of the noise",
     "noise.nu": "degrees of freedom: the fewer, the more outliers",
 }
-_TOLD = 0.005  # smallest relative change that is worth a word
+_SMALLEST_CHANGE = 0.005  # smallest relative change that is worth a word
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
     units: dict[str, str] = {}
     for pad in pads:
         units |= {name: c.unit for name, c in _parameters(pad.final).items()}
-    names = sorted(units, key=_place)
+    names = sorted(units, key=_rank)
     meanings = _MEANINGS | {n: text for pad in pads for n, text in _of_laws(pad).items()}
     return tuple(
         Row(
@@ -91,8 +90,8 @@ def constants_words(pad: PadResults) -> str | None:
     summary = pad.final.summary
     if summary is None:
         return None
-    told = ("m", "c[0]", "c0", "v[1]")
-    said = [_in_words(name, summary.parameters) for name in told]
+    shown = ("m", "c[0]", "c0", "v[1]")
+    said = [_in_words(name, summary.parameters) for name in shown]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     doubt = " But the model fails (question 3): these are constants of a wrong model."
     wrong = bool(pad.final.check and pad.final.check.failing)
@@ -104,10 +103,10 @@ def shifts_of(pad: PadResults) -> Shifts | None:
 
     Return None where nothing was added.
     """
-    if pad.plain is None or pad.plain.effects == pad.final.effects:
+    if pad.baseline is None or pad.baseline.effects == pad.final.effects:
         return None
-    before, after = _parameters(pad.plain), _parameters(pad.final)
-    names = [n for n in sorted(before, key=_place) if n in after and not n.startswith("noise.")]
+    before, after = _parameters(pad.baseline), _parameters(pad.final)
+    names = [n for n in sorted(before, key=_rank) if n in after and not n.startswith("noise.")]
     if not names:
         return None
     changes = {n: before[n].median / after[n].median - 1.0 for n in names}
@@ -121,16 +120,16 @@ def shifts_of(pad: PadResults) -> Shifts | None:
         )
         for name in names
     )
-    added = [e for e in pad.final.effects if e not in pad.plain.effects]
+    added = [e for e in pad.final.effects if e not in pad.baseline.effects]
     top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
     said = [
         f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% {'higher' if changes[n] > 0 else 'lower'}"
         for n in top
-        if abs(changes[n]) > _TOLD
+        if abs(changes[n]) > _SMALLEST_CHANGE
     ]
     words = f"The model without {joined(added)} has {joined(said)}" if said else ""
     few = ". It was fitted to fewer tests, so that a part of this may be chance"
-    fewer = pad.plain.facts.get("all_tests") != pad.final.facts.get("all_tests")
+    fewer = pad.baseline.facts.get("all_tests") != pad.final.facts.get("all_tests")
     return Shifts(pad.name, joined(added), rows, f"{words}{few * fewer}." if words else "")
 
 
@@ -149,7 +148,7 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     return f"{name} = {text} (with 90 % probability {low} to {high})"
 
 
-def _parameters(model: Model) -> dict[str, Constant]:
+def _parameters(model: FitResults) -> dict[str, Constant]:
     return model.summary.parameters if model.summary else {}
 
 
@@ -188,7 +187,7 @@ def _meaning(name: str, meanings: dict[str, str]) -> str:
     return f"of {effect}: {what}" if what else ""
 
 
-def _place(name: str) -> tuple[int, str, int]:
+def _rank(name: str) -> tuple[int, str, int]:
     """Return the rank of a constant in the paper's order: m, b, c, v; effects; noise."""
     match = _INDEXED.fullmatch(name)
     if match:

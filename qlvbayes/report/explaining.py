@@ -1,19 +1,20 @@
-"""The fourth question: which effect is missing, how sure, and which test would tell."""
+"""The fourth question: which effect is missing, how sure, and which test decides."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import box_line, stage_name
 from qlvbayes.diagnosis.result import LawPair, Ranked, Stage
-from qlvbayes.report.boxes import seen, verdict_line
+from qlvbayes.io.wording import capitalized, number, percent_unbroken, to_sd, with_unit
+from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import number, percent, to_sd, with_unit
 
 _MOST = 8  # hypotheses shown
 
 
 @dataclass(frozen=True)
-class Step:
+class StepRow:
     """A model on the way to the verdict."""
 
     model: str
@@ -25,8 +26,8 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """What the plain model may lack."""
+class HypothesisRow:
+    """An effect that the baseline model may lack."""
 
     effect: str
     seen: str
@@ -45,8 +46,8 @@ class Explaining:
     pad: str
     verdict: str
     words: tuple[str, ...]
-    steps: tuple[Step, ...]
-    ranking: tuple[Hypothesis, ...]
+    steps: tuple[StepRow, ...]
+    ranking: tuple[HypothesisRow, ...]
     more: int
     suggestions: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...]
@@ -54,20 +55,22 @@ class Explaining:
 
 
 def explaining_of(pad: PadResults) -> Explaining | None:
-    """Return what the diagnosis found; None where it was not done."""
-    found = pad.diagnosis
-    if found is None:
+    """Return the results of the diagnosis; None where it was not done."""
+    diagnosis = pad.diagnosis
+    if diagnosis is None:
         return None
-    named = {*found.effects, *found.group}
+    named = {*diagnosis.effects, *diagnosis.group}
     return Explaining(
         pad.name,
-        found.verdict,
-        _spoken(pad) or (verdict_line(found),),
-        tuple(_step(stage, found.stages[0].base, found.noise) for stage in found.stages),
-        tuple(_hypothesis(ranked, named) for ranked in found.ranking[:_MOST]),
-        max(0, len(found.ranking) - _MOST),
-        tuple((one.test, number(one.evidence, 2)) for one in found.suggestions),
-        found.warnings,
+        diagnosis.verdict,
+        _spoken(pad) or (box_line(diagnosis),),
+        tuple(
+            _step(stage, diagnosis.stages[0].base, diagnosis.noise) for stage in diagnosis.stages
+        ),
+        tuple(_hypothesis(ranked, named) for ranked in diagnosis.ranking[:_MOST]),
+        max(0, len(diagnosis.ranking) - _MOST),
+        tuple((one.test, number(one.evidence, 2)) for one in diagnosis.suggestions),
+        diagnosis.warnings,
         pad.force_unit,
     )
 
@@ -75,13 +78,13 @@ def explaining_of(pad: PadResults) -> Explaining | None:
 def _spoken(pad: PadResults) -> tuple[str, ...]:
     """Return the paragraphs of diagnosis.txt below a heading that names the pad."""
     said = [text.removeprefix(f"Pad {pad.name}: ").replace("+-", "±") for text in pad.words]
-    return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
+    return tuple(capitalized(text) for text in said)
 
 
-def _step(stage: Stage, chosen: LawPair, noise: float) -> Step:
+def _step(stage: Stage, chosen: LawPair, noise: float) -> StepRow:
     heldout = stage.heldout_rmse
-    return Step(
-        _model(stage, chosen),
+    return StepRow(
+        stage_name(stage, chosen),
         number(stage.rmse, zeros=True),
         number(heldout, zeros=True),
         number(None if heldout is None else heldout / noise, zeros=True),
@@ -90,22 +93,17 @@ def _step(stage: Stage, chosen: LawPair, noise: float) -> Step:
     )
 
 
-def _model(stage: Stage, chosen: LawPair) -> str:
-    """Return a step's laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
-
-
-def _hypothesis(ranked: Ranked, named: set[str]) -> Hypothesis:
+def _hypothesis(ranked: Ranked, named: set[str]) -> HypothesisRow:
     constants = [
         with_unit(f"{name} = {to_sd(e.mean, e.sd)} ± {to_sd(e.sd, e.sd)}", e.unit)
         for name, e in ranked.parameters.items()
     ]
     none = ranked.effect == "none"
-    return Hypothesis(
+    return HypothesisRow(
         "nothing" if none else ranked.effect,
         "" if none else seen(ranked.effect),
-        percent(ranked.inclusion),
-        "" if ranked.certainty is None else percent(ranked.certainty),
+        percent_unbroken(ranked.inclusion),
+        "" if ranked.certainty is None else percent_unbroken(ranked.certainty),
         number(ranked.log_bayes_factor),
         number(ranked.rmse, zeros=True),
         ", ".join(constants),

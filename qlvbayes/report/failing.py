@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.fitting import residuals
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import capitalized, joined, number, percent_unbroken, with_unit
 from qlvbayes.motion.phases import NAMES
-from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.numbers import number, percent, with_unit
+from qlvbayes.report.collect import PadResults
 
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """Error over noise in one phase of one test, and how dark it is (0 to 1)."""
 
     ratio: str
@@ -30,7 +30,7 @@ class TestRow:
     test: str
     rate: str
     role: str
-    cells: tuple[Cell | None, ...]
+    cells: tuple[MapCell | None, ...]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Map:
 
 @dataclass(frozen=True)
 class Detail:
-    """One row of the table with all numbers."""
+    """One row of the table of all errors."""
 
     test: str
     phase: str
@@ -70,7 +70,7 @@ class Repeated:
 
 @dataclass(frozen=True)
 class Failing:
-    """Where one pad's model fails: in words, as maps, in numbers."""
+    """Where one pad's model fails: in words, as maps, as a table."""
 
     pad: str
     words: tuple[str, ...]
@@ -83,17 +83,17 @@ class Failing:
 
 
 def failing_of(pad: PadResults) -> Failing | None:
-    """Return what the check found; None where it was not done."""
+    """Return the results of the check; None where it was not done."""
     check = pad.final.check
     if check is None:
         return None
     models = [(pad.final, check)]
-    if pad.plain and pad.plain.check and pad.plain.effects != pad.final.effects:
-        models.insert(0, (pad.plain, pad.plain.check))
+    if pad.baseline and pad.baseline.check and pad.baseline.effects != pad.final.effects:
+        models.insert(0, (pad.baseline, pad.baseline.check))
     return Failing(
         pad.name,
-        tuple(_words(model_name(model), found, pad) for model, found in reversed(models)),
-        tuple(_map(model_name(model), found) for model, found in models),
+        tuple(_words(model_name(model.effects), result, pad) for model, result in reversed(models)),
+        tuple(_map(model_name(model.effects), result) for model, result in models),
         tuple(_detail(cell, check.noise) for cell in check.cells),
         _repeated(check),
         number(check.noise),
@@ -103,7 +103,7 @@ def failing_of(pad: PadResults) -> Failing | None:
 
 
 def where(cell: residuals.Cell, noise: float, unit: str) -> str:
-    """'the ramp of C-100: 0.049 N root mean square (4.7 times the noise)'."""
+    """Return 'the ramp of C-100: 0.049 N root mean square (4.7 times the noise)'."""
     return (
         f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}: "
         f"{with_unit(number(cell.rmse, 2, zeros=True), unit)} root mean square "
@@ -111,14 +111,9 @@ def where(cell: residuals.Cell, noise: float, unit: str) -> str:
     )
 
 
-def model_name(model: Model) -> str:
-    """'plain model', or 'with viscous_drag'."""
-    return f"with {' + '.join(model.effects)}" if model.effects else "plain model"
-
-
 def _words(name: str, check: CheckResult, pad: PadResults) -> str:
     noise, cells = check.noise, check.cells
-    head = f"{name[0].upper()}{name[1:]}:"
+    head = f"{capitalized(name)}:"
     fitted = {cell.test for cell in cells if cell.role == "fit"}
     rest = {cell.test for cell in cells} - fitted
     basis = f"fitted to {joined(sorted(fitted))}, the other tests predicted" * bool(fitted and rest)
@@ -141,11 +136,11 @@ def _words(name: str, check: CheckResult, pad: PadResults) -> str:
 
 def _map(name: str, check: CheckResult) -> Map:
     phases = [p for p in NAMES if any(cell.phase == p for cell in check.cells)]
-    found: dict[str, dict[str, residuals.Cell]] = {}
+    by_test: dict[str, dict[str, residuals.Cell]] = {}
     for cell in check.cells:
-        found.setdefault(cell.test, {})[cell.phase] = cell
+        by_test.setdefault(cell.test, {})[cell.phase] = cell
     return Map(
-        f"{name[0].upper()}{name[1:]}",
+        capitalized(name),
         tuple(NAMES[phase] for phase in phases),
         tuple(
             TestRow(
@@ -154,18 +149,18 @@ def _map(name: str, check: CheckResult) -> Map:
                 next(iter(cells.values())).role,
                 tuple(_cell(cells.get(phase), check.noise) for phase in phases),
             )
-            for test, cells in found.items()
+            for test, cells in by_test.items()
         ),
     )
 
 
-def _cell(cell: residuals.Cell | None, noise: float) -> Cell | None:
+def _cell(cell: residuals.Cell | None, noise: float) -> MapCell | None:
     if cell is None:
         return None
     ratio = cell.rmse / noise
     shade = min(max((ratio - 1.0) / (_DARKEST - 1.0), 0.0), 1.0)
     text = f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
-    return Cell(text, round(shade, 2), cell.fails)
+    return MapCell(text, round(shade, 2), cell.fails)
 
 
 def _detail(cell: residuals.Cell, noise: float) -> Detail:
@@ -178,7 +173,7 @@ def _detail(cell: residuals.Cell, noise: float) -> Detail:
         number(cell.rmse, zeros=True),
         f"{cell.rmse / noise:.2f}",
         number(cell.bias, 2),
-        percent(cell.coverage90),
+        percent_unbroken(cell.coverage90),
         cell.fails,
     )
 

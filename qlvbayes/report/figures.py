@@ -120,7 +120,7 @@ class Embedder:
 
 
 def _small(path: Path) -> tuple[int, int, bytes]:
-    """Size on the page (px) of a picture, and the picture in few colours."""
+    """Return the size on the page (px) of a picture, and the picture in few colours."""
     with Image.open(path) as picture:
         width, height = (round(side * _CSS_DPI / _DPI) for side in picture.size)
         small = picture.convert("RGB").quantize(

@@ -9,11 +9,11 @@ from pathlib import Path
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
+from qlvbayes.io.wording import DASH, number, percent_unbroken, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.numbers import DASH, number, percent, with_unit
 
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
@@ -37,7 +37,7 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Basis:
-    """What one pad's numbers rest on."""
+    """Data, sampler and priors on which one pad's constants rest."""
 
     pad: str
     fitted: str
@@ -86,7 +86,7 @@ def methods_of(results: Results) -> Methods:
 
 
 def _laws(choices: dict) -> tuple[str, str]:
-    """Elastic law and relaxation as equations; by name where a file of the user's own has gone."""
+    """Return both laws as equations; by name where a file of the user's own has gone."""
     if "law" not in choices:
         return DASH, DASH
     try:
@@ -101,8 +101,8 @@ def _laws(choices: dict) -> tuple[str, str]:
 
 def _thresholds(results: Results) -> tuple[str, ...]:
     """Return the thresholds of the first diagnosis in words, the others by name."""
-    told = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
-    used = next((settings for settings in told if settings), None)
+    recorded = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
+    used = next((settings for settings in recorded if settings), None)
     known = asdict(used.thresholds) if used else {}
     known = {name: _counted(own) if isinstance(own, dict) else own for name, own in known.items()}
     return tuple(
@@ -111,7 +111,7 @@ def _thresholds(results: Results) -> tuple[str, ...]:
 
 
 def _counted(fields: dict[str, float]) -> str:
-    """Return numbers as ``beam = 2, near = 25``."""
+    """Return named values as ``beam = 2, near = 25``."""
     return ", ".join(f"{name} = {value:g}" for name, value in fields.items())
 
 
@@ -119,16 +119,16 @@ def _comparisons(results: Results) -> str:
     """Return how pads were compared, from what the first comparison says of itself."""
     if not results.comparisons:
         return ""
-    found = results.comparisons[0].found
+    comparison = results.comparisons[0].comparison
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
-        f"equal where their ratio is within {percent(found.region)} of one with a "
-        f"probability of at least {percent(0.95)}"
+        f"equal where their ratio is within {percent_unbroken(comparison.region)} of one with a "
+        f"probability of at least {percent_unbroken(0.95)}"
     )
-    if found.omnibus is None:
+    if comparison.omnibus is None:
         return f"{text}."
     joint = "whether they differ at all is a joint test that equals fail in"
-    return f"{text}; {joint} {percent(found.omnibus.false_alarms)} of cases."
+    return f"{text}; {joint} {percent_unbroken(comparison.omnibus.false_alarms)} of cases."
 
 
 def source_name(results: Results) -> str | None:
@@ -146,9 +146,9 @@ def _choices(results: Results) -> dict:
 
 def _sources(results: Results) -> set[tuple[str, str]]:
     facts = [pad.final.facts for pad in results.pads]
-    found = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
-    found += [(run.source, run.sha256) for run in results.runs.values()]
-    return {(Path(source).name, digest) for source, digest in found}
+    sources = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
+    sources += [(run.source, run.sha256) for run in results.runs.values()]
+    return {(Path(source).name, digest) for source, digest in sources}
 
 
 def _seeds(results: Results) -> set[int]:
@@ -158,13 +158,13 @@ def _seeds(results: Results) -> set[int]:
 
 
 def _versions(results: Results) -> dict[str, str]:
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for pad in results.pads:
         if "qlvbayes_version" in pad.final.facts:
-            found["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
+            versions["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
     for run in results.runs.values():
-        found |= run.versions
-    return found
+        versions |= run.versions
+    return versions
 
 
 def _commands(results: Results) -> tuple[str, ...]:
@@ -172,12 +172,12 @@ def _commands(results: Results) -> tuple[str, ...]:
     name = source_name(results)
     if name is None:
         return ()
-    plain = Choices()
-    given = Choices.from_dict(_choices(results)) if _choices(results) else plain
+    default = Choices()
+    given = Choices.from_dict(_choices(results)) if _choices(results) else default
     words = ["qlvbayes", "fit", name, "-o", results.out.name]
     options = {"elastic": "law", "relaxation": "relaxing", "noise": "noise"}
     for option, key in options.items():
-        if getattr(given, key) != getattr(plain, key):
+        if getattr(given, key) != getattr(default, key):
             words += [f"--{option}", str(getattr(given, key))]
     for option, values in (("prior", given.priors), ("fix", given.fixed), ("add", given.effects)):
         words += [word for value in values for word in (f"--{option}", value)]
@@ -204,7 +204,7 @@ def _sampler(facts: dict, summary: FitSummary | None) -> str:
         f"{method}: {number(facts['walkers'])} walkers, {number(facts['kept_steps'], 6)} of "
         f"{number(facts['steps'], 6)} steps kept, autocorrelation time "
         f"{number(facts['autocorrelation_steps'])} steps, acceptance "
-        f"{percent(facts['acceptance'])}{_quality(summary)}"
+        f"{percent_unbroken(facts['acceptance'])}{_quality(summary)}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Of many pads: a table in which one is found quickly, and a page for each of them."""
+"""The page of many pads: a table to search, with a page for each of them."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from qlvbayes.diagnosis.phrases import BADGES, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.report.boxes import BADGES
+from qlvbayes.io.wording import number, to_sd
 from qlvbayes.report.collect import MARKS, facts_of, read_if_there
-from qlvbayes.report.numbers import number, to_sd
 
 _CONSTANTS = 12  # columns of constants: those of most pads come first
 
 
 @dataclass(frozen=True)
-class Line:
+class OverviewRow:
     """One pad: its folder, what is in it, verdict and what that names, errors, constants.
 
     fails: phases in which structure beyond noise is left; worst: largest error over the noise;
-    constants: medians, as they are shown and as numbers to sort by.
+    constants: medians, as they are shown and as values to sort by.
     """
 
     pad: str
@@ -39,7 +39,7 @@ class Line:
 class Overview:
     """All pads, how many have which verdict, and the constants that the table shows."""
 
-    lines: tuple[Line, ...]
+    lines: tuple[OverviewRow, ...]
     verdicts: tuple[tuple[str, int], ...]
     constants: tuple[str, ...]
 
@@ -54,25 +54,25 @@ def overview_of(folders: Sequence[Path]) -> Overview:
 
 
 def is_older(page: Path, folder: Path) -> bool:
-    """Return whether a pad's page is missing, or older than what it tells of."""
+    """Return whether a pad's page is missing, or older than its results."""
     if not page.exists():
         return True
     made = page.stat().st_mtime_ns
     return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
 
 
-def _line(folder: Path) -> Line:
+def _line(folder: Path) -> OverviewRow:
     summary = read_if_there(FitSummary, folder / "summary.json")
     check = read_if_there(CheckResult, folder / "check.json")
-    found = read_if_there(DiagnosisResult, folder / "diagnosis.json")
+    diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     parameters = summary.parameters if summary else {}
     worst = max((cell.rmse / check.noise for cell in check.cells), default=None) if check else None
-    return Line(
-        next((part.pad for part in (summary, check, found) if part), folder.name),
+    return OverviewRow(
+        next((part.pad for part in (summary, check, diagnosis) if part), folder.name),
         folder.name,
         str(facts_of(folder / "posterior.nc").get("fluid") or ""),
-        BADGES.get(found.verdict, found.verdict) if found else "not diagnosed",
-        ", ".join(found.group or found.effects) if found else "",
+        BADGES[diagnosis.verdict] if diagnosis else "not diagnosed",
+        ", ".join(shown_effects(diagnosis)) if diagnosis else "",
         len(check.failing) if check else None,
         "" if worst is None else number(worst, 2),
         {

@@ -72,11 +72,11 @@ def page(results: Results) -> str:
     """Return the whole HTML text; nothing in it refers to anything outside it."""
     remedies = _remedies(results)
     embed = Embedder(results.out)
-    compared = [comparing_of(found) for found in results.comparisons]
+    compared = [comparing_of(comparison) for comparison in results.comparisons]
     pads = [_view(pad, embed, remedies) for pad in results.pads]
     contrasts = [
-        embed(found.folder, "contrasts", f"{view.first} over {view.second}")
-        for found, view in zip(results.comparisons, compared, strict=True)
+        embed(comparison.folder, "contrasts", f"{view.first} over {view.second}")
+        for comparison, view in zip(results.comparisons, compared, strict=True)
     ]
     return _template().render(
         title=_title(results),
@@ -107,9 +107,9 @@ def _view(pad: PadResults, embed: Embedder, remedies: dict[str, str]) -> PadView
 
 
 def _relaxation(pad: PadResults) -> tuple[str, ...]:
-    """Lines on the tests that were held; none where there are no such tests."""
-    found = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
-    return () if found is None else tuple(found.text().splitlines())
+    """Return lines on the tests that were held; none where there are no such tests."""
+    fitted = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
+    return () if fitted is None else tuple(fitted.text().splitlines())
 
 
 def _title(results: Results) -> str:
@@ -118,7 +118,7 @@ def _title(results: Results) -> str:
 
 
 def _remedies(results: Results) -> dict[str, str]:
-    """The command that does each step that may have been left out."""
+    """Return the command of each step that may have been left out."""
     out, file = results.out.name or "OUT", source_name(results) or "FILE"
     return {
         "fit": as_typed("qlvbayes", "fit", file, "-o", out),
@@ -152,8 +152,8 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
 
     One file that opens without a network: verdicts, constants, comparisons, errors by test and
     phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
-    the command that does them. Of more than 24 pads it is a table in which one is found quickly,
-    and each pad has such a page in its own folder.
+    the command that does them. Of more than 24 pads it is a table to search, and each pad has
+    such a page in its own folder.
 
     Parameters
     ----------
@@ -182,10 +182,10 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    found = overview_of(folders)
+    overview = overview_of(folders)
     commands = [run.command for run in runs_in(folder).values()]
     text = _template("overview").render(
-        title=f"{len(folders)} pads", found=found, commands=commands
+        title=f"{len(folders)} pads", overview=overview, commands=commands
     )
     write_whole(path, text.encode())
     return path

@@ -57,8 +57,8 @@ def using_of(results: Results) -> Using | None:
             as_typed("qlvbayes", "design", out, "--pad", pad.name),
         ),
     )
-    found = [one for pad in fitted for one in _exports(results.out, pad)]
-    return Using(commands, tuple(found))
+    exports = [one for pad in fitted for one in _exports(results.out, pad)]
+    return Using(commands, tuple(exports))
 
 
 def _program(pad: PadResults) -> str:

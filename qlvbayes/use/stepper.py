@@ -24,11 +24,21 @@ _inverse = jax.jit(jax.vmap(step_to_force, in_axes=(0, 0, 0, None)))
 class Stepper:
     """Posterior draws of one specimen, stepped together in even steps from rest at zero.
 
-    source: a fit, a results file (`load_results`), draws by the constants' names, or a model whose
-    constants are numbers. dt: length of a step (s). draws: how many, evenly out of all; one is
-    their mean. Displacement is linear over a step, for which the step is exact, whatever ``dt``;
-    it costs O(modes), however many went before. Numbers are in the units of the fit.
+    Displacement is linear over a step, for which the step is exact, whatever ``dt``. A step costs
+    O(modes), however many went before. Values are in the units of the fit.
 
+    Parameters
+    ----------
+    source
+        A fit, a results file (`load_results`), draws by the constants' names, or a model whose
+        constants are scalars.
+    dt
+        Length of a step (s).
+    draws
+        Number of posterior draws, evenly out of all; one is their mean.
+
+    Examples
+    --------
     >>> model = Model(Linear(0.5), Prony(np.array([0.4, 0.6]), np.array([2.0])))
     >>> pad = Stepper(model, dt=0.1)
     >>> force = pad.force(0.2)
@@ -58,27 +68,58 @@ class Stepper:
         self._answer: Floats | None = None
 
     def force(self, next_displacement: ArrayLike) -> Floats:
-        """Force (draws,) in N once the platen has gone to ``next_displacement`` (mm) in ``dt``.
+        """Return the force after a step of the platen.
 
-        One number for all draws, or (draws,). Raises InputError where it is not finite.
+        Parameters
+        ----------
+        next_displacement
+            Displacement (mm) at the end of the step: one value for all draws, or (draws,).
+
+        Returns
+        -------
+        NDArray
+            Force (draws,) in N.
+
+        Raises
+        ------
+        InputError
+            The displacement has another shape or is not finite.
         """
         return self._take(_forward, next_displacement)
 
     def displacement(self, next_force: ArrayLike) -> Floats:
-        """Displacement (draws,) in mm at which each draw has ``next_force`` (N) after ``dt``.
+        """Return the displacement with which each draw has a force after a step.
 
         Each draw's platen goes there. To send one command to all, save ``state``, ask, ``restore``
         it and step with `force`. A loose specimen carries no force below zero; there the platen
-        rests on its surface. Raises InputError where no displacement has the force, and stays
-        where it was; and with a channel_lag, whose reading is of a moment before.
+        rests on its surface.
+
+        Parameters
+        ----------
+        next_force
+            Force (N) at the end of the step: one value for all draws, or (draws,).
+
+        Returns
+        -------
+        NDArray
+            Displacement (draws,) in mm.
+
+        Raises
+        ------
+        InputError
+            No displacement has the force, and the state stays as it was; or the model has a
+            channel_lag, whose reading is of an earlier time.
         """
         check_inverse(self._models)
         return self._take(_inverse, next_force)
 
     def band(self, share: float = 0.9) -> tuple[float, float]:
-        """Ends of the middle ``share`` of the last answer over the draws.
+        """Return the ends of the middle ``share`` of the last answer over the draws.
 
-        Raises InputError before the first step.
+        Raises
+        ------
+        InputError
+            No step was made yet.
         """
         if self._answer is None:
             raise InputError("no step was made yet", remedy="ask for a force or a displacement")
@@ -87,11 +128,17 @@ class Stepper:
 
     @property
     def state(self) -> State:
-        """What all draws remember, as numpy arrays: one number a mode, and the depth."""
+        """Memory of all draws, as numpy arrays: one value a mode, and the depth."""
         return jax.tree.map(np.array, self._state)
 
     def restore(self, state: State) -> None:
-        """Go on from a ``state`` of this stepper; InputError where it is another model's."""
+        """Continue from a ``state`` of this stepper.
+
+        Raises
+        ------
+        InputError
+            The state is another model's.
+        """
         given, own = (jax.tree.map(np.shape, x) for x in (state, self._state))
         if given != own:
             raise InputError("a state of another model", remedy="restore what .state gave")
@@ -105,8 +152,8 @@ class Stepper:
                 remedy=f"give one number, or {self.draws} for {self.draws} draws",
             )
         full = np.broadcast_to(given, (self.draws,))
-        state, found = function(self._models, self._state, full, self.dt)
-        answer = np.asarray(found)
+        state, computed = function(self._models, self._state, full, self.dt)
+        answer = np.asarray(computed)
         if lost := int(np.sum(np.isnan(answer))):
             raise InputError(
                 f"{lost} of {self.draws} draws have no displacement with this force",
@@ -117,14 +164,14 @@ class Stepper:
 
 
 def _models(source: Source | Model, draws: int) -> Model:
-    """Return a model whose numbers have a leading axis, of at most so many draws."""
+    """Return a model whose constants have a leading axis, of at most so many draws."""
     if isinstance(source, Model):
         return jax.tree.map(lambda x: jnp.asarray(x, dtype=float)[None], source)
     return side_of(source, "draws").some(draws).models
 
 
 def _check_lag(models: Model, dt: float) -> None:
-    """InputError where more steps are on their way through a late channel than are kept."""
+    """Raise InputError where more steps are on their way through a late channel than are kept."""
     for effect in models.effects:
         if isinstance(effect, ChannelLag) and (late := float(np.max(effect.delay))) > LINES * dt:
             raise InputError(

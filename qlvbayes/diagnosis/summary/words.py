@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from qlvbayes.diagnosis.certainty import calibration
+from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import joined, percent, plain, to_noise
+from qlvbayes.io.wording import capitalized, joined, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.motion.pulling import pull_notices
@@ -17,7 +20,6 @@ _LINEAR = 0.5  # relative change of a constant up to which slopes predict it
 _MOST_CELLS = 4  # phases that are listed by name
 _HANDFUL = 10  # block means: half of the evidence in fewer of them is reported
 _SURE = 0.95  # probability of the base laws from which they are not mentioned
-_LIKELY = 0.5  # probability that nothing is missing from which the text says so
 _LITTLE = 0.01  # probability of all other explanations up to which they are not mentioned
 
 
@@ -32,9 +34,9 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
     }[d.verdict]
     pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
     text = [
-        f"Pad {d.pad}: {_verdict(d, work)}",
+        f"Pad {d.pad}: {paragraph_lead(d, partial(_seen, d, work))}",
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
-        *(f"{_upper(_own(d, one))}." for one in d.notices if one not in pulls),
+        *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
         *_certainty(d),
     ]
@@ -52,38 +54,9 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
     ]
 
 
-def _verdict(d: DiagnosisResult, work: DiagnosisWork) -> str:
-    """Return the verdict in one line."""
-    if d.verdict == Verdict.ADEQUATE:
-        none = percent(d.probability_of("none"))
-        if d.probability_of("none") < _LIKELY:
-            return (
-                "nothing is named, although something may be missing (probability that nothing "
-                f"is: {none})."
-            )
-        return f"nothing is missing that these tests can show (probability {none})."
-    if d.verdict == Verdict.AMBIGUOUS:
-        besides = f" besides {joined(list(d.effects[:-1]))}" if d.effects[:-1] else ""
-        return (
-            f"something is missing{besides}, and these tests cannot tell which of "
-            f"{joined(_with_probability(d, d.group), 'or')} it is."
-        )
-    if d.verdict == Verdict.UNEXPLAINED:
-        return "unexplained: something is missing that no effect of the list explains."
-    named = joined([_seen(d, work, effect) for effect in d.effects])
-    many = len(d.effects) > 1
-    if d.verdict == Verdict.MISSING_EFFECT:
-        return f"missing effect{'s' * many}: {named}."
-    return (
-        f"partly explained: {named} {'are' if many else 'is'} missing, and something else that no "
-        "effect of the list explains."
-    )
-
-
 def _seen(d: DiagnosisResult, work: DiagnosisWork, effect: str) -> str:
-    """Return an effect with what one sees of it and its probability."""
-    kind = work.search.density.space.effects[d.forms.get(effect, effect)]
-    return f"{effect} ({kind.seen}; probability {percent(d.probability_of(effect))})"
+    """Return what one sees of an effect."""
+    return work.search.density.space.effects[d.forms.get(effect, effect)].seen
 
 
 def _first(d: DiagnosisResult, pulls: tuple[str, ...]) -> str:
@@ -100,7 +73,7 @@ def _own(d: DiagnosisResult, notice: str) -> str:
 
 def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
     """Return the step that follows from the verdict."""
-    if d.verdict == Verdict.ADEQUATE and d.probability_of("none") < _LIKELY:
+    if d.verdict == Verdict.ADEQUATE and d.probability_of("none") < LIKELY:
         return "another test, as qlvbayes design OUT --for cause proposes, would tell more."
     if d.verdict == Verdict.ADEQUATE and not d.changed:
         return "use the constants; no effect has to be added."
@@ -255,10 +228,6 @@ def _base(d: DiagnosisResult) -> list[str]:
     return [f"{text}; next come {joined(rest)}." if rest else f"{text}."]
 
 
-def _with_probability(d: DiagnosisResult, names: tuple[str, ...]) -> list[str]:
-    return [f"{name} ({percent(d.probability_of(name))})" for name in names]
-
-
 def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
     """Return what the laws and effects do to the error on tests left out."""
     with_it = "With them" if with_it == "With it" and len(d.effects) > 1 else with_it
@@ -397,10 +366,6 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
 def _refused(d: DiagnosisResult) -> list[str]:
     """Return the effects that are probable by the fit but were refused."""
     return [f"{one.effect} is likely by the fit, but not named: {one.reason}." for one in d.refused]
-
-
-def _upper(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}"
 
 
 def _not_ruled_out(d: DiagnosisResult) -> list[str]:

@@ -22,16 +22,16 @@ class Abaqus(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.inp``."""
-        found = moduli(pad, specimen)
+        """Return the content of ``pad_B.inp``."""
+        modulus = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "**")
         lines = [f"*MATERIAL, NAME={pad.identifier.upper()}"]
         if type(pad.elastic).name == "linear":
-            lines += ["*ELASTIC, MODULI=INSTANTANEOUS", f"{found.young!r}, {POISSON}"]
+            lines += ["*ELASTIC, MODULI=INSTANTANEOUS", f"{modulus.young!r}, {POISSON}"]
         else:
             # C10 = G/2, D1 = 2/K
             lines += ["*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS"]
-            lines += [f"{found.shear / 2.0!r}, {2.0 / found.bulk!r}"]
+            lines += [f"{modulus.shear / 2.0!r}, {2.0 / modulus.bulk!r}"]
         lines += ["*VISCOELASTIC, TIME=PRONY", "** g, k, tau"]
         rows = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
         lines += [f"{g!r}, 0.0, {tau!r}" for g, tau in rows]

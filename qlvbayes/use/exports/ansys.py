@@ -24,18 +24,18 @@ class Ansys(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.mac``."""
-        found = moduli(pad, specimen)
+        """Return the content of ``pad_B.mac``."""
+        modulus = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "!")
         pairs = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
-        numbers = [repr(x) for pair in pairs for x in pair]
+        terms = [repr(x) for pair in pairs for x in pair]
         lines = [
-            f"MP,EX,{_MATERIAL},{found.young!r}",
+            f"MP,EX,{_MATERIAL},{modulus.young!r}",
             f"MP,PRXY,{_MATERIAL},{POISSON}",
             f"TB,PRONY,{_MATERIAL},1,{pad.times.size},SHEAR",
         ]
         lines += [
-            f"TBDATA,{first + 1},{','.join(numbers[first : first + _CONSTANTS])}"
-            for first in range(0, len(numbers), _CONSTANTS)
+            f"TBDATA,{first + 1},{','.join(terms[first : first + _CONSTANTS])}"
+            for first in range(0, len(terms), _CONSTANTS)
         ]
         return {f"{pad.identifier}.mac": (head + "\n".join(lines) + "\n").encode()}

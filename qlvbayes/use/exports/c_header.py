@@ -11,7 +11,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.formulas import FORMULAS, Formulas
 from qlvbayes.use.exports.layer_code import MATERIAL, layers_code, library_of
-from qlvbayes.use.exports.layers import LINE, Piece
+from qlvbayes.use.exports.layers import LINE, ExportedLayer
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 from qlvbayes.use.exports.translation import Language, functions_of, needs
@@ -25,7 +25,7 @@ class CHeader(AbstractTarget):
     steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.h`` and ``pad_B_draws.h``."""
+        """Return the content of ``pad_B.h`` and ``pad_B_draws.h``."""
         return c_files(pad, type(self))
 
 
@@ -81,7 +81,7 @@ def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
     }
 
 
-def _touch(pieces: Sequence[Piece], language: Language) -> str | None:
+def _touch(pieces: Sequence[ExportedLayer], language: Language) -> str | None:
     """Return where it is remembered whether the specimen is touched."""
     way = language.top
     for piece in reversed(pieces):
@@ -92,7 +92,7 @@ def _touch(pieces: Sequence[Piece], language: Language) -> str | None:
 
 
 def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
-    """Constants of law and effects, fractions and rates of each draw, in all their digits."""
+    """Return constants, fractions and rates of each draw, in all their digits."""
 
     def digits(values: np.ndarray) -> list[str]:
         return [repr(float(x)) for x in values]
@@ -112,7 +112,7 @@ class C(Language):
         return f"{self.prefix.upper()}_{name.upper()}"
 
     def number(self, value: float) -> str:
-        """Cast, so that a float variant has no double in it."""
+        """Return a literal with a cast, so that a float variant has no double in it."""
         return f"{self.prefix.upper()}_R({value!r})"
 
     def constant(self, name: str) -> str:
@@ -124,13 +124,18 @@ class C(Language):
         return f"{self.prefix}_{name}"
 
     def either(self, condition: str, yes: str, no: str) -> str:
-        """Only one of the two is evaluated."""
+        """Return a choice of two values, of which only one is evaluated."""
         return f"({condition} ? {yes} : {no})"
 
     def function(
-        self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str
+        self,
+        name: str,
+        summary: str,
+        arguments: list[str],
+        body: list[tuple[str, str]],
+        result: str,
     ) -> str:
-        """Static and inline."""
+        """Return a static inline function."""
         real = f"{self.prefix}_real"
         written = " ".join([*(text for _, text in body), result])
         typed = [
@@ -139,7 +144,7 @@ class C(Language):
         lines = [f"    (void){x};" for x in arguments if not _stands_in(x, written)]
         lines += [f"    const {real} {key} = {text};" for key, text in body]
         head = f"static inline {real} {name}({', '.join(typed)})"
-        return "\n".join([f"/* {told} */", head, "{", *lines, f"    return {result};", "}", ""])
+        return "\n".join([f"/* {summary} */", head, "{", *lines, f"    return {result};", "}", ""])
 
     def truth(self, value: bool) -> str:
         """Return a number."""
@@ -155,45 +160,45 @@ class C(Language):
         """Return the member of the state that lies there."""
         return f"{way}.{member.removeprefix('s->')}"
 
-    def memory(self, place: int) -> str:
-        """In an array."""
-        return f"s->m[{place}]"
+    def memory(self, index: int) -> str:
+        """Return an element of an array."""
+        return f"s->m[{index}]"
 
-    def beneath(self, place: int, count: int) -> str:
+    def beneath(self, index: int, count: int) -> str:
         """Return a member of the layer's own struct."""
-        return "s->below" if count == 1 else f"s->below[{place}]"
+        return "s->below" if count == 1 else f"s->below[{index}]"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
         """Return a constant."""
         kind = "int" if truth else f"{self.prefix}_real"
         return f"const {kind} {name} = {text};"
 
-    def remember(self, place: int, text: str) -> str:
-        """In an array."""
-        return f"s->m[{place}] = {text};"
+    def remember(self, index: int, text: str) -> str:
+        """Return an assignment to an element of an array."""
+        return f"s->m[{index}] = {text};"
 
     def declared(self, below: str, name: str) -> str:
         """Return a struct."""
         return f"{self.prefix}_{below}_state {name};"
 
-    def copy(self, below: str, name: str, place: str) -> str:
+    def copy(self, below: str, name: str, location: str) -> str:
         """Return the whole struct."""
-        return f"{self.prefix}_{below}_state {name} = {place};"
+        return f"{self.prefix}_{below}_state {name} = {location};"
 
-    def keep(self, place: str, name: str) -> str:
+    def keep(self, location: str, name: str) -> str:
         """Return the whole struct."""
-        return f"{place} = {name};"
+        return f"{location} = {name};"
 
-    def begin(self, below: str, place: str, displacement: str) -> str:
-        """In place."""
-        return f"{self.prefix}_begin_{below}(k, &{place}, {displacement});"
+    def begin(self, below: str, location: str, displacement: str) -> str:
+        """Return a call that writes into the struct."""
+        return f"{self.prefix}_begin_{below}(k, &{location}, {displacement});"
 
-    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
-        """In place."""
-        call = f"{self.prefix}_step_{below}(k, &{place}, {', '.join(line)});"
+    def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
+        """Return a call that changes the struct, and names its force."""
+        call = f"{self.prefix}_step_{below}(k, &{location}, {', '.join(line)});"
         return call if name is None else f"const {self.prefix}_real {name} = {call}"
 
-    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
+    def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
         """Return a struct and two functions."""
         p, state = self.prefix, f"{self.prefix}_{piece.name}_state"
         count = "" if piece.beneath == 1 else f"[{piece.beneath}]"
@@ -216,7 +221,7 @@ class C(Language):
             text += [head, "{", *(f"    {line}" for line in (*unused, *body)), "}", ""]
         return "\n".join(text)
 
-    def late(self, piece: Piece, below: str) -> str:
+    def late(self, piece: ExportedLayer, below: str) -> str:
         """Return the code of a template."""
         names = {"p": self.prefix, "P": self.prefix.upper(), "delay": piece.constants[0]}
         return template("late.h.j2", piece=piece, below=below, most=LINES, **names)

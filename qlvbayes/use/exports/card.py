@@ -9,11 +9,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import qlvbayes
 from qlvbayes.io.escaping import visible
-from qlvbayes.use.exports.pad import ExportedPad, Interval
+from qlvbayes.use.exports.pad import ExportedPad, PosteriorInterval
 from qlvbayes.use.exports.target import AbstractTarget
 
 # solvers read ASCII only
-_PLAIN = str.maketrans(
+_ASCII = str.maketrans(
     {"δ": "d", "−": "-", "Σ": "sum", "∫": "int", "θ": "theta", "²": "^2"} | {"³": "^3"}
 )
 
@@ -42,7 +42,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         f"Units: {_units(pad)}",
         f"Tested: {_tested(pad)}",
         "Median and 90 % interval:",
-        *(_told(x) for x in pad.intervals),
+        *(_interval_line(x) for x in pad.intervals),
         "Numbers below: the posterior draw closest to the medians",
     ]
     lines += _long_term(pad)
@@ -51,7 +51,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     lost = (*_effects(pad, target), *target.cannot, *extra)
     lines.append("Not carried:" if lost else "Not carried: nothing of the fitted model")
     lines += [f"  - {line}" for line in lost]
-    return [visible(" ".join(line.translate(_PLAIN).split("\n"))) for line in lines]
+    return [visible(" ".join(line.translate(_ASCII).split("\n"))) for line in lines]
 
 
 def commented(lines: Iterable[str], sign: str) -> str:
@@ -78,7 +78,7 @@ def template(file: str, /, **values: object) -> str:
     return environment.get_template(file).render(**values)
 
 
-def _told(x: Interval) -> str:
+def _interval_line(x: PosteriorInterval) -> str:
     unit = "" if x.unit == "1" else f" {x.unit}"
     return f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}){unit}"
 
@@ -112,10 +112,10 @@ def _relaxation(pad: ExportedPad) -> str:
 def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
     """Return those that do not go along, each with the reason; and why there is no way back."""
     lost = pad.left_out if target.steps else dict.fromkeys(pad.effects, target.without_steps)
-    found = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
+    lines = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
     if target.steps and pad.one_way:
-        found.append(f"displacement from force: {pad.one_way}")
-    return found
+        lines.append(f"displacement from force: {pad.one_way}")
+    return lines
 
 
 def _long_term(pad: ExportedPad) -> list[str]:

@@ -7,14 +7,14 @@ from qlvbayes.use.exports.abaqus import Abaqus
 from qlvbayes.use.exports.ansys import Ansys
 from qlvbayes.use.exports.c_header import CHeader
 from qlvbayes.use.exports.comsol import Comsol
-from qlvbayes.use.exports.curves import Curves
+from qlvbayes.use.exports.curves import ViscoelasticCurves
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.fmu import Fmu
 from qlvbayes.use.exports.isaac import Isaac
 from qlvbayes.use.exports.json_file import JsonFile
 from qlvbayes.use.exports.ls_dyna import LSDyna
-from qlvbayes.use.exports.matlab import Matlab
+from qlvbayes.use.exports.matlab import MatlabFunction
 from qlvbayes.use.exports.mujoco import MuJoCo
 from qlvbayes.use.exports.nastran import Nastran
 from qlvbayes.use.exports.radioss import OpenRadioss
@@ -26,7 +26,7 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     MuJoCo,
     Drake,
     Isaac,
-    Matlab,
+    MatlabFunction,
     Abaqus,
     Ansys,
     FEBio,
@@ -34,7 +34,7 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     LSDyna,
     Nastran,
     OpenRadioss,
-    Curves,
+    ViscoelasticCurves,
     JsonFile,
 )
 """Every target."""

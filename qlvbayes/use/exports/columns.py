@@ -13,12 +13,12 @@ def column(value: float, width: int, exponent: str = "e") -> str:
     Raises InputError where not one digit has room.
     """
     for digits in range(_DIGITS, 0, -1):
-        plain = repr(value) if digits == _DIGITS else f"{value:.{digits}g}"
+        shortest = repr(value) if digits == _DIGITS else f"{value:.{digits}g}"
         mantissa, _, power = f"{value:#.{digits - 1}e}".partition("e")
         sign = "" if exponent else "+" if int(power) >= 0 else ""
         short = f"{mantissa.rstrip('0')}{exponent}{sign}{int(power)}"
-        whole = plain if "." in plain else f"{plain}."
-        for text in (short,) if "e" in plain else (whole, whole.lstrip("0"), short):
+        whole = shortest if "." in shortest else f"{shortest}."
+        for text in (short,) if "e" in shortest else (whole, whole.lstrip("0"), short):
             if text != "." and len(text) <= width:
                 return text.rjust(width)
     raise InputError(f"{value:g} has no room in {width} columns", remedy="use --to json")

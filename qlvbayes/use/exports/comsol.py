@@ -23,16 +23,16 @@ class Comsol(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B_branches.txt`` and ``pad_B_parent.txt``, a list of parameters."""
-        found = moduli(pad, specimen)
+        """Return the content of ``pad_B_branches.txt`` and ``pad_B_parent.txt`` (parameters)."""
+        modulus = moduli(pad, specimen)
         said = card(pad, type(self), structure(pad))
         head = commented(said, "%")
-        shear = _PASCAL * found.shear
+        shear = _PASCAL * modulus.shear
         rows = zip((shear * pad.fractions[1:]).tolist(), pad.times.tolist(), strict=True)
         branches = [f"{m} {g!r} {tau!r}" for m, (g, tau) in enumerate(rows, 1)]
         parent = [
             f'G_long {shear * float(pad.fractions[0])!r}[Pa] "shear modulus, long-term"',
-            f'K_bulk {_PASCAL * found.bulk!r}[Pa] "bulk modulus, Poisson ratio {POISSON} fast"',
+            f'K_bulk {_PASCAL * modulus.bulk!r}[Pa] "bulk modulus, Poisson ratio {POISSON} fast"',
         ]
         columns = "% branch, shear modulus (Pa), relaxation time (s)\n"
         return {

@@ -16,7 +16,7 @@ LEAST_IMPEDANCE = 1e-4
 
 
 def hunt_crossley(depth: Floats, speed: Floats, stiffness: float, dissipation: float) -> Floats:
-    r"""Drake's point contact, of a soft body with a hard one.
+    r"""Return the force of Drake's point contact, of a soft body with a hard one.
 
     .. math:: F = k\, x\, (1 + d\, v)_+
 
@@ -29,7 +29,7 @@ def hunt_crossley(depth: Floats, speed: Floats, stiffness: float, dissipation: f
 
 
 def spring_damper(depth: Floats, speed: Floats, stiffness: float, damping: float) -> Floats:
-    r"""PhysX's compliant contact, in steps short against damping over stiffness.
+    r"""Return the force of PhysX's compliant contact, in steps short against c/k.
 
     .. math:: F = (k\, x + c\, v)_+ \quad (x > 0)
 
@@ -42,12 +42,12 @@ def spring_damper(depth: Floats, speed: Floats, stiffness: float, damping: float
 def impedance(
     depth: Floats, least: float, most: float, width: float, midpoint: float, power: float
 ) -> Floats:
-    r"""MuJoCo's impedance d(x), a power from either end of a sigmoid over the width.
+    r"""Return MuJoCo's impedance d(x): a power from either end of a sigmoid over the width.
 
     .. math:: d = d_0 + (d_w - d_0)\, y(x/w), \quad y(s) = s^p/m^{p - 1}\ (s \le m), \quad
               1 - (1 - s)^p/(1 - m)^{p - 1}\ (s > m), \quad y = 1\ (s \ge 1)
 
-    The five numbers of ``solimp``, in its order. MuJoCo, "Modeling", solver parameters.
+    The parameters are those of ``solimp``, in its order. MuJoCo, "Modeling", solver parameters.
     """
     s = np.clip(np.abs(depth) / width, 0.0, 1.0)
     rising = s**power / midpoint ** (power - 1.0)
@@ -65,7 +65,7 @@ def soft_constraint(
     mass: float = 1.0,
     acceleration: Floats | float = 0.0,
 ) -> Floats:
-    r"""MuJoCo's contact along its normal, ``solref`` in the direct format (-stiffness, -damping).
+    r"""Return the normal force of MuJoCo's contact, ``solref`` as (-stiffness, -damping).
 
     .. math:: F = \Big(m \frac{d(x)}{1 - d(x)} \Big(\dot v + \frac{B}{d_w} v
               + S \frac{d(x)}{d_w^2} x\Big)\Big)_+

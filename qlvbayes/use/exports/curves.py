@@ -20,7 +20,7 @@ _STATED = (10.0, 100.0, 1000.0)  # s, at which relaxation is stated in words
 _SHEAR = 2.0 * (1.0 + POISSON)  # Young's modulus over the shear modulus
 
 
-class Curves(AbstractTarget):
+class ViscoelasticCurves(AbstractTarget):
     r"""What small deformation about first contact shows, with 90 % bands over the draws.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \quad
@@ -33,7 +33,7 @@ class Curves(AbstractTarget):
     diag(v) - u u^T, u_i = (c_i v_i)^{1/2}. A cycle of amplitude a loses the energy pi k'' a^2,
     which is given over a^2. Of stress over strain they are the moduli of that deformation; with a
     specimen's shape Young's moduli E' and E'' (and the energy is that of a volume over the squared
-    strain), beside them G' and G'', which are E' and E'' over 2 (1 + nu). Times and frequencies are
+    strain), with them G' and G'', which are E' and E'' over 2 (1 + nu). Times and frequencies are
     those tested. Tschoegl 1989, doi:10.1007/978-3-642-73602-5, ch. 2 to 4.
     """
 
@@ -42,7 +42,7 @@ class Curves(AbstractTarget):
     cannot = (NO_CONTACT, "stiffening with depth: this is small deformation about first contact")
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B_relaxation.csv`` and ``pad_B_dynamic.csv``."""
+        """Return the content of ``pad_B_relaxation.csv`` and ``pad_B_dynamic.csv``."""
         if pad.covered is None:
             raise InputError(
                 f"the results of pad {pad.name} do not say which rates and times were tested",
@@ -88,22 +88,26 @@ def _stated(pad: ExportedPad, hold: float) -> list[str]:
     for time in _STATED:
         ends = _banded(pad, ("", ""), partial(relaxed, time=np.array([time])))
         middle, low, high = (float(values[0]) for values in ends.values())
-        told = f"{middle:.4g} ({low:.4g} to {high:.4g})"
+        interval = f"{middle:.4g} ({low:.4g} to {high:.4g})"
         lines.append(
             f"Share left {time:g} s after a jump: "
-            + (told if time <= hold else f"not stated: held to {hold:.4g} s, do not extrapolate")
+            + (
+                interval
+                if time <= hold
+                else f"not stated: held to {hold:.4g} s, do not extrapolate"
+            )
         )
     return lines
 
 
 def relaxed(draws: Draws, time: np.ndarray) -> np.ndarray:
-    """G (n, T) at times (s)."""
+    """Return the relaxation g (n, T) at times (s)."""
     decays = np.exp(-draws.rates[:, :, None] * time)
     return draws.fractions[:, :1] + np.einsum("nk,nkt->nt", draws.fractions[:, 1:], decays)
 
 
 def crept(draws: Draws, time: np.ndarray) -> np.ndarray:
-    """J (n, T) at times (s), times the instantaneous stiffness."""
+    """Return the creep compliance J (n, T) at times (s), times the instantaneous stiffness."""
     u = np.sqrt(draws.fractions[:, 1:] * draws.rates)
     matrix = draws.rates[:, :, None] * np.eye(u.shape[1]) - u[:, :, None] * u[:, None, :]
     rates, vectors = np.linalg.eigh(matrix)
@@ -116,17 +120,17 @@ def crept(draws: Draws, time: np.ndarray) -> np.ndarray:
 
 
 def dynamic_shares(draws: Draws, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Storage and loss (n, W) at angular frequencies (1/s), over the instantaneous stiffness."""
+    """Return storage and loss (n, W) at angular frequencies (1/s), over K(0)."""
     ratio = draws.rates[:, :, None] / omega
     shares = draws.fractions[:, 1:, None] / (1.0 + ratio**2)
     return draws.fractions[:, :1] + np.sum(shares, axis=1), np.sum(shares * ratio, axis=1)
 
 
 def _stiffness(pad: ExportedPad, draws: Draws) -> np.ndarray:
-    """K(0) of each draw, (n, 1)."""
+    """Return the instantaneous stiffness K(0) of each draw, (n, 1)."""
     laws = type(pad.elastic)(*draws.elastic.T)
-    found = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
-    return np.asarray(found)[:, None]
+    stiffness = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
+    return np.asarray(stiffness)[:, None]
 
 
 def _units(pad: ExportedPad, specimen: Geometry | None) -> tuple[str, str, float]:

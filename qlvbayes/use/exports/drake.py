@@ -34,19 +34,19 @@ class Drake(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.sdf``: paste its properties into a collision; and the error of that."""
+        """Return the content of ``pad_B.sdf``, properties of a collision, and of its errors."""
         pressed = pressing(pad)
         spring = pressed.depth
         k, kd = fitted([spring, spring * pressed.speed], pressed)
         start = [k, kd / k] if k > 0.0 else [*fitted([spring], pressed), 0.0]
         stiffness, dissipation = closest(hunt_crossley, pressed, start)
         force = hunt_crossley(pressed.depth, pressed.speed, stiffness, dissipation)
-        numbers = {"stiffness (N/m)": stiffness, "dissipation (s/m)": dissipation}
+        constants = {"stiffness (N/m)": stiffness, "dissipation (s/m)": dissipation}
         solid = {}
         if specimen is not None:
             foundation, area = 0.5 * specimen.height * _MM, specimen.area * _MM**2
             solid = {"modulus": stiffness * foundation / area, "foundation": foundation}
-            numbers["hydroelastic modulus (Pa)"] = solid["modulus"]
+            constants["hydroelastic modulus (Pa)"] = solid["modulus"]
         text = template(
             "pad.sdf.j2",
             card=in_comment(card(pad, type(self), [f"so this {pressed.miss(force)}"])),
@@ -57,5 +57,5 @@ class Drake(AbstractTarget):
         )
         return {
             f"{pad.identifier}.sdf": text.encode(),
-            **error_files(pad, type(self), pressed, {"point contact": force}, numbers),
+            **error_files(pad, type(self), pressed, {"point contact": force}, constants),
         }

@@ -20,13 +20,17 @@ def error_files(
     target: type[AbstractTarget],
     pressed: Pressing,
     forces: Mapping[str, Floats],
-    said: Mapping[str, float | list[float]],
+    constants: Mapping[str, float | list[float]],
 ) -> dict[str, bytes]:
-    """``pad_B_error.txt`` and ``pad_B_error.json``.
+    """Return the content of ``pad_B_error.txt`` and ``pad_B_error.json``.
 
-    forces: (n,) of each of the simulator's contacts, by a name for readers; the pad's own model,
-    which the C header, the FMU and MuJoCo's plugin carry, stands beside them. said: the contact's
-    numbers, by their names with units.
+    Parameters
+    ----------
+    forces
+        Force (n,) of each of the simulator's contacts, by a name for readers. The pad's own model,
+        which the C header, the FMU and MuJoCo's plugin contain, is listed with them.
+    constants
+        Constants of the contact, by their names with units.
     """
     every = {**forces, _MODEL: pressed.force}
     errors = {name: pressed.errors(force) for name, force in every.items()}
@@ -38,7 +42,7 @@ def error_files(
         "date": pad.date,
         "against": "model" if pressed.absent else "measured",
         "why_not_measured": pressed.absent or None,
-        "numbers": dict(said),
+        "numbers": dict(constants),
         "whole": {
             name: {"rms": x.rms, "largest": x.largest, "holds_rms": x.hold}
             for name, x in whole.items()
@@ -67,7 +71,7 @@ def error_files(
 def _table(
     pressed: Pressing, errors: Mapping[str, Floats], whole: Mapping[str, float]
 ) -> list[str]:
-    """Lines of errors by test and phase, and of all."""
+    """Return lines of the errors by test and phase, and over all of them."""
     wide = max(len(cell.test) for cell in pressed.cells)
     columns = {name: max(len(name), 7) for name in errors}
     head = f"{'test':{wide}}  {'role':8}  {'phase':9}  {'peak N':>8}"

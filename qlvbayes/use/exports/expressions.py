@@ -1,6 +1,6 @@
-"""A program of JAX on a few numbers as expressions that can be written in another language.
+"""A program of JAX on a few scalars as expressions that can be written in another language.
 
-`Expressions.of` runs a program's instructions (its jaxpr) on expressions in place of numbers:
+`Expressions.from_program` runs a program's instructions (its jaxpr) on expressions, not on numbers:
 arrays become their elements, functions within are gone through, choices stay choices. Equal
 expressions are one object, so that what is used twice is computed once.
 """
@@ -35,7 +35,7 @@ class Expression:
 
     @property
     def is_true_or_false(self) -> bool:
-        """Whether it is a condition, not a number."""
+        """True of a condition, false of a number."""
         return self.op in _CONDITIONS or (self.op == "constant" and isinstance(self.value, bool))
 
 
@@ -108,35 +108,37 @@ class Expressions:
         return self._node(name, (), value)
 
     def call(self, op: str, *args: Expression, value: Any = None) -> Expression:
-        """``op`` of the arguments, worked out where they are constants."""
+        """Return ``op`` of the arguments, evaluated where they are constants."""
         if all(x.op == "constant" for x in args) and (known := _PAIRS | _SINGLES).get(op):
             with contextlib.suppress(ArithmeticError, ValueError):  # what is none stays as it is
                 return self.constant(known[op](*(x.value for x in args)))
         return self._simpler(op, args) or self._node(op, args, value)
 
-    def of(self, program: core.ClosedJaxpr, inputs: Sequence[Expression]) -> list[Expression]:
-        """Return all elements of the program's results, in order, from single numbers.
+    def from_program(
+        self, program: core.ClosedJaxpr, inputs: Sequence[Expression]
+    ) -> list[Expression]:
+        """Return all elements of the program's results, in order, from scalar inputs.
 
         Raises TranslationError naming an instruction that has no expression.
         """
         rest = iter(inputs)
         shapes = [variable.aval.shape for variable in program.jaxpr.invars]
         arrays = [_array([next(rest) for _ in range(math.prod(x))], x) for x in shapes]
-        return [x for found in self._run(program, arrays) for x in found.ravel()]
+        return [x for array in self._run(program, arrays) for x in array.ravel()]
 
     def _run(self, program: Any, inputs: Sequence[Nodes]) -> list[Nodes]:
         jaxpr, consts = (
             (program.jaxpr, program.consts) if hasattr(program, "jaxpr") else (program, ())
         )
         values: dict[Any, Nodes] = dict(zip(jaxpr.invars, inputs, strict=True))
-        values |= {x: self._numbers(y) for x, y in zip(jaxpr.constvars, consts, strict=True)}
+        values |= {x: self._constants(y) for x, y in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Any) -> Nodes:
-            return self._numbers(atom.val) if isinstance(atom, core.Literal) else values[atom]
+            return self._constants(atom.val) if isinstance(atom, core.Literal) else values[atom]
 
         for line in jaxpr.eqns:
-            found = self._instruction(line, [read(x) for x in line.invars])
-            values |= dict(zip(line.outvars, found, strict=True))
+            results = self._instruction(line, [read(x) for x in line.invars])
+            values |= dict(zip(line.outvars, results, strict=True))
         return [read(x) for x in jaxpr.outvars]
 
     def _instruction(self, line: Any, given: list[Nodes]) -> list[Nodes]:
@@ -170,11 +172,11 @@ class Expressions:
 
     def _each(self, make: Callable[..., Expression], given: Sequence[Nodes]) -> Nodes:
         whole = np.broadcast_arrays(*given)
-        found = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
-        return _array(found, whole[0].shape)
+        results = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
+        return _array(results, whole[0].shape)
 
     def either(self, which: Expression, yes: Expression, no: Expression) -> Expression:
-        """``yes`` where a condition holds, else ``no``."""
+        """Return ``yes`` where a condition holds, else ``no``."""
         if which.op == "constant":
             return yes if which.value else no
         return yes if yes is no else self._node("choose", (which, yes, no), None)
@@ -216,8 +218,8 @@ class Expressions:
         columns = moved.reshape(-1, *shape)
         return self._each(lambda *x: self._folded(op, x), list(columns))
 
-    def _product(self, left: Nodes, right: Nodes, numbers: Any) -> Nodes:
-        (on_left, on_right), batch = numbers
+    def _product(self, left: Nodes, right: Nodes, dimensions: Any) -> Nodes:
+        (on_left, on_right), batch = dimensions
         if any(batch):
             raise TranslationError("its step multiplies stacks of matrices")
         rows = np.moveaxis(left, on_left, range(len(on_left)))
@@ -226,19 +228,19 @@ class Expressions:
         shape = rows.shape[len(on_left) :] + columns.shape[len(on_right) :]
         rows = rows.reshape(math.prod(inner), -1)
         columns = columns.reshape(math.prod(inner), -1)
-        found = [
+        sums = [
             self._folded("add", [self.call("mul", x, y) for x, y in zip(a, b, strict=True)])
             for a in rows.T
             for b in columns.T
         ]
-        return _array(found, shape)
+        return _array(sums, shape)
 
-    def _numbers(self, value: Any) -> Nodes:
-        plain = np.asarray(value)
-        return _array([self.constant(x) for x in plain.ravel().tolist()], plain.shape)
+    def _constants(self, value: Any) -> Nodes:
+        array = np.asarray(value)
+        return _array([self.constant(x) for x in array.ravel().tolist()], array.shape)
 
     def _simpler(self, op: str, args: tuple[Expression, ...]) -> Expression | None:
-        """Sums with 0 and products with 0 and 1; a condition that is known."""
+        """Return a sum with 0, a product with 0 or 1, simplified; None for any other operation."""
         zero = [x.op == "constant" and x.value == 0.0 for x in args]
         one = [x.op == "constant" and x.value == 1.0 for x in args]
         if op == "add" and any(zero):
@@ -272,19 +274,19 @@ _ELEMENTWISE = (
 
 
 def _array(values: list[Expression], shape: tuple[int, ...]) -> Nodes:
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found.reshape(shape)
+    nodes = np.empty(len(values), dtype=object)
+    nodes[:] = values
+    return nodes.reshape(shape)
 
 
 def _moved(primitive: Any, params: dict, given: list[Nodes]) -> list[Nodes]:
-    """Elements at their new places: the instruction is run on their numbers."""
+    """Return the elements in their new order: the instruction is run on their indices."""
     every = [x for array in given for x in array.ravel()]
     ends = np.cumsum([array.size for array in given])
-    places = [
+    indices = [
         np.arange(end - array.size, end).reshape(array.shape)
         for array, end in zip(given, ends, strict=True)
     ]
-    found = primitive.bind(*map(jax.numpy.asarray, places), **params)
-    results = map(np.asarray, found if primitive.multiple_results else [found])
+    moved = primitive.bind(*map(jax.numpy.asarray, indices), **params)
+    results = map(np.asarray, moved if primitive.multiple_results else [moved])
     return [_array([every[k] for k in x.ravel()], x.shape) for x in results]

@@ -22,8 +22,8 @@ class FEBio(AbstractTarget):
 
     FEBio takes g0 = 1 where it is not written, which would give far too much long-term force.
     Fung's box is its ``relaxation-Malkin`` at beta = 1, (1 + t/tau)^-alpha its
-    ``relaxation-power``; both fall to zero, so that the share that stays is an elastic solid beside
-    the bonds that relax.
+    ``relaxation-power``; both fall to zero, so that the share that stays is an elastic solid in
+    parallel with the bonds that relax.
     """
 
     name = "febio"
@@ -31,7 +31,7 @@ class FEBio(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.feb``: paste its material into a model."""
+        """Return the content of ``pad_B.feb``, whose material goes into a model."""
         young = moduli(pad, specimen).young
         law, said = pad.relaxation, card(pad, type(self), structure(pad))
         if isinstance(law, Fung):

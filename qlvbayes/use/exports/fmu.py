@@ -37,7 +37,7 @@ class Fmu(AbstractTarget):
     steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.fmu``."""
+        """Return the content of ``pad_B.fmu``."""
         name = pad.identifier
         values = {
             "p": name,

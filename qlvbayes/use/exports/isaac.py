@@ -17,7 +17,7 @@ class Isaac(AbstractTarget):
 
     x: depth (m); k (N/m), c (N s/m), neither below zero; in the mean square along the pad's tests.
     PhysX takes it implicitly, in steps that are to be short against c/k. A compliant material
-    against a rigid one keeps its own numbers. OpenUSD, ``PhysxMaterialAPI``.
+    against a rigid one keeps its own constants. OpenUSD, ``PhysxMaterialAPI``.
     """
 
     name = "isaac"
@@ -30,7 +30,7 @@ class Isaac(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.usda``: bind its material to a collider; and the error of that."""
+        """Return the content of ``pad_B.usda``, the material of a collider, and of its errors."""
         pressed = pressing(pad)
         start = fitted([pressed.depth, pressed.speed], pressed)
         stiffness, damping = closest(spring_damper, pressed, start.tolist())
@@ -43,8 +43,8 @@ class Isaac(AbstractTarget):
             stiffness=stiffness,
             damping=damping,
         )
-        numbers = {"stiffness (N/m)": stiffness, "damping (N s/m)": damping}
+        constants = {"stiffness (N/m)": stiffness, "damping (N s/m)": damping}
         return {
             f"{pad.identifier}.usda": text.encode(),
-            **error_files(pad, type(self), pressed, {"compliant contact": force}, numbers),
+            **error_files(pad, type(self), pressed, {"compliant contact": force}, constants),
         }

@@ -11,14 +11,14 @@ from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 
 class JsonFile(AbstractTarget):
-    """Laws, spectrum, intervals, tested range and draws; numbers lose no digit."""
+    """Laws, spectrum, intervals, tested range and draws, every one in all its digits."""
 
     name = "json"
     steps = True
     what = "laws, spectrum, intervals, tested range and draws, without loss"
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.json``."""
+        """Return the content of ``pad_B.json``."""
         content = {
             "schema": 1,
             "pad": pad.name,
@@ -44,13 +44,14 @@ class JsonFile(AbstractTarget):
 
 
 def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
-    """Each draw: elastic constants by name, shares c and rates v (1/s) of g = c_0 + sum c e^-vt.
+    """Return the constants of each draw.
 
-    And constants of the effects that are not in the relaxation, by name.
+    They are the elastic constants by name, the shares c and rates v (1/s) of
+    g = c_0 + sum c e^-vt, and by name the constants of effects that are not in the relaxation.
     """
     elastic = type(pad.elastic).units
     effects = [name for piece in pad.pieces for name in piece.columns]
-    numbers = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))
+    columns = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))
     return [
         {
             "elastic": dict(zip(elastic, e, strict=True)),
@@ -58,5 +59,5 @@ def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
             "c": c,
             "v": v,
         }
-        for e, a, c, v in zip(*numbers, strict=True)
+        for e, a, c, v in zip(*columns, strict=True)
     ]

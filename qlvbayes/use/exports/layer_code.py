@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from qlvbayes.use.exports.expressions import Expression
-from qlvbayes.use.exports.layers import Piece, Work
+from qlvbayes.use.exports.layers import ExportedLayer, LayerComputation
 from qlvbayes.use.exports.translation import Language
 
 _SIGNS = {
@@ -41,25 +41,25 @@ _INPUTS = ("constant", "constant_of", "memory", "line", "state", "force_beneath"
 _STATES = ("state", "begin_beneath", "step_beneath")
 
 
-def library_of(pieces: Iterable[Piece]) -> set[str]:
-    """Functions of C's library that the layers call."""
+def library_of(pieces: Iterable[ExportedLayer]) -> set[str]:
+    """Return the functions of C's library that the layers call."""
     works = [work for piece in pieces for work in (piece.begin, piece.step)]
     return {LIBRARY[x.op] for work in works for x in work.ordered if x.op in LIBRARY}
 
 
 @dataclass
-class Lines:
+class LayerStatements:
     """A function's statements; the language writes them one by one."""
 
     language: Language
-    piece: Piece
+    piece: ExportedLayer
     below: str
-    work: Work
+    work: LayerComputation
     text: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._named: dict[int, str] = {}
-        self._place: dict[int, str] = {}
+        self._locations: dict[int, str] = {}
         self._slot = _slots(self.work)
         for x in self.work.ordered:
             self._note(x)
@@ -75,34 +75,34 @@ class Lines:
             self.text.append(self.language.set(name, written, truth=x.is_true_or_false))
 
     def _state(self, x: Expression) -> None:
-        """A state of the law beneath: the layer's own, or one that passes."""
+        """Write the statements that make a state of the law beneath."""
         own = self.language.beneath
         if x.op == "state":
-            self._place[id(x)] = own(int(x.value), self.piece.beneath)
+            self._locations[id(x)] = own(int(x.value), self.piece.beneath)
             return
         if x.op == "begin_beneath":
-            place = self._kept(x)
-            self.text.append(self.language.begin(self.below, place, self._write(x.args[0])))
+            location = self._kept(x)
+            self.text.append(self.language.begin(self.below, location, self._write(x.args[0])))
         else:
             before, *line = x.args
-            place = self._place[id(before)]
+            location = self._locations[id(before)]
             if self.work.used[id(before)] > 1:  # goes on from there more than once
-                copy = f"c{len(self._place) + 1}"
-                self.text.append(self.language.copy(self.below, copy, place))
-                place = copy
+                copy = f"c{len(self._locations) + 1}"
+                self.text.append(self.language.copy(self.below, copy, location))
+                location = copy
             wanted = any(y.op == "force_beneath" and y.args[0] is x for y in self.work.ordered)
-            name = f"f{len(self._place) + 1}" if wanted else None
+            name = f"f{len(self._locations) + 1}" if wanted else None
             self._named[id(x)] = name or ""
             followed = "followed" if self.work.force else self.language.truth(False)  # of a begin
             words = [*(self._write(y) for y in line), followed]
-            self.text.append(self.language.step(self.below, name, place, words))
-        self._place[id(x)] = place
+            self.text.append(self.language.step(self.below, name, location, words))
+        self._locations[id(x)] = location
 
     def _kept(self, x: Expression) -> str:
         """Return where a state that begins is kept."""
         if (slot := self._slot.get(id(x))) is not None:
             return self.language.beneath(slot, self.piece.beneath)
-        name = f"c{len(self._place) + 1}"
+        name = f"c{len(self._locations) + 1}"
         self.text.append(self.language.declared(self.below, name))
         return name
 
@@ -120,8 +120,8 @@ class Lines:
         self.text += [language.remember(i, text) for i, text in memory]
         for i, x in enumerate(work.states):
             own = language.beneath(i, self.piece.beneath)
-            if self._place[id(x)] != own:
-                self.text.append(language.keep(own, self._place[id(x)]))
+            if self._locations[id(x)] != own:
+                self.text.append(language.keep(own, self._locations[id(x)]))
 
     def _write(self, x: Expression) -> str:
         """Return the expression in one line of text, or the name that it has."""
@@ -156,30 +156,32 @@ class Lines:
         return f"{language.own(x.op)}({', '.join(['k', *args])})"  # of the elastic law
 
 
-def _slots(work: Work) -> dict[int, int]:
-    """By the id of a state that ends up as the layer's own, and those it came from: which."""
-    found: dict[int, int] = {}
+def _slots(work: LayerComputation) -> dict[int, int]:
+    """Return the index of the layer's own state that each state, by its id, becomes."""
+    slots: dict[int, int] = {}
     for slot, x in enumerate(work.states):
         while x.op in _STATES and x.op != "state":
-            found[id(x)] = slot
+            slots[id(x)] = slot
             if x.op == "begin_beneath":
                 break
             x = x.args[0]
-    return found
+    return slots
 
 
 MATERIAL = "material"
 """What lies beneath the innermost layer."""
 
 
-def layers_code(pieces: Sequence[Piece], language: Language) -> str:
+def layers_code(pieces: Sequence[ExportedLayer], language: Language) -> str:
     """Return the functions of all layers, the innermost first."""
     texts, below = [], MATERIAL
     for piece in pieces:
         if piece.late:
             texts.append(language.late(piece, below))
         else:
-            begin, step = (Lines(language, piece, below, x).text for x in (piece.begin, piece.step))
+            begin, step = (
+                LayerStatements(language, piece, below, x).text for x in (piece.begin, piece.step)
+            )
             texts.append(language.layer(piece, below, begin, step))
         below = piece.name
     return "\n".join(texts)

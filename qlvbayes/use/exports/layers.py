@@ -1,7 +1,8 @@
 """The layers of a model, from the steps that the effects themselves take, for other languages.
 
-An effect says in `begin` and `step` how it goes on line by line; these, and no description beside
-them, are translated: each is run once on expressions, with the law beneath it as two calls.
+An effect defines in `begin` and `step` how it continues along each line of a motion. These methods
+themselves are translated, not a second description: each is run once on expressions, in which the
+law beneath it is two calls.
 """
 
 from __future__ import annotations
@@ -29,15 +30,18 @@ from qlvbayes.use.exports.expressions import Expression, Expressions, Translatio
 
 LINE = ("h", "to", "speed", "clear")
 """A line's duration (s), end, speed, and how far it then is off the specimen."""
-_MOST = 64  # numbers that a layer remembers, each written out
+_MOST = 64  # scalars in a layer's memory, each of which is written out
 
 _STATE = np.uint8  # stands for a state of the law beneath
 _LENGTH = "displacement"
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
-    """What a layer does: states of the law beneath, its own memory, and a force (None at first)."""
+class LayerComputation:
+    """The results of a layer's `begin` or `step`, as expressions.
+
+    states: of the law beneath; memory: the layer's own; force: None of `begin`, which has none.
+    """
 
     states: tuple[Expression, ...]
     memory: tuple[Expression, ...]
@@ -45,12 +49,12 @@ class Work:
 
     @property
     def results(self) -> tuple[Expression, ...]:
-        """All expressions that are computed."""
+        """Expressions that are computed."""
         return (*self.states, *self.memory, *((self.force,) if self.force else ()))
 
     @cached_property
     def used(self) -> dict[int, int]:
-        """How often each expression is used, by its id."""
+        """Number of uses of each expression, by its id."""
         count: dict[int, int] = {}
         for x in self.ordered:
             for arg in x.args:
@@ -61,71 +65,71 @@ class Work:
 
     @cached_property
     def ordered(self) -> tuple[Expression, ...]:
-        """Every expression after those that it is made of."""
-        found: dict[int, Expression] = {}
+        """Expressions in the order of evaluation, each after its arguments."""
+        known: dict[int, Expression] = {}
 
         def visit(x: Expression) -> None:
-            if id(x) not in found:
+            if id(x) not in known:
                 for arg in x.args:
                     visit(arg)
-                found[id(x)] = x
+                known[id(x)] = x
 
         for x in self.results:
             visit(x)
-        return tuple(found.values())
+        return tuple(known.values())
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ExportedLayer:
     """One layer, as a language writes it.
 
-    name: part of an identifier; said: the law in one line; columns: names of the layer's numbers in
-    a posterior; touch: which of its memory says that the specimen is touched, None where it does
-    not; inverts: as of the effect; late: whether it reads what was there a while ago, for which
-    languages have a queue of lines of their own, in place of ``begin`` and ``step``.
+    name: part of an identifier; said: the law in one line; columns: names of the layer's constants
+    in a posterior; touch: index in its memory of the flag that the specimen is touched, None where
+    it has none; inverts: as of the effect; late: whether it reads the force of an earlier time, for
+    which languages have a queue of lines, not ``begin`` and ``step``.
     """
 
     name: str
     said: str
     columns: tuple[str, ...]
-    begin: Work
-    step: Work
+    begin: LayerComputation
+    step: LayerComputation
     touch: int | None = None
     inverts: bool = True
     late: bool = False
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """The columns' names as identifiers."""
+        """Names of the columns as identifiers."""
         return tuple(_identifier(name) for name in self.columns)
 
     @property
     def memory(self) -> int:
-        """How many numbers it remembers."""
+        """Number of scalars in its memory."""
         return len(self.step.memory)
 
     @property
     def beneath(self) -> int:
-        """How many states of the layer beneath it keeps."""
+        """Number of states of the layer beneath that it keeps."""
         return len(self.step.states)
 
 
-def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
+def exported_layers(model: Model) -> tuple[tuple[ExportedLayer, ...], dict[str, str]]:
     """Return the layers that can be written out, innermost first, and why others cannot.
 
     An effect that acts on the relaxation alone is in the spectrum already, and is neither.
     """
     lost = without_steps(model)
-    found: list[Piece] = []
+    pieces: list[ExportedLayer] = []
     for layer in model.law.layers:
         name = getattr(layer, "name", "contact")
         if name in lost or in_spectrum(layer, model):
             continue
         try:
-            found.append(piece_of(layer))
+            pieces.append(piece_of(layer))
         except TranslationError as reason:
             lost[name] = str(reason)
-    return tuple(found), lost
+    return tuple(pieces), lost
 
 
 def in_spectrum(layer: Layer, model: Model) -> bool:
@@ -141,10 +145,10 @@ def changed(effect: AbstractEffect, model: Model) -> Any:
     return jax.eval_shape(lambda law: effect.spectrum(*law.spectrum()), model.relaxation)
 
 
-def piece_of(layer: Layer) -> Piece:
+def piece_of(layer: Layer) -> ExportedLayer:
     """Return a layer's begin and step as expressions.
 
-    TranslationError where there is no form of them.
+    Raises TranslationError where they cannot be written as expressions.
     """
     make = Expressions(_CALLS)
     if not isinstance(layer, AbstractEffect):
@@ -152,8 +156,8 @@ def piece_of(layer: Layer) -> Piece:
     columns = tuple(name for field in fields_of(layer) for name in field.names)
     if isinstance(layer, ChannelLag):
         before = make.named("state", 0)
-        begin, step = Work((before,), (), None), Work((before,), (), before)
-        return Piece(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
+        begin, step = LayerComputation((before,), (), None), LayerComputation((before,), (), before)
+        return ExportedLayer(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
     constants = [make.named("constant_of", _identifier(name)) for name in columns]
     begin, step = _traced(layer, make, constants)
     if touches := layer.level == Level.CONTACT:
@@ -161,50 +165,54 @@ def piece_of(layer: Layer) -> Piece:
     touch = len(step.memory) - 1 if touches else None
     name = _identifier(layer.name)
     name = f"{name}_effect" if name in ("contact", "material") else name
-    return Piece(name, layer.law, columns, begin, step, touch, layer.inverts)
+    return ExportedLayer(name, layer.law, columns, begin, step, touch, layer.inverts)
 
 
-def _contact(make: Expressions) -> Piece:
-    """Contact, with the force that it has where steps follow it beyond its loss."""
-    begin, plain = _with_touch(make, *_traced(Contact(), make, []))
+def _contact(make: Expressions) -> ExportedLayer:
+    """Return contact, with the force that it has where steps follow it beyond its loss."""
+    begin, free = _with_touch(make, *_traced(Contact(), make, []))
     _, followed = _traced(Contact(followed=True), make, [])
-    assert plain.force is not None
+    assert free.force is not None
     assert followed.force is not None
-    force = make.either(make.named("line", "followed"), followed.force, plain.force)
-    step = Work(plain.states, plain.memory, force)
+    force = make.either(make.named("line", "followed"), followed.force, free.force)
+    step = LayerComputation(free.states, free.memory, force)
     said = "a loose specimen has no depth below 0, and its force is never negative"
-    return Piece("contact", said, (), begin, step, touch=0)
+    return ExportedLayer("contact", said, (), begin, step, touch=0)
 
 
-def _with_touch(make: Expressions, begin: Work, step: Work) -> tuple[Work, Work]:
-    """Return a layer with one more number in memory: 1 where the specimen is touched, else 0."""
+def _with_touch(
+    make: Expressions, begin: LayerComputation, step: LayerComputation
+) -> tuple[LayerComputation, LayerComputation]:
+    """Return a layer with one more scalar in memory: 1 where the specimen is touched, else 0."""
     assert step.force is not None
     zero = make.constant(0.0)
     pressed = make.call("gt", make.named("line", "to"), zero)
     touched = make.call("and", pressed, make.call("ne", step.force, zero))
     memory = (*step.memory, make.either(touched, make.constant(1.0), zero))
     return (
-        Work(begin.states, (*begin.memory, zero), None),
-        Work(step.states, memory, step.force),
+        LayerComputation(begin.states, (*begin.memory, zero), None),
+        LayerComputation(step.states, memory, step.force),
     )
 
 
-def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tuple[Work, Work]:
+def _traced(
+    layer: Layer, make: Expressions, constants: list[Expression]
+) -> tuple[LayerComputation, LayerComputation]:
     leaves, shape = jax.tree.flatten(layer)
     sizes = [jax.ShapeDtypeStruct(np.shape(leaf), float) for leaf in leaves]
     number = jax.ShapeDtypeStruct((), float)
     state_shape = None
 
-    def begins(numbers, displacement):  # type: ignore[no-untyped-def]
+    def begins(values, displacement):  # type: ignore[no-untyped-def]
         nonlocal state_shape
-        state = jax.tree.unflatten(shape, numbers).begin(_Beneath(), displacement)
+        state = jax.tree.unflatten(shape, values).begin(_Beneath(), displacement)
         parts, state_shape = jax.tree.flatten(state)
         return parts
 
-    def goes_on(numbers, parts, line):  # type: ignore[no-untyped-def]
+    def goes_on(values, parts, line):  # type: ignore[no-untyped-def]
         state = jax.tree.unflatten(state_shape, parts)
         given = Line(*line)
-        state, force = jax.tree.unflatten(shape, numbers).step(_Beneath(), state, given)
+        state, force = jax.tree.unflatten(shape, values).step(_Beneath(), state, given)
         return jax.tree.leaves(state), force
 
     begun, kept = jax.make_jaxpr(begins, return_shape=True)(sizes, number)
@@ -213,13 +221,15 @@ def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tup
     stepped = jax.make_jaxpr(goes_on)(sizes, kept, [number] * len(LINE))
     parts = list(_named(kept, make))
     line = [make.named("line", name) for name in LINE]
-    first = make.of(begun, [*constants, make.named("line", _LENGTH)])
-    *after, force = make.of(stepped, [*constants, *parts, *line])
-    return Work(*_sorted(first, kept), None), Work(*_sorted(after, kept), force)
+    first = make.from_program(begun, [*constants, make.named("line", _LENGTH)])
+    *after, force = make.from_program(stepped, [*constants, *parts, *line])
+    return LayerComputation(*_sorted(first, kept), None), LayerComputation(
+        *_sorted(after, kept), force
+    )
 
 
 def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
-    """Inputs for what a layer keeps."""
+    """Yield an input for each state and scalar that a layer keeps."""
     states = memory = 0
     for part in kept:
         if part.dtype == _STATE:
@@ -232,11 +242,11 @@ def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
 
 
 def _sorted(
-    found: list[Expression], kept: list[Any]
+    expressions: list[Expression], kept: list[Any]
 ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
-    """States of the law beneath, and numbers."""
+    """Return the states of the law beneath, and the layer's own memory."""
     is_state = [part.dtype == _STATE for part in kept for _ in range(int(np.prod(part.shape)))]
-    pairs = list(zip(found, is_state, strict=True))
+    pairs = list(zip(expressions, is_state, strict=True))
     return tuple(x for x, own in pairs if own), tuple(x for x, own in pairs if not own)
 
 

@@ -26,8 +26,11 @@ class LSDyna(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.k``. Raises InputError where there are more than 18 terms."""
-        found = moduli(pad, specimen)
+        """Return the content of ``pad_B.k``.
+
+        Raises InputError where there are more than 18 terms.
+        """
+        modulus = moduli(pad, specimen)
         if pad.fractions.size > _MOST:
             raise InputError(
                 f"LS-DYNA takes {_MOST} terms at most, and {pad.choices.relaxing} has "
@@ -35,12 +38,12 @@ class LSDyna(AbstractTarget):
                 remedy="fit with --relaxation prony:3",
             )
         rates = [0.0, *pad.middle.rates[0].tolist()]
-        terms = zip((found.shear * pad.fractions).tolist(), rates, strict=True)
+        terms = zip((modulus.shear * pad.fractions).tolist(), rates, strict=True)
         lines = [
             "*MAT_GENERAL_VISCOELASTIC_TITLE +",
             pad.identifier,
             f"$ mid, density (t/mm3; {DENSITY:g} is water's, of which tests say nothing), bulk",
-            f"{1:>{_WIDTH}d}{_field(DENSITY)}{_field(found.bulk)}",
+            f"{1:>{_WIDTH}d}{_field(DENSITY)}{_field(modulus.bulk)}",
             "$ no curves: the terms follow",
             "".join(f"{0:>{_WIDTH}d}" for _ in range(2)),
             f"$ shear modulus, decay (1/s), of Poisson's ratio {POISSON} in the fast limit",
@@ -51,5 +54,5 @@ class LSDyna(AbstractTarget):
 
 
 def _field(value: float) -> str:
-    """Behind a blank, so that one is told from the next by eye."""
+    """Return a field that begins with a blank, so that the eye separates it from the last."""
     return column(value, _WIDTH - 1).rjust(_WIDTH)

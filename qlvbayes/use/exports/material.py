@@ -1,4 +1,4 @@
-"""A pad's constants as those of a material, for finite elements: what that takes, and costs."""
+"""A pad's constants as those of a material, for finite elements, and what this assumes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STRUCTURE = (
 
 @dataclass(frozen=True)
 class Moduli:
-    """Of the fast limit, at small strain, in MPa (N/mm2)."""
+    """Elastic moduli of the fast limit, at small strain, in MPa (N/mm2)."""
 
     young: float
 
@@ -44,7 +44,7 @@ class Moduli:
 
 
 def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
-    """E = K(0) of stress over strain, or K(0) height/area of force over displacement.
+    """Return E: K(0) of stress over strain, or K(0) height/area of force over displacement.
 
     Uniaxial and at small strain. Raises InputError where the specimen's shape is wanted, or the law
     has no stiffness at first contact.
@@ -69,5 +69,5 @@ def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
 
 
 def structure(pad: ExportedPad) -> tuple[str, ...]:
-    """Return what a card says beside ``CANNOT``."""
+    """Return the limits that a card states in addition to ``CANNOT``."""
     return () if pad.units.dimensionless else (STRUCTURE,)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from qlvbayes.effects.channel_lag import LINES
 from qlvbayes.use.exports.c_header import formulas_of, layered, rows_of
 from qlvbayes.use.exports.card import ONE_DRAW, card, template
-from qlvbayes.use.exports.layers import LINE, Piece
+from qlvbayes.use.exports.layers import LINE, ExportedLayer
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 from qlvbayes.use.exports.translation import Language, functions_of
 
 
-class Matlab(AbstractTarget):
+class MatlabFunction(AbstractTarget):
     """Force from the next displacement and displacement from the next force, with a state."""
 
     name = "matlab"
@@ -20,7 +20,7 @@ class Matlab(AbstractTarget):
     cannot = (ONE_DRAW,)
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.m``."""
+        """Return the content of ``pad_B.m``."""
         text = template(
             "pad.m.j2",
             p=pad.identifier,
@@ -42,7 +42,7 @@ class M(Language):
         return {"pow": "power", "fabs": "abs", "fmax": "max", "fmin": "min"}.get(name, name)
 
     def number(self, value: float) -> str:
-        """As it stands."""
+        """Return the number in all its digits."""
         return repr(value)
 
     def constant(self, name: str) -> str:
@@ -58,12 +58,17 @@ class M(Language):
         return f"pick_({condition}, {yes}, {no})"
 
     def function(
-        self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str
+        self,
+        name: str,
+        summary: str,
+        arguments: list[str],
+        body: list[tuple[str, str]],
+        result: str,
     ) -> str:
-        """Local to the file."""
+        """Return a function that is local to the file."""
         lines = [f"  {key} = {text};" for key, text in body]
         head = f"function result_ = {name}({', '.join(arguments)})"
-        return "\n".join([head, f"  % {told}", *lines, f"  result_ = {result};", "end", ""])
+        return "\n".join([head, f"  % {summary}", *lines, f"  result_ = {result};", "end", ""])
 
     def truth(self, value: bool) -> str:
         """Return a word."""
@@ -79,44 +84,44 @@ class M(Language):
         """Return a field of a field."""
         return f"{way}.{member.removeprefix('state.')}"
 
-    def memory(self, place: int) -> str:
-        """In an array."""
-        return f"state.m({place + 1})"
+    def memory(self, index: int) -> str:
+        """Return an element of an array."""
+        return f"state.m({index + 1})"
 
-    def beneath(self, place: int, count: int) -> str:
+    def beneath(self, index: int, count: int) -> str:
         """Return a field of the layer's own structure."""
-        return "state.below" if count == 1 else f"state.below{{{place + 1}}}"
+        return "state.below" if count == 1 else f"state.below{{{index + 1}}}"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """As it stands."""
+        """Return an assignment."""
         return f"{name} = {text};"
 
-    def remember(self, place: int, text: str) -> str:
-        """In an array."""
-        return f"state.m({place + 1}) = {text};"
+    def remember(self, index: int, text: str) -> str:
+        """Return an assignment to an element of an array."""
+        return f"state.m({index + 1}) = {text};"
 
     def declared(self, below: str, name: str) -> str:
         """Return an empty structure."""
         return f"{name} = struct();"
 
-    def copy(self, below: str, name: str, place: str) -> str:
-        """Copies are made by assignment."""
-        return f"{name} = {place};"
+    def copy(self, below: str, name: str, location: str) -> str:
+        """Return an assignment, which copies."""
+        return f"{name} = {location};"
 
-    def keep(self, place: str, name: str) -> str:
-        """Copies are made by assignment."""
-        return f"{place} = {name};"
+    def keep(self, location: str, name: str) -> str:
+        """Return an assignment, which copies."""
+        return f"{location} = {name};"
 
-    def begin(self, below: str, place: str, displacement: str) -> str:
-        """Return the state is returned."""
-        return f"{place} = begin_{below}_(k, {displacement});"
+    def begin(self, below: str, location: str, displacement: str) -> str:
+        """Return a call whose result is the state."""
+        return f"{location} = begin_{below}_(k, {displacement});"
 
-    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
-        """Return the state is returned beside the force."""
-        call = f"step_{below}_(k, {place}, {', '.join(line)})"
-        return f"[{name or '~'}, {place}] = {call};"
+    def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
+        """Return a call whose results are the force and the state."""
+        call = f"step_{below}_(k, {location}, {', '.join(line)})"
+        return f"[{name or '~'}, {location}] = {call};"
 
-    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
+    def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
         """Return two functions, local to the file."""
         given = f"k, state, {', '.join(LINE)}, followed"
         text = [
@@ -133,7 +138,7 @@ class M(Language):
         ]
         return "\n".join(text)
 
-    def late(self, piece: Piece, below: str) -> str:
+    def late(self, piece: ExportedLayer, below: str) -> str:
         """Return the code of a template."""
         delay = piece.constants[0]
         return template("late.m.j2", piece=piece, below=below, delay=delay, most=LINES)

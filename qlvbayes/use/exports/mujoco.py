@@ -10,7 +10,7 @@ from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import SI, Pressing, closest, fitted, pressing
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
-_MASS = 0.1  # kg, of the body in the files; the numbers of solref go as one over it
+_MASS = 0.1  # kg, of the body in the files; both constants of solref go as one over it
 _IMPEDANCE = 0.1  # the largest: the mass that a contact adds is then a ninth of the body's
 _MIDPOINTS = (0.05, 0.95)  # of solimp's sigmoid: beyond them it is a step
 _POWERS = (1.0, 6.0)
@@ -36,7 +36,7 @@ class MuJoCo(AbstractTarget):
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.xml``, ``pad_B_contact.xml``, ``pad_B_plugin.c``, its header, and the errors."""
+        """Return the content of the joint, the contact, the plugin, its header and their errors."""
         pressed = pressing(pad)
         x, v = pressed.depth, pressed.speed
         k0, k1, k2, c = map(float, fitted([x, x**2, x**3, v], pressed))
@@ -60,7 +60,7 @@ class MuJoCo(AbstractTarget):
             said = in_comment(card(pad, type(self), extra))
             return template(file, card=said, **values).encode()
 
-        numbers: dict[str, float | list[float]] = {
+        constants: dict[str, float | list[float]] = {
             f"solref of {_MASS:g} kg (1/s2, 1/s)": solref,
             "solimp (1, 1, m, 1, 1)": solimp,
             "joint stiffness (N/m, N/m2, N/m3)": [k0, k1, k2],
@@ -74,12 +74,12 @@ class MuJoCo(AbstractTarget):
             f"{pad.identifier}_contact.xml": filled("mujoco_contact.xml.j2", contact),
             f"{pad.identifier}_plugin.c": filled("mujoco_plugin.c.j2", polynomial, contact),
             **c_files(pad, type(self)),
-            **error_files(pad, type(self), pressed, forces, numbers),
+            **error_files(pad, type(self), pressed, forces, constants),
         }
 
 
 def _contact(pressed: Pressing) -> tuple[list[float], list[float], Floats]:
-    """Solref, solimp and the force (n,) of the contact that is closest, at steady speed."""
+    """Return solref, solimp and the force (n,) of the contact that is closest, at steady speed."""
     width = float(max(pressed.depth))
 
     def law(
@@ -90,13 +90,13 @@ def _contact(pressed: Pressing) -> tuple[list[float], list[float], Floats]:
 
     # at one impedance throughout the contact is a spring and a damper
     spring, damper = fitted([pressed.depth, pressed.speed], pressed) * (1.0 - _IMPEDANCE) / _MASS
-    found = closest(
+    parameters = closest(
         law,
         pressed,
         [spring, damper, 0.5 * _IMPEDANCE, 0.5, 2.0],
         [0.0, 0.0, LEAST_IMPEDANCE, _MIDPOINTS[0], _POWERS[0]],
         [float("inf"), float("inf"), _IMPEDANCE, _MIDPOINTS[1], _POWERS[1]],
     )
-    s, b, least, middle, power = found
-    force = law(pressed.depth, pressed.speed, *found)
+    s, b, least, middle, power = parameters
+    force = law(pressed.depth, pressed.speed, *parameters)
     return [-s, -b], [least, _IMPEDANCE, width, middle, power], force

@@ -27,8 +27,11 @@ class Nastran(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.bdf``. Raises InputError where there are more than five terms."""
-        found = moduli(pad, specimen)
+        """Return the content of ``pad_B.bdf``.
+
+        Raises InputError where there are more than five terms.
+        """
+        modulus = moduli(pad, specimen)
         if pad.times.size > _MOST:
             raise InputError(
                 f"MATVE has room for {_MOST} terms, and {pad.choices.relaxing} has "
@@ -39,7 +42,7 @@ class Nastran(AbstractTarget):
         first, *others = [[_field(g), _field(tau)] for g, tau in rows]
         blank = [" " * _WIDTH]
         pairs = [field for pair in others for field in pair]
-        elastic = ["1".rjust(_WIDTH), _field(found.young), *blank, _field(POISSON)]
+        elastic = ["1".rjust(_WIDTH), _field(modulus.young), *blank, _field(POISSON)]
         viscous = ["1".rjust(_WIDTH), "PRONY".rjust(_WIDTH), *first, *(4 * blank), *pairs]
         lines = [
             f"$ density (t/mm3): {DENSITY:g} is water's, of which tests say nothing",

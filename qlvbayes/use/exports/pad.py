@@ -26,13 +26,13 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.stepping import without_inverse
 from qlvbayes.motion.covered import Covered
-from qlvbayes.use.exports.layers import Piece, carried, in_spectrum
+from qlvbayes.use.exports.layers import ExportedLayer, exported_layers, in_spectrum
 
-_LONGEST = 40  # characters of a name in an identifier: C and MATLAB tell 63 apart
+_LONGEST = 40  # characters of a name in an identifier: C and MATLAB distinguish 63
 
 
 @dataclass(frozen=True)
-class Interval:
+class PosteriorInterval:
     """A constant's posterior: median and 90 % highest-density interval, in ``unit``."""
 
     name: str
@@ -61,15 +61,15 @@ class Draws:
 
 @dataclass(frozen=True, eq=False)
 class ExportedPad:
-    """elastic, relaxation: laws with the numbers of the draw that lies closest to the medians.
+    """A fitted pad as every target gets it.
 
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
-    of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
-    constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
-    of the middle draw and what goes along of the effects; source, sha256: the file that was fitted
-    and its digest; data: where the user says that it is; all_tests: whether every test was fitted;
-    pieces: its layers, for other languages; left_out: effects that do not go along, each with the
-    reason.
+    of results; middle: the draw that lies closest to the medians; table: draws evenly out of all;
+    intervals: of the pad's constants; folder: of its results; date: of the export, as 2026-01-31;
+    model: with the constants of the middle draw and the effects that are exported; source, sha256:
+    the file that was fitted and its digest; data: where the user says that it is; all_tests:
+    whether every test was fitted; pieces: its layers, for other languages; left_out: effects that
+    are not exported, each with the reason.
     """
 
     name: str
@@ -86,20 +86,20 @@ class ExportedPad:
     fitted: tuple[str, ...]
     converged: bool
     model: Model
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ExportedLayer, ...]
     left_out: dict[str, str]
     middle: Draws
     table: Draws
-    intervals: tuple[Interval, ...]
+    intervals: tuple[PosteriorInterval, ...]
 
     @property
     def elastic(self) -> AbstractElastic:
-        """The elastic law of the middle draw."""
+        """Elastic law of the middle draw."""
         return self.model.elastic
 
     @property
     def relaxation(self) -> AbstractRelaxation:
-        """The relaxation of the middle draw, with what effects make of it."""
+        """Relaxation of the middle draw, after the effects that change it."""
         return self.model.relaxation
 
     @property
@@ -115,7 +115,7 @@ class ExportedPad:
 
     @property
     def one_way(self) -> str:
-        """Why no displacement is found from a force, or nothing."""
+        """Reason why displacement cannot be computed from force; empty where it can."""
         why = without_inverse(self.model)
         return "; ".join(f"{name}: {reason}" for name, reason in why.items())
 
@@ -130,7 +130,7 @@ class ExportedPad:
         return 1.0 / self.middle.rates[0]
 
     def stiffness(self, depth: float) -> float:
-        """Instantaneous stiffness of the middle draw, in the pad's units."""
+        """Return the instantaneous stiffness of the middle draw, in the pad's units."""
         return float(self.elastic.stiffness(jax.numpy.asarray(depth)))
 
 
@@ -148,13 +148,13 @@ def read_pad(
     names = [name for field in fields_of(model) for name in field.names]
     units = [saved.units.of(f.unit) for f in fields_of(model) for _ in f.names]
     values = _columns(saved, names)
-    places = np.linspace(0, len(values) - 1, min(draws, len(values))).astype(int)
-    chosen = np.concatenate([[_closest(values)], places])
+    indices = np.linspace(0, len(values) - 1, min(draws, len(values))).astype(int)
+    chosen = np.concatenate([[_closest(values)], indices])
     drawn = drawn_models(model, names, values[chosen])
     middle = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), drawn)
-    pieces, left_out = carried(middle)
+    pieces, left_out = exported_layers(middle)
     own = [names.index(name) for piece in pieces for name in piece.columns]
-    every = _numbers(drawn, values[chosen][:, own])
+    every = _constants_of(drawn, values[chosen][:, own])
     return ExportedPad(
         name=saved.pad,
         identifier=identifier(saved.pad, [other.name for other in out.iterdir()]),
@@ -172,25 +172,25 @@ def read_pad(
         model=_going_along(middle, left_out),
         pieces=pieces,
         left_out=left_out,
-        middle=_part(every, slice(0, 1)),
-        table=_part(every, slice(1, None)),
+        middle=_selected(every, slice(0, 1)),
+        table=_selected(every, slice(1, None)),
         intervals=_intervals(file.with_name("summary.json"), names, units, values),
     )
 
 
 def identifier(name: str, others: Iterable[str]) -> str:
-    """The name in letters and digits, told apart from others of which the same would be left.
+    """Return the name in letters and digits, distinct from that of every other pad.
 
     Upper and lower case count as the same, for constants of C are in upper case.
     """
-    plain = _plain(name)
-    alike = [other for other in others if _plain(other).lower() == plain.lower()]
-    if len(plain) <= _LONGEST and set(alike) <= {name}:
-        return f"pad_{plain}"
-    return f"pad_{plain[:_LONGEST]}_{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+    stem = _word_characters(name)
+    alike = [other for other in others if _word_characters(other).lower() == stem.lower()]
+    if len(stem) <= _LONGEST and set(alike) <= {name}:
+        return f"pad_{stem}"
+    return f"pad_{stem[:_LONGEST]}_{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 
 
-def _plain(name: str) -> str:
+def _word_characters(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]", "_", name)
 
 
@@ -204,7 +204,7 @@ def _file_of(out: Path, name: str) -> Path:
 
 
 def _columns(saved: Saved, names: list[str]) -> np.ndarray:
-    """(n, P) draws of the named constants."""
+    """Return the draws (n, P) of the named constants."""
     if missing := [name for name in names if name not in saved.names]:
         raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
     return saved.draws[:, [saved.names.index(name) for name in names]]
@@ -234,36 +234,38 @@ def _going_along(model: Model, left_out: Mapping[str, str]) -> Model:
 
 
 def _spectrum(model: Model) -> tuple[jax.Array, jax.Array]:
-    """Fractions and rates, with what effects make of them."""
-    found = model.relaxation.spectrum()
+    """Return fractions and rates, after the effects that change them."""
+    spectrum = model.relaxation.spectrum()
     for effect in model.effects:
-        found = effect.spectrum(*found) or found
-    return found
+        spectrum = effect.spectrum(*spectrum) or spectrum
+    return spectrum
 
 
-def _numbers(drawn: Model, own: np.ndarray) -> Draws:
+def _constants_of(drawn: Model, own: np.ndarray) -> Draws:
     """Return the constants of a model with draws on its leading axis; own: (n, M) of the layers."""
     fractions, rates = eqx.filter_vmap(_spectrum)(drawn)
     elastic = [getattr(drawn.elastic, key) for key in type(drawn.elastic).units]
     return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates), own)
 
 
-def _part(draws: Draws, places: slice) -> Draws:
-    return Draws(*(getattr(draws, field.name)[places] for field in fields(Draws)))
+def _selected(draws: Draws, rows: slice) -> Draws:
+    return Draws(*(getattr(draws, field.name)[rows] for field in fields(Draws)))
 
 
 def _intervals(
     summary: Path, names: list[str], units: list[str], values: np.ndarray
-) -> tuple[Interval, ...]:
+) -> tuple[PosteriorInterval, ...]:
     """Return the intervals of ``summary.json``, which saw every draw; else those of the draws."""
     if not summary.exists():
         ends = [highest_density(column) for column in values.T]
         rows = zip(names, units, np.median(values, axis=0), ends, strict=True)
-        return tuple(Interval(name, unit, float(m), *end) for name, unit, m, end in rows)
+        return tuple(PosteriorInterval(name, unit, float(m), *end) for name, unit, m, end in rows)
     try:
-        told = json.loads(summary.read_text(encoding="utf-8"))["parameters"]
-        found = [(name, told[name]) for name in names]
-        return tuple(Interval(n, p["unit"], p["median"], *p["hdi90"]) for n, p in found)
+        parameters = json.loads(summary.read_text(encoding="utf-8"))["parameters"]
+        constants = [(name, parameters[name]) for name in names]
+        return tuple(
+            PosteriorInterval(n, p["unit"], p["median"], *p["hdi90"]) for n, p in constants
+        )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"cannot be read ({type(error).__name__})",

@@ -29,18 +29,21 @@ class OpenRadioss(AbstractTarget):
     cannot = CANNOT
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """``pad_B.rad``. Raises InputError where nothing stays, or there are too many terms."""
-        found = moduli(pad, specimen)
-        shear = found.shear * float(pad.fractions[0])
+        """Return the content of ``pad_B.rad``.
+
+        Raises InputError where nothing stays, or there are too many terms.
+        """
+        modulus = moduli(pad, specimen)
+        shear = modulus.shear * float(pad.fractions[0])
         if shear <= 0.0 or pad.times.size > _MOST:
             raise InputError(
                 f"OpenRadioss takes {_MOST} terms at most beside a modulus that stays",
                 remedy="fit with --relaxation prony:3",
             )
-        bulk = found.bulk
+        bulk = modulus.bulk
         poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear))
         rows = zip(
-            (found.shear * pad.fractions[1:]).tolist(), pad.middle.rates[0].tolist(), strict=True
+            (modulus.shear * pad.fractions[1:]).tolist(), pad.middle.rates[0].tolist(), strict=True
         )
         blank = " " * _WIDTH
         lines = [
@@ -68,5 +71,5 @@ class OpenRadioss(AbstractTarget):
 
 
 def _field(value: float) -> str:
-    """Behind a blank, so that one is told from the next by eye."""
+    """Return a field that begins with a blank, so that the eye separates it from the last."""
     return column(value, _WIDTH - 1).rjust(_WIDTH)

@@ -1,4 +1,4 @@
-"""A pad without memory: fewer numbers for contact in rigid-body simulators, and what that costs."""
+"""A pad without memory: contact laws for rigid-body simulators, with their error."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _RAMP = 100  # times in a ramp, and as many in a hold
 
 Floats = NDArray[np.float64]
 Law = Callable[..., Floats]
-"""Force (N) of depth (m), speed (m/s) and some numbers."""
+"""Force (N) of depth (m), speed (m/s) and the law's constants."""
 
 
-class Cell(NamedTuple):
+class PhaseLabel(NamedTuple):
     """One kind of phase of one test; role: fit, validate, or empty where there was no test."""
 
     test: str
@@ -57,7 +57,7 @@ class Pressing:
     speed: Floats
     force: Floats
     measured: Floats
-    cells: tuple[Cell, ...]
+    cells: tuple[PhaseLabel, ...]
     cell: NDArray[np.intp]
     absent: str = ""
 
@@ -75,7 +75,7 @@ class Pressing:
         return np.array([np.max(top[names == name]) for name in names])
 
     def errors(self, force: Floats) -> Floats:
-        """(cells,) root mean square of a force (n,) less the measured one, over the test's peak."""
+        """Return the root mean square error (cells,) of a force (n,), over the test's peak."""
         squares = np.bincount(self.cell, weights=(force - self.measured) ** 2)
         return np.asarray(np.sqrt(squares / np.bincount(self.cell)) / self.peaks)
 
@@ -90,7 +90,7 @@ class Pressing:
 
 @dataclass(frozen=True)
 class Miss:
-    """By how much fewer numbers miss the force, over the largest one; of all cells, and of holds.
+    """Error of a law without memory over the largest force, in all phases and in holds.
 
     modelled: whether it is the force of the pad's model, not the measured one.
     """
@@ -132,8 +132,8 @@ def pressing(pad: ExportedPad) -> Pressing:
     else:
         runs = _tested(pad, tests)
     cells = list(dict.fromkeys(cell for run in runs for cell in run.cells))
-    numbers = (np.concatenate(x) for x in zip(*(run.numbers for run in runs), strict=True))
-    depth, speed, force, measured = numbers
+    columns = (np.concatenate(x) for x in zip(*(run.columns for run in runs), strict=True))
+    depth, speed, force, measured = columns
     metre = pad.units.factor_to(SI, "displacement")
     newton = pad.units.factor_to(SI, "force")
     return Pressing(
@@ -150,8 +150,8 @@ def pressing(pad: ExportedPad) -> Pressing:
 class _Run(NamedTuple):
     """One motion: of each time its cell, and depth, speed, modelled and measured force."""
 
-    cells: list[Cell]
-    numbers: tuple[Floats, Floats, Floats, Floats]
+    cells: list[PhaseLabel]
+    columns: tuple[Floats, Floats, Floats, Floats]
 
 
 def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
@@ -165,7 +165,7 @@ def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
     motion = Motion(*map(jnp.asarray, (time, depth, speed, np.zeros_like(time))))
     force = np.asarray(pad.model.force(motion))
     name = f"{rate:.3g} {pad.units.speed}"
-    cells = [Cell(name, "", "ramp" if moves else "hold") for moves in rising]
+    cells = [PhaseLabel(name, "", "ramp" if moves else "hold") for moves in rising]
     return _Run(cells, (depth, speed, force, force))
 
 
@@ -173,18 +173,18 @@ def _tested(pad: ExportedPad, tests: Experiment) -> list[_Run]:
     samples = [representative_rows(trial) for trial in tests.trials]
     records = map(partial(single_samples, tests), tests.trials, samples)
     forces = eqx.filter_jit(eqx.filter_vmap(_averages, in_axes=(None, 0)))
-    found = np.asarray(forces(pad.model, batch(list(records))))
+    averages = np.asarray(forces(pad.model, batch(list(records))))
     runs = []
-    for trial, rows, force in zip(tests.trials, samples, found, strict=True):
+    for trial, rows, force in zip(tests.trials, samples, averages, strict=True):
         time = trial.test.time[rows]
-        numbers = (
+        columns = (
             trial.trajectory.displacement(time),
             trial.trajectory.velocity(time),
             force[: rows.size],
             trial.test.force[rows],
         )
-        cells = [Cell(trial.name, trial.role, str(kind)) for kind in trial.phase_of(time)]
-        runs.append(_Run(cells, numbers))
+        cells = [PhaseLabel(trial.name, trial.role, str(kind)) for kind in trial.phase_of(time)]
+        runs.append(_Run(cells, columns))
     return runs
 
 
@@ -193,7 +193,7 @@ def _averages(model: Model, record: Record) -> Array:
 
 
 def fitted(columns: Sequence[Floats], pressed: Pressing) -> Floats:
-    """Factors, none below zero, that bring the columns closest to the model's force.
+    """Return the factors, none below zero, that bring the columns closest to the model's force.
 
     In the mean square, every phase of every test counting alike.
     """
@@ -210,17 +210,17 @@ def closest(
     low: Sequence[float] | float = 0.0,
     high: Sequence[float] | float = np.inf,
 ) -> list[float]:
-    """Numbers of a law, between two bounds, that bring it closest to the model's force.
+    """Return a law's constants, between two bounds, that bring it closest to the model's force.
 
-    law: force of depth, speed and the numbers; start: where the search begins. In the mean square,
-    every phase of every test counting alike.
+    law: force of depth, speed and the constants; start: where the search begins. In the mean
+    square, every phase of every test counting alike.
     """
     root = np.sqrt(pressed.weight)
     begin = np.maximum(start, low)
 
-    def off(numbers: Floats) -> Floats:
-        return root * (law(pressed.depth, pressed.speed, *numbers) - pressed.force)
+    def off(parameters: Floats) -> Floats:
+        return root * (law(pressed.depth, pressed.speed, *parameters) - pressed.force)
 
     scale = np.where(begin > 0.0, begin, 1.0)
-    found = least_squares(off, begin, bounds=(low, high), x_scale=scale, xtol=1e-12, ftol=1e-12)
-    return [float(number) for number in found.x]
+    fit = least_squares(off, begin, bounds=(low, high), x_scale=scale, xtol=1e-12, ftol=1e-12)
+    return [float(value) for value in fit.x]

@@ -1,4 +1,4 @@
-"""What every target offers. A new one is one class in one file, named in ``catalogue``."""
+"""The interface of a target. A new one is one class in one file, named in ``catalogue``."""
 
 from __future__ import annotations
 
@@ -20,9 +20,18 @@ class Geometry:
 class AbstractTarget(ABC):
     """One program, format or language that a pad goes into.
 
-    name: after ``--to``; what: the files, in one line; cannot: what of the model does not go along,
-    each in one line; steps: whether it goes along with effects that step; without_steps: what
-    becomes of them elsewhere.
+    Parameters
+    ----------
+    name
+        Its name after ``--to``.
+    what
+        Its files, in one line.
+    cannot
+        Parts of the model that it cannot represent, each in one line.
+    steps
+        Whether it takes effects that go step by step.
+    without_steps
+        What becomes of such effects in a target that does not.
     """
 
     name: ClassVar[str]
@@ -33,7 +42,17 @@ class AbstractTarget(ABC):
 
     @abstractmethod
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Content by file name.
+        """Return the content of the files, by name.
 
-        specimen: where the user told one. Raises InputError where this pad cannot go there.
+        Parameters
+        ----------
+        pad
+            The fitted pad.
+        specimen
+            Its shape, None where the user gave none.
+
+        Raises
+        ------
+        InputError
+            The target cannot represent this pad.
         """

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from qlvbayes.use.exports import formulas
 from qlvbayes.use.exports.formulas import Formulas, Function
-from qlvbayes.use.exports.layers import Piece
+from qlvbayes.use.exports.layers import ExportedLayer
 
 _OPERATORS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARISONS: dict[type, str] = {
@@ -24,7 +24,7 @@ _LIBRARY = ("exp", "expm1", "pow")
 
 
 class Language(ABC):
-    """How a language writes a function of numbers."""
+    """The syntax of a language, for functions of scalars."""
 
     @abstractmethod
     def library(self, name: str) -> str:
@@ -40,21 +40,26 @@ class Language(ABC):
 
     @abstractmethod
     def own(self, name: str) -> str:
-        """Name of a function of ours."""
+        """Return the name of a function that is generated."""
 
     @abstractmethod
     def either(self, condition: str, yes: str, no: str) -> str:
-        """``yes`` where the condition holds, else ``no``."""
+        """Return ``yes`` where the condition holds, else ``no``."""
 
     @abstractmethod
     def function(
-        self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str
+        self,
+        name: str,
+        summary: str,
+        arguments: list[str],
+        body: list[tuple[str, str]],
+        result: str,
     ) -> str:
         """Return a whole function: ``body`` has names and what they are set to."""
 
     @abstractmethod
     def truth(self, value: bool) -> str:
-        """True or false."""
+        """Return the literal of true or of false."""
 
     @abstractmethod
     def opposite(self, condition: str) -> str:
@@ -68,11 +73,11 @@ class Language(ABC):
         """Return what a layer writes for a member of its own, of the state that lies at ``way``."""
 
     @abstractmethod
-    def memory(self, place: int) -> str:
+    def memory(self, index: int) -> str:
         """Return a number that the layer remembers."""
 
     @abstractmethod
-    def beneath(self, place: int, count: int) -> str:
+    def beneath(self, index: int, count: int) -> str:
         """Return a state of the layer beneath, of so many."""
 
     @abstractmethod
@@ -80,7 +85,7 @@ class Language(ABC):
         """Return a statement that gives a number, or a condition, its name."""
 
     @abstractmethod
-    def remember(self, place: int, text: str) -> str:
+    def remember(self, index: int, text: str) -> str:
         """Return a statement that sets what the layer remembers."""
 
     @abstractmethod
@@ -88,31 +93,31 @@ class Language(ABC):
         """Return a statement that makes room for a state of the layer beneath."""
 
     @abstractmethod
-    def copy(self, below: str, name: str, place: str) -> str:
+    def copy(self, below: str, name: str, location: str) -> str:
         """Return a statement that copies a state of the layer beneath."""
 
     @abstractmethod
-    def keep(self, place: str, name: str) -> str:
+    def keep(self, location: str, name: str) -> str:
         """Return a statement that puts a state where the layer keeps it."""
 
     @abstractmethod
-    def begin(self, below: str, place: str, displacement: str) -> str:
+    def begin(self, below: str, location: str, displacement: str) -> str:
         """Return a statement with which the layer beneath begins."""
 
     @abstractmethod
-    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
+    def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
         """Return a statement with which the layer beneath goes along a line.
 
         Its force gets the name.
         """
 
     @abstractmethod
-    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
-        """Both functions of a layer, from their statements."""
+    def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
+        """Return both functions of a layer, from their statements."""
 
     @abstractmethod
-    def late(self, piece: Piece, below: str) -> str:
-        """Both functions of a late channel, which keeps the lines that are on their way."""
+    def late(self, piece: ExportedLayer, below: str) -> str:
+        """Return both functions of a late channel, which keeps the lines that are on their way."""
 
 
 def functions_of(law: Formulas, language: Language) -> str:
@@ -132,7 +137,7 @@ def functions_of(law: Formulas, language: Language) -> str:
 
 
 def needs(law: Formulas) -> set[str]:
-    """Functions of C's library that a step calls."""
+    """Return the functions of C's library that a step calls."""
     order: dict[str, Function] = {}
     for function in (law.force, law.stiffness, law.step, law.slope):
         _gather(function, order)
@@ -172,10 +177,10 @@ def _translated(function: Function, short: dict[str, str], language: Language) -
     last = node.body[-1]
     assert isinstance(last, ast.Return)
     assert last.value is not None
-    told = (inspect.getdoc(function) or "").partition("\n")[0].replace("`", "")
+    summary = (inspect.getdoc(function) or "").partition("\n")[0].replace("`", "")
     arguments = [argument.arg for argument in node.args.args]
     name = short.get(node.name, node.name)
-    return language.function(language.own(name), told, arguments, body, write(last.value))
+    return language.function(language.own(name), summary, arguments, body, write(last.value))
 
 
 class _Writer:
@@ -185,10 +190,10 @@ class _Writer:
         self.short, self.language = short, language
 
     def __call__(self, node: ast.expr) -> str:
-        found: Callable[[ast.expr], str] | None = getattr(self, f"_{type(node).__name__}", None)
-        if found is None:
+        translate: Callable[[ast.expr], str] | None = getattr(self, f"_{type(node).__name__}", None)
+        if translate is None:
             raise TypeError(f"no translation of {ast.unparse(node)}")
-        return found(node)
+        return translate(node)
 
     def _Constant(self, node: ast.Constant) -> str:  # noqa: N802
         return self.language.number(float(node.value))  # type: ignore[arg-type]

@@ -61,11 +61,11 @@ def export(
     if draws < 1:
         raise InputError(f"{draws} draws", remedy="ask for one or more")
     date = datetime.now(UTC).date().isoformat()
-    found = read_pad(
+    exported = read_pad(
         Path(out), pad, draws=draws, date=date, data=None if data is None else Path(data)
     )
-    content = target.files(found, specimen)
-    folder = results_folder(found.folder / "export" / to)
+    content = target.files(exported, specimen)
+    folder = results_folder(exported.folder / "export" / to)
     for name, text in content.items():
         write_whole(folder / name, text)
     return [folder / name for name in content]

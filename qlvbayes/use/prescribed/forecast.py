@@ -1,4 +1,4 @@
-"""What a posterior says of a program: the force of a displacement, or the other way round."""
+"""Posterior forecasts of a program: the force of a displacement, or the reverse."""
 
 from __future__ import annotations
 
@@ -36,11 +36,22 @@ _CLOCK = (
 class Forecast:
     """A program's points (N,), and what each posterior draw (n, N) answers.
 
-    program: what was prescribed, of times that may repeat where its rate jumps; time (N,): s;
-    given (N,): what was prescribed; answers (n, N): the force of a prescribed displacement, the
-    displacement of a prescribed force; effects: in the model, or in one of several; warnings: one
-    sentence each, on where it leaves what the pad's tests cover; averaged: the hypotheses of a
-    diagnosis whose draws are mixed, none where the draws are of one model.
+    Parameters
+    ----------
+    program
+        The prescribed program; times repeat where its rate jumps.
+    time
+        Times (N,) in s.
+    given
+        The prescribed displacement or force (N,).
+    answers
+        The force of a prescribed displacement or the displacement of a prescribed force (n, N).
+    effects
+        Effects in the model, or in one of several.
+    warnings
+        Sentences on where the program leaves the range that the pad's tests cover.
+    averaged
+        Hypotheses of a diagnosis whose draws are mixed; empty where the draws are of one model.
     """
 
     pad: str
@@ -59,7 +70,7 @@ class Forecast:
         return np.median(self.answers, axis=0)
 
     def band(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Ends (N,) of the middle ``share`` of the answers, point by point."""
+        """Return the ends (N,) of the middle ``share`` of the answers, point by point."""
         low, high = np.quantile(self.answers, [0.5 - 0.5 * share, 0.5 + 0.5 * share], axis=0)
         return low, high
 
@@ -71,7 +82,7 @@ def predict_program(
     draws: int = DRAWS,
     pad: str = "pad",
 ) -> Forecast:
-    """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
+    """Return the force of a prescribed displacement, or the reverse, draw by draw.
 
     The specimen is at rest at the beginning. Effects of the fit take part, the rig's too; noise
     does not, so that bands are of what the specimen does, not of what a load cell would write.
@@ -89,7 +100,7 @@ def predict_program(
     draws
         How many of the posterior, evenly out of all.
     pad
-        What plain draws are called.
+        Name of the pad, for draws by the constants' names, which have none.
 
     Returns
     -------
@@ -121,10 +132,10 @@ def predict_program(
     effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
     time, value = given.time[kept], given.value[kept]
     side = sides[0]
-    found = Forecast(
+    forecast = Forecast(
         side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
     )
-    return replace(found, warnings=(*warnings, *_warnings(found, side)))
+    return replace(forecast, warnings=(*warnings, *_warnings(forecast, side)))
 
 
 def _stepping(
@@ -144,7 +155,7 @@ def _stepping(
 
 
 def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndarray:
-    """(n, N) of draws of one model."""
+    """Return the answers (n, N) of the draws of one model."""
     if given.quantity == "displacement":
         return _batches(_forces, models, given.time, given.value, given.rate)
     check_inverse(models)
@@ -164,18 +175,18 @@ def _read(program: str | Path, units: UnitSystem) -> Program:
 
 def _batches(run, models: Model, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
     count = len(jax.tree.leaves(models)[0])
-    found = []
+    answers = []
     for start in range(0, count, _BATCH):
         # the last batch is filled up, so that one compiled function serves any number
         rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
         some = jax.tree.map(lambda x, rows=rows: x[rows], models)
-        found.append(np.asarray(run(some, *map(jnp.asarray, columns))))
-    return np.concatenate(found)[:count]
+        answers.append(np.asarray(run(some, *map(jnp.asarray, columns))))
+    return np.concatenate(answers)[:count]
 
 
 @jax.jit
-def _forces(models: Model, time: Array, place: Array, speed: Array) -> Array:
-    motion = Motion(time, place, speed, jnp.zeros_like(time))
+def _forces(models: Model, time: Array, displacement: Array, speed: Array) -> Array:
+    motion = Motion(time, displacement, speed, jnp.zeros_like(time))
     return jax.vmap(lambda model: model.force(motion))(models)
 
 
@@ -184,32 +195,32 @@ def _displacements(models: Model, time: Array, force: Array) -> Array:
     return jax.vmap(lambda model: displacement_from_force(model, time, force))(models)
 
 
-def _warnings(found: Forecast, side: Side) -> Iterator[str]:
+def _warnings(forecast: Forecast, side: Side) -> Iterator[str]:
     if not side.converged:
         yield f"the sampling of {side.name} did not converge"
-    for effect in found.effects:
+    for effect in forecast.effects:
         if effect in _CLOCK:
             yield f"{effect} goes with the clock: this is as in the pad's first test"
-    if "conditioning" in found.effects:
+    if "conditioning" in forecast.effects:
         yield "conditioning goes with the number of tests: this is as in the pad's first test"
-    if "inertia" in found.effects:
+    if "inertia" in forecast.effects:
         yield "inertia is left out: the corners of a program have no acceleration"
     if side.reach is None:
         yield "the tests are not known: whether this lies beyond them cannot be said"
         return
-    yield from _beyond(found, side)
+    yield from _beyond(forecast, side)
 
 
-def _beyond(found: Forecast, side: Side) -> Iterator[str]:
-    reach, units, program = side.reach, side.units, found.program
+def _beyond(forecast: Forecast, side: Side) -> Iterator[str]:
+    reach, units, program = side.reach, side.units, forecast.program
     assert reach is not None
     moved = program.quantity == "displacement"
-    place = found.given if moved else found.median
-    lasting = np.diff(found.time) > 0.0  # a jump has no speed
+    displacement = forecast.given if moved else forecast.median
+    lasting = np.diff(forecast.time) > 0.0  # a jump has no speed
     speeds = np.abs(
-        program.rate if moved else np.diff(place)[lasting] / np.diff(found.time)[lasting]
+        program.rate if moved else np.diff(displacement)[lasting] / np.diff(forecast.time)[lasting]
     )
-    depth, speed, rest = float(place.max()), float(speeds.max()), program.longest_rest
+    depth, speed, rest = float(displacement.max()), float(speeds.max()), program.longest_rest
     if program.jumps:
         yield (
             f"it jumps at {program.jumps[0]:.4g} s, and the quickest ramp that was tested took "

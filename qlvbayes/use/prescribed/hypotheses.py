@@ -1,8 +1,8 @@
 """Draws of the constants of every hypothesis that a diagnosis left, as many as it is likely.
 
-A hypothesis's constants are taken as normal about its mode, in the numbers and within the bounds in
-which the diagnosis weighed it, and many hypotheses as their mixture (Hoeting et al. 1999,
-doi:10.1214/ss/1009212519).
+A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds
+in which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al.
+1999, doi:10.1214/ss/1009212519).
 """
 
 from __future__ import annotations
@@ -40,15 +40,21 @@ class DrawnHypothesis(Part, frozen=True):
     constants: dict[str, tuple[float, ...]]
 
     def __str__(self) -> str:
-        """``hertz with prony:2 + friction (0.61)``."""
+        """Return it as ``hertz with prony:2 + friction (0.61)``."""
         return f"{' + '.join((str(self.base), *self.effects))} ({self.probability:.2f})"
 
 
 class Hypotheses(Result, frozen=True, kw_only=True):
-    """What a diagnosis left, likeliest first: ``hypotheses.json``.
+    """The hypotheses that a diagnosis left, likeliest first: ``hypotheses.json``.
 
-    choices: of the diagnosis; each hypothesis has other laws, and effects more; covered: by the
-    tests.
+    Parameters
+    ----------
+    choices
+        Choices of the diagnosis; each hypothesis has laws of its own and further effects.
+    covered
+        Range of depths, rates and times that the tests cover.
+    hypotheses
+        Draws of each.
     """
 
     indent: ClassVar[int | None] = None
@@ -80,24 +86,26 @@ class Hypotheses(Result, frozen=True, kw_only=True):
 
 
 def drawn_hypotheses(
-    found: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
+    diagnosis: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
 ) -> Hypotheses:
-    """Draws of every hypothesis that ``found.result.alternatives`` tells, made of ``choices``.
+    """Return draws of every hypothesis in ``diagnosis.result.alternatives``, under ``choices``.
 
     draws: of all together; a hypothesis has its share of them, and one at least.
     """
-    work, rng = found.work, np.random.default_rng(seed)
+    work, rng = diagnosis.work, np.random.default_rng(seed)
     seen = {
         (one.hypothesis.base, tuple(work.search.added(one.hypothesis))): one
         for one in work.search.candidates.values()
     }
-    told = found.result.alternatives
-    total = sum(one.probability for one in told)
+    alternatives = diagnosis.result.alternatives
+    total = sum(one.probability for one in alternatives)
     drawn = []
-    for one in told:
-        weighed = seen[one.base.pair, one.effects]
+    for one in alternatives:
+        candidate = seen[one.base.pair, one.effects]
         count = max(round(draws * one.probability / total), 1)
-        constants = dict(zip(weighed.point.own.names, _draws(weighed, count, rng).T, strict=True))
+        constants = dict(
+            zip(candidate.point.own.names, _draws(candidate, count, rng).T, strict=True)
+        )
         kept = {
             name: tuple(values.tolist())
             for name, values in constants.items()
@@ -105,20 +113,20 @@ def drawn_hypotheses(
         }
         drawn.append(DrawnHypothesis(one.base, one.effects, one.probability, kept))
     return Hypotheses(
-        pad=found.result.pad,
-        units=found.result.units,
+        pad=diagnosis.result.pad,
+        units=diagnosis.result.units,
         choices=choices,
         covered=covered(work.experiment),
         hypotheses=tuple(drawn),
     )
 
 
-def _draws(weighed: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
-    own, found = weighed.point.own, weighed.evidence
+def _draws(candidate: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return draws (count, P) of the constants about a mode, within their priors' bounds."""
+    own, evidence = candidate.point.own, candidate.evidence
     thetas = rng.multivariate_normal(
-        found.mean,
-        found.covariance + found.spread,
+        evidence.mean,
+        evidence.covariance + evidence.spread,
         _TRIED * count,
         check_valid="ignore",
         method="eigh",

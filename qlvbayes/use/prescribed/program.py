@@ -14,11 +14,21 @@ MOST = 50_000  # points; 400 draws of them are 160 MB
 class Program:
     """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest.
 
-    told: as it was given; time (s), never decreasing; value: displacement or force, in the units of
-    the fit; rate: its slope just after each point.
+    Parameters
+    ----------
+    title
+        The text that was given, or the name of its file.
+    quantity
+        The prescribed quantity.
+    time
+        Times (N,) in s, never decreasing.
+    value
+        Displacement or force (N,) in the units of the fit.
+    rate
+        Its slope (N,) just after each point, per s.
     """
 
-    told: str
+    title: str
     quantity: Literal["displacement", "force"]
     time: np.ndarray
     value: np.ndarray

@@ -22,7 +22,7 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 
 
 def read_table(path: Path, units: UnitSystem) -> Program:
-    """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
+    """Read columns time_s and displacement_mm, or time_s and force_N, or other units of them.
 
     Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises
     InputError with file and line.
@@ -32,16 +32,16 @@ def read_table(path: Path, units: UnitSystem) -> Program:
         raise InputError("the file is empty", file=path, remedy="write time_s,displacement_mm")
     separator = max(";\t,", key=lines[0].count)
     names = [name.strip().strip('"') for name in lines[0].split(separator)]
-    places = _columns(names, units, path)
+    columns = _columns(names, units, path)
     decimal = "," if separator == ";" else "."
     rows = [
-        [_cell(line.split(separator), column, names, decimal, path, k) for column, _ in places]
+        [_cell(line.split(separator), column, names, decimal, path, k) for column, _ in columns]
         for k, line in enumerate(lines[1:], start=2)
         if line.strip()
     ]
     if len(rows) < 2:
         raise InputError(f"{len(rows)} rows", file=path, remedy=f"give 2 to {MOST}")
-    time, value = (np.array(rows) * [factor for _, factor in places]).T
+    time, value = (np.array(rows) * [factor for _, factor in columns]).T
     if np.any(back := np.diff(time) < 0.0):
         line = int(np.flatnonzero(back)[0]) + 3
         raise InputError("time runs back", file=path, line=line, remedy="sort the rows")
@@ -89,7 +89,7 @@ def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _crept(time: np.ndarray) -> np.ndarray:
-    """Times of creep in long stretches, over which displacement is not straight."""
+    """Return times of creep in long stretches, over which displacement is not straight."""
     width = np.diff(time)
     long = (width > _LONG * (time[-1] - time[0])) | (width.size <= _FEW)
     between = [np.empty(0)]
@@ -100,32 +100,32 @@ def _crept(time: np.ndarray) -> np.ndarray:
 
 
 def _quantity(names: list[str]) -> Literal["displacement", "force"]:
-    found = {split[0] for name in names if (split := split_name(name))}
-    return "displacement" if found & {"displacement", "strain"} else "force"
+    quantities = {split[0] for name in names if (split := split_name(name))}
+    return "displacement" if quantities & {"displacement", "strain"} else "force"
 
 
 def _columns(names: list[str], units: UnitSystem, path: Path) -> list[tuple[int, float]]:
-    """Place and factor to the units of the fit, of time and of what is prescribed."""
+    """Return index and factor to the units of the fit, of the two columns."""
     own = {"time": "s", units.displacement_name: units.displacement, units.force_name: units.force}
-    usual = [column_name(key, "" if unit == "1" else unit) for key, unit in own.items()]
-    found: dict[str, tuple[int, float]] = {}
-    for place, name in enumerate(names):
+    expected = [column_name(key, "" if unit == "1" else unit) for key, unit in own.items()]
+    columns: dict[str, tuple[int, float]] = {}
+    for index, name in enumerate(names):
         quantity, suffix = split_name(name) or ("", "")
         if quantity not in own or suffix not in SUFFIXES[quantity]:
             continue
-        if quantity in found:
+        if quantity in columns:
             raise InputError(f"two columns of {quantity}", file=path, line=1, remedy="keep one")
         scales = SUFFIXES[quantity]
         ratio = scales[suffix].over(scales["" if own[quantity] == "1" else own[quantity]])
-        found[quantity] = place, ratio.up / ratio.down
-    if "time" not in found or len(found) != 2:
+        columns[quantity] = index, ratio.up / ratio.down
+    if "time" not in columns or len(columns) != 2:
         raise InputError(
             f"the columns are {', '.join(names)}",
             file=path,
             line=1,
-            remedy=f"give {usual[0]} and one of {usual[1]} and {usual[2]}",
+            remedy=f"give {expected[0]} and one of {expected[1]} and {expected[2]}",
         )
-    return [found.pop("time"), *found.values()]
+    return [columns.pop("time"), *columns.values()]
 
 
 def _cell(

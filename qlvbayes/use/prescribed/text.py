@@ -27,7 +27,7 @@ _FORMS = (
 
 
 def parse(text: str, units: UnitSystem) -> Program:
-    """Phrases, one after the other, separated by commas; every program begins at zero, at rest.
+    """Read phrases, separated by commas; every program begins at zero, at rest.
 
     ramp VALUE at SPEED, ramp VALUE in TIME: to that value, not by it; hold TIME; sine AMPLITUDE
     FREQUENCY NUMBER cycles, about where it is; force is a ramp of the force. Values in mm (um, nm,
@@ -58,30 +58,30 @@ def _rest() -> Course:
     return Course(np.zeros(1), np.zeros(1), np.zeros(1))
 
 
-def _part(words: _Words, start: float, place: float) -> Course:
+def _part(words: _Words, start: float, position: float) -> Course:
     kind = words.choose(("ramp", "hold", "sine", "force"), "begin with")
     if kind == "hold":
-        part = hold(start, place, words.positive(_SECONDS, "a time"))
+        part = hold(start, position, words.positive(_SECONDS, "a time"))
     elif kind == "sine":
-        part = _sine(words, start, place)
+        part = _sine(words, start, position)
     else:
-        part = _ramp(words, start, place, "force" if kind == "force" else None)
+        part = _ramp(words, start, position, "force" if kind == "force" else None)
     words.end()
     return part
 
 
-def _ramp(words: _Words, start: float, place: float, wanted: Quantity | None) -> Course:
+def _ramp(words: _Words, start: float, position: float, wanted: Quantity | None) -> Course:
     words.skip("to")
     target = words.value(wanted)
     how = words.choose(("at", "in"), "go on with")
     given = words.positive(words.rates() if how == "at" else _SECONDS, _GIVEN[how])
-    if target == place:
+    if target == position:
         raise InputError(f"'{words.phrase}' goes nowhere", remedy="write a hold instead")
-    return ramp(start, place, target, given if how == "at" else abs(target - place) / given)
+    return ramp(start, position, target, given if how == "at" else abs(target - position) / given)
 
 
-def _sine(words: _Words, start: float, place: float) -> Course:
-    """Straight pieces whose ends are exact, as are the rates there."""
+def _sine(words: _Words, start: float, position: float) -> Course:
+    """Return straight pieces whose ends are exact, as are the rates there."""
     size = words.value(None)
     hertz = words.positive(_HERTZ, "a frequency")
     count = words.positive(_CYCLES, "a number of cycles")
@@ -90,14 +90,14 @@ def _sine(words: _Words, start: float, place: float) -> Course:
         raise InputError(f"{count:g} cycles are {points} points", remedy=f"use {MOST} or fewer")
     turns = np.linspace(0.0, 2.0 * np.pi * count, points + 1)
     rate = 2.0 * np.pi * hertz * size * np.cos(turns)
-    return Course(start + turns / (2.0 * np.pi * hertz), place + size * np.sin(turns), rate)
+    return Course(start + turns / (2.0 * np.pi * hertz), position + size * np.sin(turns), rate)
 
 
 class _Words:
     """The words of a phrase, taken one after the other."""
 
     def __init__(self, phrase: str, units: UnitSystem, quantity: Quantity | None) -> None:
-        """quantity: what the phrases before this one prescribe."""
+        """Split a phrase; ``quantity`` is what the phrases before it prescribe."""
         self.phrase, self._left = phrase, _TOKEN.findall(phrase)
         self.quantity = quantity
         own = (units.displacement_name, units.displacement), (units.force_name, units.force)
@@ -112,7 +112,7 @@ class _Words:
         return word.lower()
 
     def skip(self, word: str) -> None:
-        """Leave out a word that need not be there."""
+        """Skip a word that need not be there."""
         if self._left and self._left[0].lower() == word:
             self._left.pop(0)
 
@@ -120,17 +120,17 @@ class _Words:
         """Return a displacement or a force, in the units of the fit."""
         number, word = self._number("a displacement or a force"), self._next()
         known = self._factors if wanted is None else {wanted: self._factors[wanted]}
-        found = next((key for key, factors in known.items() if word in factors), None)
-        if found is None:
+        quantity = next((key for key, factors in known.items() if word in factors), None)
+        if quantity is None:
             self._refuse(word, f"use {_either([unit for f in known.values() for unit in f])}")
-        if self.quantity not in (None, found):
+        if self.quantity not in (None, quantity):
             raise InputError(
-                f"'{self.phrase}' prescribes the {found}, what stands before it the "
+                f"'{self.phrase}' prescribes the {quantity}, what stands before it the "
                 f"{self.quantity}",
                 remedy="prescribe one of them in the whole program",
             )
-        self.quantity = found
-        return number * known[found][word]
+        self.quantity = quantity
+        return number * known[quantity][word]
 
     def positive(self, factors: Mapping[str, float], what: str) -> float:
         """Return a number above 0 and its unit."""
@@ -142,12 +142,12 @@ class _Words:
         return number * factors[word]
 
     def rates(self) -> dict[str, float]:
-        """Units of the speed of what is prescribed."""
+        """Return the units of the rate of the prescribed quantity."""
         assert self.quantity is not None
         return {f"{unit}/s": factor for unit, factor in self._factors[self.quantity].items()}
 
     def end(self) -> None:
-        """Nothing may be left."""
+        """Refuse words that are left."""
         if self._left:
             self._refuse(self._left[0], "end the phrase there, or put a comma before what follows")
 
