@@ -6,10 +6,11 @@ sum over all hypotheses that contain it,
 
 .. math:: P(e) = \sum_{H \ni e} P(H).
 
-An effect is named if this probability is 0.9 or more. Where no single effect reaches it, the
-smallest set that holds one of its members with probability 0.95 is the group. The forms of one
-effect (its family) count together, under the name of the candidate effect. An effect that belongs
-to no candidate's family names nothing: a hypothesis that contains one holds something unmodelled.
+An effect is named if this probability is `DiagnosisSettings.named` or more. Where no single effect
+reaches it, the smallest set that holds one of its members with probability
+`DiagnosisSettings.covered` is the group. The forms of one effect (its family) count together, under
+the name of the candidate effect. An effect that belongs to no candidate's family names nothing: a
+hypothesis that contains one holds something unmodelled.
 """
 
 from __future__ import annotations

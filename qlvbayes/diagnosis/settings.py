@@ -137,7 +137,8 @@ class DiagnosisSettings:
         Prior probability that the elastic law is the one that was chosen, and likewise for the
         relaxation; all other laws share the rest alike. One half is undecided.
     named
-        Inclusion probability from which an effect is named.
+        Inclusion probability from which an effect is named, and probability of one more effect
+        from which a group is sought for it.
     covered
         Probability with which a group must hold the missing effect.
     false_alarms
