@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import h5py
 import pytest
 from support.endtoend import PADS, call, one_line
 from support.work import SlowStep, always_killed, killed_once, pads, squared
@@ -90,6 +91,19 @@ def test_an_item_that_kills_every_worker_is_named(engine):
     assert "was killed, again and again" in found[2].fault.text
 
 
+def content(path):
+    """What a file says: HDF5 leaves bytes between its numbers as it found them in memory."""
+    if path.suffix == ".nc":
+        with h5py.File(path) as file:
+            names = []
+            file.visit(names.append)
+            sets = [name for name in names if isinstance(file[name], h5py.Dataset)]
+            return {name: file[name][()].tobytes() for name in sets}
+    if ".finished" in path.parts:  # with the digests of those files
+        return json.loads(path.read_bytes())["key"]
+    return path.read_bytes()
+
+
 def test_a_fit_is_that_of_one_process(dask, tmp_path):
     for place, words in (("one", ()), ("two", ("--cluster", dask.address))):
         out = tmp_path / place
@@ -98,7 +112,7 @@ def test_a_fit_is_that_of_one_process(dask, tmp_path):
         assert f"results in {out}" in told
     one, two = (
         {
-            path.relative_to(tmp_path / place).as_posix(): path.read_bytes()
+            path.relative_to(tmp_path / place).as_posix(): content(path)
             for path in sorted((tmp_path / place).rglob("*"))
             if path.is_file() and path.name != "run.json"
         }
