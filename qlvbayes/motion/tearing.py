@@ -38,18 +38,27 @@ def tears_of(test: Test, trajectory: Trajectory, phases: Sequence[Phase]) -> tup
     """
     change = np.diff(test.force)
     least = _SHARE * float(np.max(np.abs(test.force)))
-    tears = []
-    for k in np.flatnonzero(change < -least).tolist():
-        before = float(np.median(test.force[max(k + 1 - _LASTING, 0) : k + 1]))
-        after = float(np.median(test.force[k + 1 : k + 1 + _LASTING]))
-        nearby = np.delete(change[max(k - _AROUND, 0) : k + _AROUND + 1], min(k, _AROUND))
-        scatter = 1.4826 * float(np.median(np.abs(nearby - np.median(nearby))))
-        stays = before - after > 0.5 * max(least, -change[k])
-        goes_on = any(_goes_on(trajectory, phase, test, k) for phase in phases)
-        if stays and goes_on and -change[k] > _SCATTERS * scatter:
-            time, displacement = float(test.time[k]), float(test.displacement[k])
-            tears.append(Tear(time, displacement, float(test.force[k]), after))
-    return tuple(tears)
+    at = np.flatnonzero(change < -least)  # in a noisy record of many readings these are many
+    before = np.nanmedian(_around(test.force, at, range(1 - _LASTING, 1)), axis=1)
+    after = np.nanmedian(_around(test.force, at, range(1, 1 + _LASTING)), axis=1)
+    stays = before - after > 0.5 * np.maximum(least, -change[at])
+    at, after = at[stays], after[stays]
+    nearby = _around(change, at, [k for k in range(-_AROUND, _AROUND + 1) if k != 0])
+    middle = np.nanmedian(nearby, axis=1, keepdims=True)
+    scatter = 1.4826 * np.nanmedian(np.abs(nearby - middle), axis=1)
+    sudden = -change[at] > _SCATTERS * scatter
+    return tuple(
+        Tear(float(test.time[k]), float(test.displacement[k]), float(test.force[k]), float(later))
+        for k, later in zip(at[sudden].tolist(), after[sudden], strict=True)
+        if any(_goes_on(trajectory, phase, test, k) for phase in phases)
+    )
+
+
+def _around(values: np.ndarray, at: np.ndarray, steps: Sequence[int]) -> np.ndarray:
+    """Return values (K, S) at S steps from each of K indices, nan beyond the ends."""
+    indices = at[:, None] + np.asarray(steps)
+    inside = (indices >= 0) & (indices < values.size)
+    return np.where(inside, values[np.clip(indices, 0, values.size - 1)], np.nan)
 
 
 def _goes_on(trajectory: Trajectory, phase: Phase, test: Test, k: int) -> bool:
