@@ -161,15 +161,23 @@ class Discrepancy:
 
     def _at(self, size: float) -> Sized:
         """Return the discrepancy at a size (N), not separated."""
-        if size not in self._sized:
-            variances = 1.0 + self.rough * size**2 * self.whitener.precisions
-            root = variances**-0.5
-            scaled = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
-            factor = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
-            volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
-            axes = solve_triangular(factor, scaled, lower=True, check_finite=False)
-            self._sized[size] = Sized(size, root, axes, float(volume))
-        return self._sized[size]
+        known = self._sized.get(size)
+        if known is None:
+            known = self._computed(size)
+            # a size off the grid is one mode's own: to keep it would take a megabyte a mode
+            if size in self.sizes:
+                self._sized[size] = known
+        return known
+
+    def _computed(self, size: float) -> Sized:
+        """Return the discrepancy at a size (N) that is not cached."""
+        variances = 1.0 + self.rough * size**2 * self.whitener.precisions
+        root = variances**-0.5
+        scaled = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
+        factor = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
+        volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
+        axes = solve_triangular(factor, scaled, lower=True, check_finite=False)
+        return Sized(size, root, axes, float(volume))
 
     def loss(self, residual: Array, index: int, separation: Separation | None = None) -> float:
         """Return minus the log posterior of size ``index``, given a whitened residual (n,)."""
