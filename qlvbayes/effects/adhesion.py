@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 _GONE = 40.0  # in strengths; beyond, less than e^-294 of the tension is left
 
@@ -26,7 +27,7 @@ class Adhesion(AbstractEffect):
     * ``strength``: the largest tension (N), zero or more.
     """
 
-    strength: Any
+    strength: Constant
     name: ClassVar[str] = "adhesion"
     level: ClassVar[Level] = Level.CONTACT
     units: ClassVar[dict[str, str]] = {"strength": "force"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class Backlash(AbstractEffect):
@@ -23,7 +24,7 @@ class Backlash(AbstractEffect):
     * ``play``: distance that the drive moves back before the platen follows (mm), zero or more.
     """
 
-    play: Any
+    play: Constant
     name: ClassVar[str] = "backlash"
     level: ClassVar[Level] = Level.DEPTH
     rank: ClassVar[int] = 2

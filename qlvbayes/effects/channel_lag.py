@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 LINES = 256  # most steps that the delay may span
 
@@ -45,7 +46,7 @@ class ChannelLag(AbstractEffect):
     * ``delay``: delay of the force's channel behind the displacement's (s), zero or more.
     """
 
-    delay: Any
+    delay: Constant
     name: ClassVar[str] = "channel_lag"
     level: ClassVar[Level] = Level.CHANNEL
     units: ClassVar[dict[str, str]] = {"delay": "time"}

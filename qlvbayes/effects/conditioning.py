@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -11,6 +11,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class Conditioning(AbstractEffect):
@@ -22,8 +23,8 @@ class Conditioning(AbstractEffect):
     * ``tests``: number of tests after which 63 % of that is lost, above 0.
     """
 
-    share: Any
-    tests: Any
+    share: Constant
+    tests: Constant
     name: ClassVar[str] = "conditioning"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 4

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 _REST = 1e5  # s at zero displacement before the test
 BEFORE = 2
@@ -26,7 +27,7 @@ class ContactOffset(AbstractEffect):
     * ``gap``: displacement at which contact begins (mm), of either sign.
     """
 
-    gap: Any
+    gap: Constant
     name: ClassVar[str] = "contact_offset"
     level: ClassVar[Level] = Level.DEPTH
     rank: ClassVar[int] = 1

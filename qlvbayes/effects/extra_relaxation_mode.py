@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -14,6 +14,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
+from qlvbayes.priors.distributions import Constant
 
 
 class ExtraRelaxationMode(AbstractEffect):
@@ -23,8 +24,8 @@ class ExtraRelaxationMode(AbstractEffect):
     * ``v``: its rate (1/s).
     """
 
-    c: Any
-    v: Any
+    c: Constant
+    v: Constant
     name: ClassVar[str] = "extra_relaxation_mode"
     level: ClassVar[Level] = Level.MATERIAL
     units: ClassVar[dict[str, str]] = {"c": "fraction", "v": "rate"}

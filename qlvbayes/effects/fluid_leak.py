@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -11,6 +11,7 @@ from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class FluidLeak(AbstractClocked):
@@ -19,7 +20,7 @@ class FluidLeak(AbstractClocked):
     * ``rate``: share of the force lost per second (1/s), zero or more.
     """
 
-    rate: Any
+    rate: Constant
     name: ClassVar[str] = "fluid_leak"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 1

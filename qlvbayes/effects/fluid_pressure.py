@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -17,6 +17,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, LogUniform
+from qlvbayes.priors.distributions import Constant
 
 
 class FluidPressure(AbstractEffect):
@@ -29,9 +30,9 @@ class FluidPressure(AbstractEffect):
     * ``a``: how compression closes the pores (1/mm).
     """
 
-    k: Any
-    tau: Any
-    a: Any
+    k: Constant
+    tau: Constant
+    a: Constant
     name: ClassVar[str] = "fluid_pressure"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class ForceDrift(AbstractClocked):
@@ -18,7 +19,7 @@ class ForceDrift(AbstractClocked):
     * ``rate``: drift of the cell's zero (N/s), of either sign.
     """
 
-    rate: Any
+    rate: Constant
     name: ClassVar[str] = "force_drift"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 2

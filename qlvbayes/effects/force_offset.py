@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class ForceOffset(AbstractEffect):
@@ -18,7 +19,7 @@ class ForceOffset(AbstractEffect):
     * ``offset``: reading of the unloaded cell (N), of either sign.
     """
 
-    offset: Any
+    offset: Constant
     name: ClassVar[str] = "force_offset"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 1

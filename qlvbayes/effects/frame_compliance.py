@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -13,6 +13,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 _STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
 
@@ -27,7 +28,7 @@ class FrameCompliance(AbstractEffect):
     * ``compliance``: one over the frame's stiffness (mm/N), zero or more.
     """
 
-    compliance: Any
+    compliance: Constant
     name: ClassVar[str] = "frame_compliance"
     level: ClassVar[Level] = Level.FRAME
     units: ClassVar[dict[str, str]] = {"compliance": "compliance"}

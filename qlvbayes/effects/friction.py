@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -15,6 +15,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class Friction(AbstractEffect):
@@ -26,8 +27,8 @@ class Friction(AbstractEffect):
     * ``reach``: distance over which it reverses (mm).
     """
 
-    strength: Any
-    reach: Any
+    strength: Constant
+    reach: Constant
     name: ClassVar[str] = "friction"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 4

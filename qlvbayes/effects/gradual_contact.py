@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -13,6 +13,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class GradualContact(AbstractEffect):
@@ -25,8 +26,8 @@ class GradualContact(AbstractEffect):
     * ``over``: depth over which contact is made (mm), zero or more.
     """
 
-    gap: Any
-    over: Any
+    gap: Constant
+    over: Constant
     name: ClassVar[str] = "gradual_contact"
     level: ClassVar[Level] = ContactOffset.level
     rank: ClassVar[int] = ContactOffset.rank

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class Inertia(AbstractEffect):
@@ -18,7 +19,7 @@ class Inertia(AbstractEffect):
     * ``mass``: mass that moves with the load cell (N s2/mm, which is 1000 kg), zero or more.
     """
 
-    mass: Any
+    mass: Constant
     name: ClassVar[str] = "inertia"
     level: ClassVar[Level] = Level.SENSOR
     units: ClassVar[dict[str, str]] = {"mass": "mass"}

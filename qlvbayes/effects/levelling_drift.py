@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -13,6 +13,7 @@ from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
+from qlvbayes.priors.distributions import Constant
 
 _LEVELS = 4.0  # prior sd of the slowing over one over the study's duration: it may level off within
 _REACHED = 0.3  # share of rate x duration that the drift reaches at the slowing's median
@@ -27,8 +28,8 @@ class LevellingDrift(AbstractClocked):
     * ``slowing``: rate at which the drift dies out (1/s), zero or more.
     """
 
-    rate: Any
-    slowing: Any
+    rate: Constant
+    slowing: Constant
     name: ClassVar[str] = "levelling_drift"
     level: ClassVar[Level] = ForceDrift.level
     rank: ClassVar[int] = ForceDrift.rank

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -13,6 +13,7 @@ from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
+from qlvbayes.priors.distributions import Constant
 
 _LEVELS = 4.0  # prior sd of the return rate over one over the study's duration: it may level off
 _REACHED = 0.3  # share of rate x duration that is lost in the end at the median of that rate
@@ -28,8 +29,8 @@ class LevellingLeak(AbstractClocked):
     * ``back``: share of the loss that returns per second (1/s), zero or more.
     """
 
-    rate: Any
-    back: Any
+    rate: Constant
+    back: Constant
     name: ClassVar[str] = "levelling_leak"
     level: ClassVar[Level] = FluidLeak.level
     rank: ClassVar[int] = FluidLeak.rank

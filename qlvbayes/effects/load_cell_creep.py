@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -17,6 +17,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
+from qlvbayes.priors.distributions import Constant
 
 
 class LoadCellCreep(AbstractEffect):
@@ -28,8 +29,8 @@ class LoadCellCreep(AbstractEffect):
     * ``time``: time constant of the creep (s).
     """
 
-    share: Any
-    time: Any
+    share: Constant
+    time: Constant
     name: ClassVar[str] = "load_cell_creep"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -12,6 +12,7 @@ from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
 
 
 class OffsetsByTest(AbstractEffect):
@@ -25,10 +26,10 @@ class OffsetsByTest(AbstractEffect):
     * ``duration``: duration of the study (s), which is fixed.
     """
 
-    size: Any
-    quadratic: Any
-    cubic: Any
-    duration: Any
+    size: Constant
+    quadratic: Constant
+    cubic: Constant
+    duration: Constant
     name: ClassVar[str] = "offsets_by_test"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 3

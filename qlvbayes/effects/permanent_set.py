@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -13,6 +13,7 @@ from qlvbayes.effects.history import largest
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class PermanentSet(AbstractEffect):
@@ -23,7 +24,7 @@ class PermanentSet(AbstractEffect):
     * ``share``: share of the largest depth that does not come back, zero or more.
     """
 
-    share: Any
+    share: Constant
     name: ClassVar[str] = "permanent_set"
     level: ClassVar[Level] = Level.DEPTH
     units: ClassVar[dict[str, str]] = {"share": "fraction"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
+from qlvbayes.priors.distributions import Constant
 
 
 class PowerLawDrag(AbstractEffect):
@@ -21,8 +22,8 @@ class PowerLawDrag(AbstractEffect):
     * ``n``: exponent, above 0 up to 1, where 1 is viscous drag.
     """
 
-    k: Any
-    n: Any
+    k: Constant
+    n: Constant
     name: ClassVar[str] = "power_law_drag"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
+from qlvbayes.priors.distributions import Constant
 
 _NONE = 1e-12  # share of the stroke below which the power is replaced by a straight line
 _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10
@@ -35,11 +36,11 @@ class PowerLawDrainage(AbstractEffect):
     * ``stroke``: reference compression (mm), which is fixed.
     """
 
-    k: Any
-    tau: Any
-    a: Any
-    n: Any
-    stroke: Any
+    k: Constant
+    tau: Constant
+    a: Constant
+    n: Constant
+    stroke: Constant
     name: ClassVar[str] = "power_law_drainage"
     level: ClassVar[Level] = FluidPressure.level
     rank: ClassVar[int] = FluidPressure.rank

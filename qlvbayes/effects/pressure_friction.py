@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -13,6 +13,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Uniform
+from qlvbayes.priors.distributions import Constant
 
 
 class PressureFriction(AbstractEffect):
@@ -27,10 +28,10 @@ class PressureFriction(AbstractEffect):
     * ``pressed``: reference force (N), which is fixed.
     """
 
-    strength: Any
-    reach: Any
-    share: Any
-    pressed: Any
+    strength: Constant
+    reach: Constant
+    share: Constant
+    pressed: Constant
     name: ClassVar[str] = "pressure_friction"
     level: ClassVar[Level] = Friction.level
     rank: ClassVar[int] = Friction.rank

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
+from qlvbayes.priors.distributions import Constant
 
 _RANGE = (
     0.1,
@@ -28,8 +29,8 @@ class SecondContact(AbstractEffect):
     * ``depth``: depth at which it is reached (mm).
     """
 
-    stiffness: Any
-    depth: Any
+    stiffness: Constant
+    depth: Constant
     name: ClassVar[str] = "second_contact"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 5

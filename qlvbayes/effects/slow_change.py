@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -11,6 +11,7 @@ from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import LARGEST, curve, duration
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
 
 
 class SlowChange(AbstractClocked):
@@ -23,10 +24,10 @@ class SlowChange(AbstractClocked):
     * ``duration``: duration of the study (s), which is fixed.
     """
 
-    size: Any
-    quadratic: Any
-    cubic: Any
-    duration: Any
+    size: Constant
+    quadratic: Constant
+    cubic: Constant
+    duration: Constant
     name: ClassVar[str] = "slow_change"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 2

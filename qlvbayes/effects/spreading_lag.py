@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -16,6 +16,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
+from qlvbayes.priors.distributions import Constant
 
 _INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finite slope
 
@@ -30,8 +31,8 @@ class SpreadingLag(AbstractEffect):
     * ``spread``: share of it that is a first-order filter's, from 0 (a pure delay) to 1.
     """
 
-    delay: Any
-    spread: Any
+    delay: Constant
+    spread: Constant
     name: ClassVar[str] = "spreading_lag"
     level: ClassVar[Level] = ChannelLag.level
     rank: ClassVar[int] = ChannelLag.rank

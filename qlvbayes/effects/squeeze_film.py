@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
+from qlvbayes.priors.distributions import Constant
 
 _THINNEST = 0.05  # share of its thickness that the film keeps
 
@@ -23,8 +24,8 @@ class SqueezeFilm(AbstractEffect):
     * ``h``: the film's thickness (mm).
     """
 
-    eta: Any
-    h: Any
+    eta: Constant
+    h: Constant
     name: ClassVar[str] = "squeeze_film"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 2

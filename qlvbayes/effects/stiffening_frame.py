@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -18,6 +18,7 @@ from qlvbayes.effects.frame_compliance import (
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class StiffeningFrame(AbstractEffect):
@@ -29,8 +30,8 @@ class StiffeningFrame(AbstractEffect):
     * ``stiff``: force (N) at which the deflection is half that of a frame that does not stiffen.
     """
 
-    compliance: Any
-    stiff: Any
+    compliance: Constant
+    stiff: Constant
     name: ClassVar[str] = "stiffening_frame"
     level: ClassVar[Level] = FrameCompliance.level
     rank: ClassVar[int] = FrameCompliance.rank

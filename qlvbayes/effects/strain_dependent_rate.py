@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -12,6 +12,7 @@ from qlvbayes.effects.history import material_duration, material_time
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class StrainDependentRate(AbstractEffect):
@@ -22,7 +23,7 @@ class StrainDependentRate(AbstractEffect):
     * ``alpha``: how depth speeds up relaxation (1/mm), of either sign.
     """
 
-    alpha: Any
+    alpha: Constant
     name: ClassVar[str] = "strain_dependent_rate"
     level: ClassVar[Level] = Level.MATERIAL
     rank: ClassVar[int] = 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -11,6 +11,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class StrainDependentStrength(AbstractEffect):
@@ -21,7 +22,7 @@ class StrainDependentStrength(AbstractEffect):
     * ``beta``: how depth lessens the share that relaxes (1/mm), of either sign.
     """
 
-    beta: Any
+    beta: Constant
     name: ClassVar[str] = "strain_dependent_strength"
     level: ClassVar[Level] = Level.MATERIAL
     rank: ClassVar[int] = 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,6 +12,7 @@ from qlvbayes.effects.history import largest
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class StressSoftening(AbstractEffect):
@@ -22,7 +23,7 @@ class StressSoftening(AbstractEffect):
     * ``s``: relative loss of force when the pad is nearly unloaded, zero or more.
     """
 
-    s: Any
+    s: Constant
     name: ClassVar[str] = "stress_softening"
     level: ClassVar[Level] = Level.SCALING
     units: ClassVar[dict[str, str]] = {"s": "fraction"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -15,6 +15,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
+from qlvbayes.priors.distributions import Constant
 
 
 class Thixotropy(AbstractEffect):
@@ -28,9 +29,9 @@ class Thixotropy(AbstractEffect):
     * ``way``: distance over which motion breaks it down (mm).
     """
 
-    share: Any
-    time: Any
-    way: Any
+    share: Constant
+    time: Constant
+    way: Constant
     name: ClassVar[str] = "thixotropy"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class ViscousDrag(AbstractEffect):
@@ -18,7 +19,7 @@ class ViscousDrag(AbstractEffect):
     * ``eta``: drag coefficient (N s/mm), zero or more.
     """
 
-    eta: Any
+    eta: Constant
     name: ClassVar[str] = "viscous_drag"
     level: ClassVar[Level] = Level.ADDING
     units: ClassVar[dict[str, str]] = {"eta": "drag"}

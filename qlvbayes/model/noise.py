@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.motion.noisefloor.floor import NoiseFloor
 from qlvbayes.motion.record import Blocks
 from qlvbayes.priors import HalfNormal
+from qlvbayes.priors.distributions import Constant
 
 __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
 
@@ -92,7 +93,7 @@ class White(AbstractGaussian):
         Standard deviation of one sample (N).
     """
 
-    white: Any
+    white: Constant
     name: ClassVar[str] = "white"
     units: ClassVar[dict[str, str]] = {"white": "force"}
     words: ClassVar[str] = (
@@ -136,8 +137,8 @@ class StudentT(AbstractNoise):
         Degrees of freedom.
     """
 
-    scale: Any
-    nu: Any
+    scale: Constant
+    nu: Constant
     name: ClassVar[str] = "student-t"
     units: ClassVar[dict[str, str]] = {"scale": "force", "nu": "count"}
     words: ClassVar[str] = (
@@ -191,9 +192,9 @@ class Correlated(AbstractGaussian):
         Its correlation time (s).
     """
 
-    white: Any
-    ou: Any
-    tau: Any
+    white: Constant
+    ou: Constant
+    tau: Constant
     name: ClassVar[str] = "correlated"
     units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
     words: ClassVar[str] = (
@@ -289,11 +290,11 @@ class Floor(AbstractGaussian):
         and ``remainder`` are nan where the likelihood sums over them (`floorlikelihood`).
     """
 
-    white: Any
-    ou: Any
-    tau: Any
-    factor: Any
-    remainder: Any
+    white: Constant
+    ou: Constant
+    tau: Constant
+    factor: Constant
+    remainder: Constant
     name: ClassVar[str] = "floor"
     units: ClassVar[dict[str, str]] = {
         "white": "force",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import fields
-from typing import ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +13,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
+
+Constant: TypeAlias = Any
+"""A constant of a law, an effect or a noise model: `Float[Array, ...]` where it is fixed, and an
+`AbstractPrior` where it is free.
+
+Equations see arrays only, because `Posterior.bind` puts one in place of every prior. A type checker
+would ask each equation to allow for priors, hence Any.
+"""
 
 
 class AbstractPrior(eqx.Module):

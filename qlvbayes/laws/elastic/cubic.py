@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
 
 
 class Cubic(AbstractElastic):
@@ -27,9 +28,9 @@ class Cubic(AbstractElastic):
     Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
     """
 
-    m: Any
-    k2: Any
-    k3: Any
+    m: Constant
+    k2: Constant
+    k3: Constant
     name: ClassVar[str] = "polynomial:3"
     units: ClassVar[dict[str, str]] = {
         "m": "stiffness",

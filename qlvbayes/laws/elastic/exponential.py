@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -10,6 +10,7 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
+from qlvbayes.priors.distributions import Constant
 
 
 class Exponential(AbstractElastic):
@@ -29,8 +30,8 @@ class Exponential(AbstractElastic):
     Fung 1967, doi:10.1152/ajplegacy.1967.213.6.1532
     """
 
-    m: Any
-    b: Any
+    m: Constant
+    b: Constant
     name: ClassVar[str] = "exponential"
     units: ClassVar[dict[str, str]] = {"m": "stiffness", "b": "exponent"}
     meanings: ClassVar[dict[str, str]] = {

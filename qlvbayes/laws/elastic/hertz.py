@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -10,6 +10,7 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class HertzPower(AbstractElastic):
@@ -31,8 +32,8 @@ class HertzPower(AbstractElastic):
     Hertz 1882, doi:10.1515/crll.1882.92.156
     """
 
-    m: Any
-    n: Any
+    m: Constant
+    n: Constant
     name: ClassVar[str] = "hertz"
     units: ClassVar[dict[str, str]] = {"m": "power_stiffness", "n": "fraction"}
     meanings: ClassVar[dict[str, str]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -10,6 +10,7 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 
 class Linear(AbstractElastic):
@@ -25,7 +26,7 @@ class Linear(AbstractElastic):
     Tschoegl 1989, doi:10.1007/978-3-642-73602-5
     """
 
-    m: Any
+    m: Constant
     name: ClassVar[str] = "linear"
     units: ClassVar[dict[str, str]] = {"m": "stiffness"}
     meanings: ClassVar[dict[str, str]] = {"m": "stiffness before anything relaxes, at any depth"}

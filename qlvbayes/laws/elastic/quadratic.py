@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
@@ -10,6 +10,7 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
 
 
 class Quadratic(AbstractElastic):
@@ -27,8 +28,8 @@ class Quadratic(AbstractElastic):
     Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
     """
 
-    m: Any
-    k2: Any
+    m: Constant
+    k2: Constant
     name: ClassVar[str] = "polynomial:2"
     units: ClassVar[dict[str, str]] = {"m": "stiffness", "k2": "quadratic_stiffness"}
     meanings: ClassVar[dict[str, str]] = {

@@ -11,6 +11,7 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 _PIECES = 6  # intervals of depth: they follow a contact halfway to about 1 % of the peak force
 
@@ -36,13 +37,13 @@ class Spline(AbstractElastic):
     de Boor 1978, A Practical Guide to Splines
     """
 
-    k0: Any
-    k1: Any
-    k2: Any
-    k3: Any
-    k4: Any
-    k5: Any
-    k6: Any
+    k0: Constant
+    k1: Constant
+    k2: Constant
+    k3: Constant
+    k4: Constant
+    k5: Constant
+    k6: Constant
     depth: float = eqx.field(static=True)
     name: ClassVar[str] = "spline"
     listed: ClassVar[bool] = False

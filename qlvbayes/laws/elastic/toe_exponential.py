@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -11,6 +11,7 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
+from qlvbayes.priors.distributions import Constant
 
 
 class ToeExponential(AbstractElastic):
@@ -33,9 +34,9 @@ class ToeExponential(AbstractElastic):
     Fung 1993, doi:10.1007/978-1-4757-2257-4
     """
 
-    m: Any
-    b: Any
-    toe: Any
+    m: Constant
+    b: Constant
+    toe: Constant
     name: ClassVar[str] = "toe"
     units: ClassVar[dict[str, str]] = {"m": "stiffness", "b": "exponent", "toe": "displacement"}
     meanings: ClassVar[dict[str, str]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ from numpy.polynomial.legendre import leggauss
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors.distributions import Constant
 
 _PER_DECADE = 4  # Gauss-Legendre nodes; with two in addition the error is below 1e-6 of g(0)
 
@@ -38,9 +39,9 @@ class Fung(AbstractRelaxation):
     Fung 1993, doi:10.1007/978-1-4757-2257-4, section 7.6
     """
 
-    c: Any
-    tau1: Any
-    tau2: Any
+    c: Constant
+    tau1: Constant
+    tau2: Constant
     nodes: int = eqx.field(static=True, default=26)
     name: ClassVar[str] = "fung"
     units: ClassVar[dict[str, str]] = {"c": "fraction", "tau1": "time", "tau2": "time"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Array
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
+from qlvbayes.priors.distributions import Constant
 
 # nodes in sds of ln tau: they end where the normal density is 1e-6 of its peak, and their step of
 # 0.2 sds resolves a mode's decay (pi^2/1.6 e-folds) to sigma = 3.3
@@ -39,9 +40,9 @@ class LogNormalSpectrum(AbstractRelaxation):
     Wiechert 1893, doi:10.1002/andp.18932861011
     """
 
-    c0: Any
-    tau: Any
-    sigma: Any
+    c0: Constant
+    tau: Constant
+    sigma: Constant
     name: ClassVar[str] = "log-normal"
     units: ClassVar[dict[str, str]] = {"c0": "fraction", "tau": "time", "sigma": "count"}
     meanings: ClassVar[dict[str, str]] = {

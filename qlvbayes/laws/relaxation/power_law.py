@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from jaxtyping import Array
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
+from qlvbayes.priors.distributions import Constant
 
 _STEP = 0.58  # in ln(rate tau): the rule's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
 # is 7e-7 at alpha = 1
@@ -47,9 +48,9 @@ class PowerLaw(AbstractRelaxation):
     Nutting 1921, doi:10.1016/S0016-0032(21)90171-6
     """
 
-    c0: Any
-    alpha: Any
-    tau: Any
+    c0: Constant
+    alpha: Constant
+    tau: Constant
     nodes: int = eqx.field(static=True, default=48)
     name: ClassVar[str] = "power-law"
     units: ClassVar[dict[str, str]] = {"c0": "fraction", "alpha": "count", "tau": "time"}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
+from qlvbayes.priors.distributions import Constant
 
 MOST = 6  # modes; no test resolves more
 
@@ -28,8 +29,8 @@ class Prony(AbstractRelaxation):
     Tschoegl 1989, doi:10.1007/978-3-642-73602-5
     """
 
-    c: Any
-    v: Any
+    c: Constant
+    v: Constant
     name: ClassVar[str] = "prony"
     units: ClassVar[dict[str, str]] = {"c": "fraction", "v": "rate"}
     meanings: ClassVar[dict[str, str]] = {

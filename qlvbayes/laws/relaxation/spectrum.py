@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.scales import Scales
+from qlvbayes.priors.distributions import Constant
 
 
 class Spectrum(AbstractRelaxation):
@@ -21,8 +22,8 @@ class Spectrum(AbstractRelaxation):
         (L,) in 1/s.
     """
 
-    fractions: Any
-    rates: Any
+    fractions: Constant
+    rates: Constant
     name: ClassVar[str] = "spectrum"
     units: ClassVar[dict[str, str]] = {}
     meanings: ClassVar[dict[str, str]] = {}

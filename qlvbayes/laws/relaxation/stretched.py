@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from numpy.polynomial.legendre import leggauss
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogNormal, Uniform
+from qlvbayes.priors.distributions import Constant
 
 _NODES = 56  # of the trapezoidal rule; with fewer the error is above 1e-6 at beta = 0.15
 _FASTEST = 25.0  # ln(rate tau): below t = 2e-10 tau the spectrum's far end no longer relaxes
@@ -46,9 +47,9 @@ class StretchedExponential(AbstractRelaxation):
     Williams & Watts 1970, doi:10.1039/TF9706600080
     """
 
-    c0: Any
-    beta: Any
-    tau: Any
+    c0: Constant
+    beta: Constant
+    tau: Constant
     name: ClassVar[str] = "stretched"
     units: ClassVar[dict[str, str]] = {"c0": "fraction", "beta": "count", "tau": "time"}
     meanings: ClassVar[dict[str, str]] = {
