@@ -25,7 +25,7 @@ from qlvbayes.motion.noisefloor.fading import with_fading_sd
 from qlvbayes.motion.past import Past, past_of
 from qlvbayes.motion.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.motion.segments import known_scatter
-from qlvbayes.motion.stiffness import largest_stiffness
+from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
 
 if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
@@ -149,8 +149,8 @@ class Experiment:
 
     @property
     def peak(self) -> float:
-        """Largest magnitude of the force."""
-        return max(float(np.max(np.abs(trial.test.force))) for trial in self.trials)
+        """Largest magnitude of the force, noise aside."""
+        return max(largest_force(trial.test) for trial in self.trials)
 
     @property
     def depth(self) -> float:
