@@ -12,6 +12,7 @@ from qlvbayes.diagnosis.decision import (
     apply_adequacy,
     decide,
     ignore_unmodelled,
+    one_of,
     restrict_to,
 )
 from qlvbayes.diagnosis.prior import Families
@@ -51,6 +52,16 @@ def test_an_effect_is_named_by_its_probability_over_everything_else():
 def test_two_that_do_as_well_make_a_group():
     found = decide([weight("drag", 0.55), weight("film", 0.43), weight("", 0.02)])
     assert (found.verdict, found.effects, found.group) == ("ambiguous", (), ("drag", "film"))
+
+
+def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
+    both = decide([weight("set softening drag", 0.97), weight("set drag", 0.03)])
+    found = one_of(both, ("set", "softening", "play"), 3)
+    assert (found.verdict, found.effects) == ("ambiguous", ("drag",))
+    assert set(found.group) == {"set", "softening"}
+    assert found.selected == both.selected
+    alone = decide([weight("set drag", 1.0)])
+    assert one_of(alone, ("set", "softening"), 3) == alone
 
 
 def test_a_group_may_stand_beside_a_named_effect():

@@ -17,6 +17,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.firstlook import FirstLook, look_at
+from qlvbayes.motion.firstlook.facts import loaded_once
 from qlvbayes.pipeline.run import run_study
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.look import plot_look
@@ -126,6 +127,18 @@ def test_a_force_that_grows_with_speed_needs_two_speeds(tmp_path, fast, answer):
 def test_a_change_with_depth_needs_holds_at_two_depths(tmp_path, depth, answer):
     tests = {"a": pressed((1.0, 2.0, 5.0)), "b": pressed((depth, 2.0, 5.0))}
     assert answers(seen(tmp_path, tests)[0])["strain_dependent_rate"].answer == answer
+
+
+@pytest.mark.parametrize(("second", "answer"), [(1.0, "hardly"), (1.1, "hardly"), (1.6, "yes")])
+def test_softening_and_a_set_are_told_apart_by_growing_depths(tmp_path, second, answer):
+    """Of one test, whose second load goes as deep as its first or deeper; two tests show more."""
+    strokes = ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (second, 1.0, 1.0), (0.0, 1.0, 1.0))
+    look, experiment = seen(tmp_path, {"a": pressed(*strokes)})
+    found = answers(look)["stress_softening"]
+    assert found.answer == answer
+    assert loaded_once(experiment) is (answer == "hardly")
+    tests = {"a": pressed(*strokes), "b": pressed(*strokes, seed=1)}
+    assert answers(seen(tmp_path, tests)[0])["stress_softening"].answer == "yes"
 
 
 def test_relaxation_is_shown_up_to_the_longest_hold(tmp_path):

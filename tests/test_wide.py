@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,10 +25,13 @@ from qlvbayes.evaluation.counting import (
 from qlvbayes.evaluation.population import STRATA, Population, kin
 from qlvbayes.evaluation.report import Report
 from qlvbayes.evaluation.store import Store
-from qlvbayes.evaluation.study import make_study
+from qlvbayes.evaluation.study import _disturbed, make_study
 from qlvbayes.evaluation.visible import visible
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
 from qlvbayes.simulate import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
+from qlvbayes.simulate.disturbed import RECORDS, unequal_holds
 from qlvbayes.simulate.hidden import NearContact
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION, Law, draw_law
 from qlvbayes.simulate.loadcell import CELLS, LoadCell, draw_cell
@@ -69,6 +73,111 @@ def test_hidden_effects_are_of_their_kind():
         want = {"none": (0, 0), "single": (1, 1), "double": (2, 2), "form": (1, 0)}
         want |= {"outside": (1, 0), "outside_beside": (2, 1)}
         assert (len(names), len(listed)) == want[kind]
+
+
+# disturbed records
+
+
+def test_each_disturbance_comes_in_a_twelfth_and_changes_nothing_else():
+    plain, own = Population(3), Population(3, disturbed=True)
+    items = [own.item(k) for k in range(240)]
+    count = Counter(item.levels["record"] for item in items)
+    assert count == {"plain": 160} | dict.fromkeys(RECORDS[1:], 20)
+    for index, item in enumerate(items):
+        before = plain.item(index)
+        assert item.names == before.names
+        assert item.levels == before.levels | {"record": item.levels["record"]}
+    assert plain.key != own.key
+    assert "record" not in plain.strata
+
+
+@pytest.mark.parametrize("run", ["bounds", "beam"])
+def test_registered_runs_make_their_old_studies_again(run):
+    registered = Registration.read(run)
+    published = Path(registration.ROOT / "docs" / f"wide_{run}.json")
+    cases = json.loads(published.read_text())["cases"]
+    quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
+    assert registered.population == Population(registered.seed)
+    assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
+
+
+def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
+    new = Registration.of_present("some", 1, 5)
+    assert new.population == Population(1, disturbed=True)
+    assert new.strata["record"] == list(RECORDS)
+    assert not new.broken()
+    old = Registration.read("bounds")
+    assert "record" not in old.strata
+    assert "the strata" not in old.broken()
+
+
+def test_noise_that_changes_changes_the_noise_alone():
+    """Of the same study with and without: forces differ by the noise times the factor less one."""
+    wanted = {"protocol": "three_tests", "logger": "thinned", "history": "rested"}
+    wanted |= {"record": "changing_noise"}
+    own_population = Population(0, disturbed=True)
+    items = map(own_population.item, range(20_000))
+    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    plain, own = make_study(Population(0), index), make_study(own_population, index)
+    assert own.peak == plain.peak
+    motions = own.session.motions.values()
+    for one, two, time, motion in zip(
+        plain.pad.tests, own.pad.tests, own.times, motions, strict=True
+    ):
+        np.testing.assert_array_equal(one.displacement, two.displacement)
+        more = own.gain.at(time, motion.duration) - 1.0
+        changed = np.abs(two.force - one.force)
+        assert np.all(changed[more == 0.0] == 0.0)
+        large, small = more > 0.5 * more.max(), more < 0.05 * more.max()
+        if small.any():
+            assert np.mean(changed[large] ** 2) > 9.0 * np.mean(changed[small] ** 2)
+
+
+def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
+    time = np.arange(0.0, 10.0, 0.01)
+    way = np.minimum(time, 1.6)
+    one = Test("a", "p", time, way, 2.0 * way, start_s=50.0)
+    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    kept, late = _disturbed("late_start", times, pad, np.random.default_rng(0))
+    begun = [test.start_s - 50.0 for test in late.tests]
+    assert 4 <= sum(start > 0.0 for start in begun) <= 16
+    assert all(start < 0.5 * 1.6 for start in begun)
+    for test, clock, start in zip(late.tests, kept, begun, strict=True):
+        assert test.time[0] == 0.0
+        assert test.displacement[0] == pytest.approx(start)
+        assert np.allclose(clock, test.time + start)
+
+
+def test_lost_readings_are_few_zeros_in_one_channel():
+    time = np.arange(0.0, 10.0, 0.01)
+    one = Test("a", "p", time, 1.0 + time, 2.0 + time)
+    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    _, found = _disturbed("lost_readings", times, pad, np.random.default_rng(0))
+    for test in found.tests:
+        lost = [np.count_nonzero(x == 0.0) for x in (test.displacement, test.force)]
+        assert min(lost) == 0 < max(lost) <= 0.01 * time.size
+    assert _disturbed("plain", times, pad, np.random.default_rng(0)) == (times, pad)
+
+
+@pytest.mark.parametrize("protocol", ["paper", "staircase", "other_speeds"])
+def test_unequal_holds_change_rests_alone(protocol):
+    plan = session(protocol, False, 30.0, 3e-4, np.random.default_rng(1))
+    own = unequal_holds(plan, np.random.default_rng(2))
+    same = [a.duration == b.duration for a, b in zip(*both(plan, own), strict=True)]
+    assert sum(same) == 1
+    for one, two in zip(*both(plan, own), strict=True):
+        assert two.duration <= one.duration
+        assert one.displacement(one.duration) == pytest.approx(
+            two.displacement(two.duration), abs=2e-3
+        )
+        speeds = [max(abs(p.velocity) for p in m.pieces) for m in (one, two)]
+        assert speeds[0] == speeds[1]
+    starts = [motion.start_s for motion in own.motions.values()]
+    assert np.all(np.diff(starts) > own.pause)
+
+
+def both(one, two):
+    return one.motions.values(), two.motions.values()
 
 
 # motion, law, noise
@@ -340,13 +449,13 @@ def test_before_and_after_stand_side_by_side():
 
 def test_published_studies_of_the_same_run_are_taken_up_once(tmp_path):
     registered = Registration.of_present("some", 1, 5)
-    ours = {"plan": Population(1).key, "code": registered.code}
+    ours = {"plan": registered.population.key, "code": registered.code}
     cases = [ours | {"index": 0}, ours | {"index": 1}, ours | {"index": 2, "code": "another"}]
     published = tmp_path / "wide_some.json"
     published.write_text(json.dumps({"cases": cases}))
-    store = Store(tmp_path / "some.jsonl", Population(1).key)
+    store = Store(tmp_path / "some.jsonl", registered.population.key)
     store.add(ours | {"index": 1, "verdict": "adequate"})
     take_up(published, registered, store)
-    again = Store(tmp_path / "some.jsonl", Population(1).key)
+    again = Store(tmp_path / "some.jsonl", registered.population.key)
     assert again.missing(5) == [2, 3, 4]
     assert again.cases[1]["verdict"] == "adequate"

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.evaluation import counting
-from qlvbayes.evaluation.population import STRATA
+from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -28,7 +28,8 @@ class Registration:
     """A registered run.
 
     code: digest of all code that a study's outcome may depend on; tree: git's hash of the package's
-    folder; rules: of the file with the rules of the count.
+    folder; rules: of the file with the rules of the count; disturbed: whether the population has
+    disturbed records, as those of new registrations have.
     """
 
     name: str
@@ -40,13 +41,19 @@ class Registration:
     strata: dict[str, list[str]]
     asked: dict[str, float]
     note: str = ""
+    disturbed: bool = False
+
+    @property
+    def population(self) -> Population:
+        """The registered population."""
+        return Population(self.seed, disturbed=self.disturbed)
 
     @classmethod
     def of_present(cls, name: str, seed: int, studies: int, note: str = "") -> Registration:
         """Return the registration of a run by the present code."""
-        strata = {key: list(levels) for key, levels in STRATA.items()}
-        tree = _tree()
-        return cls(name, seed, studies, code_digest(), tree, rules_digest(), strata, ASKED, note)
+        strata = _strata(Population(seed, disturbed=True))
+        digests = code_digest(), _tree(), rules_digest()
+        return cls(name, seed, studies, *digests, strata, ASKED, note, disturbed=True)
 
     @classmethod
     def read(cls, name: str) -> Registration:
@@ -76,11 +83,15 @@ class Registration:
         pairs = {
             "the code": (self.code, code_digest()),
             "the rules of the count": (self.rules, rules_digest()),
-            "the strata": (self.strata, {key: list(levels) for key, levels in STRATA.items()}),
+            "the strata": (self.strata, _strata(self.population)),
         }
         if finished:
             del pairs["the code"]
         return [what for what, (then, now) in pairs.items() if then != now]
+
+
+def _strata(population: Population) -> dict[str, list[str]]:
+    return {key: list(levels) for key, levels in population.strata.items()}
 
 
 def rules_digest() -> str:

@@ -35,7 +35,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.evaluation.case import THRESHOLDS, verdict_of
 from qlvbayes.evaluation.counting import Case, is_right, names_wrongly
-from qlvbayes.evaluation.population import Population
+from qlvbayes.evaluation.population import RECORD, Population
 from qlvbayes.evaluation.store import Store, run_missing, store_path
 from qlvbayes.evaluation.study import Study, make_study
 from qlvbayes.inference.density import Density, Point
@@ -119,7 +119,8 @@ def explained(run: str, seed: int, case: Case) -> Case:
     begun = time.perf_counter()
     found: dict[str, Any] = {"plan": run, "index": case["index"], "kind": case["kind"]}
     found |= {"names": case["names"], "strata": case["strata"]}
-    study = make_study(Population(seed), case["index"])
+    population = Population(seed, disturbed=RECORD in case["strata"])
+    study = make_study(population, case["index"])
     if not math.isclose(study.peak, case["peak_N"], rel_tol=1e-6):
         sys.exit(f"study {case['index']} is not what it was: the simulator has changed")
     try:

@@ -43,7 +43,7 @@ def main() -> None:
         sys.exit(
             f"{', '.join(broken)} changed since '{options.name}' was registered: register anew"
         )
-    population = Population(registered.seed)
+    population = registered.population
     file = ROOT / "build" / "validation" / f"{options.name}-{registered.code}.jsonl"
     store = Store(file, population.key)
     take_up(options.output.with_suffix(".json"), registered, store)
@@ -87,7 +87,7 @@ def _options() -> argparse.Namespace:
 
 
 def _publish(registered: Registration, store: Store, output: Path) -> None:
-    report = Report(Population(registered.seed), tuple(store.first(registered.studies)))
+    report = Report(registered.population, tuple(store.first(registered.studies)))
     origin = Origin.now(f".venv/bin/python validation/wide.py {shlex.join(sys.argv[1:])}", ROOT)
     write_whole(output, wide_page(report, registered, origin).encode())
     write_json(output.with_suffix(".json"), report.as_dict())

@@ -201,6 +201,20 @@ def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: b
     return replace(decision, verdict=Verdict.UNEXPLAINED, group=(), selected=selected)
 
 
+def one_of(decision: Decision, alike: Collection[str], most: int) -> Decision:
+    """Return the decision where some effects cannot be told apart, whatever their probabilities.
+
+    Where two or more of them are named, they are the group (of ``most`` effects) of which one is
+    there. The selected hypothesis keeps all of them.
+    """
+    same = tuple(name for name in decision.effects if name in alike)
+    if len(same) < 2:
+        return decision
+    group = tuple(dict.fromkeys((*same, *decision.group)))[:most]
+    others = tuple(name for name in decision.effects if name not in same)
+    return replace(decision, verdict=Verdict.AMBIGUOUS, effects=others, group=group)
+
+
 def _selected(weights: Sequence[Weight], effects: set[str]) -> int:
     """Return the index of the most probable hypothesis with just these effects.
 

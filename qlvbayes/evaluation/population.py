@@ -10,6 +10,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE
+from qlvbayes.simulate.disturbed import RECORDS
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION
 from qlvbayes.simulate.loadcell import CELLS
 from qlvbayes.simulate.programmes import PROTOCOL_NAMES
@@ -27,6 +28,8 @@ STRATA: dict[str, tuple[str, ...]] = {
     "logger": ("full", "uniform", "thinned"),
 }
 """Every stratum's levels; each level comes equally often, in an order of its own."""
+RECORD = "record"
+_PLAIN = 8  # of twelve studies in a row have a plain record, and one each a disturbed one: 8 %
 PAPER_STRATA: dict[str, tuple[str, ...]] = STRATA | {
     "protocol": ("paper", "one_retraction"),
     "elastic": ("exponential",),
@@ -67,6 +70,10 @@ class Population:
         Kind of noise of the paper's strata: ``correlated`` or ``white``.
     effects
         Names of the listed effects that may be hidden alone.
+    disturbed
+        Whether 8 % of the studies each have lost readings, late starts, unequal holds or noise that
+        changes along a test (stratum ``record``). What is random in these has streams of its own:
+        the plain records are those of the same population without.
 
     Raises
     ------
@@ -78,6 +85,7 @@ class Population:
     paper: bool = False
     noise: str = "correlated"
     effects: tuple[str, ...] = tuple(HIDDEN)
+    disturbed: bool = False
 
     def __post_init__(self) -> None:
         if self.noise not in NOISE_LEVELS:
@@ -94,6 +102,8 @@ class Population:
     def key(self) -> str:
         """Name that identifies this population."""
         key = f"paper-{self.noise}-seed{self.seed}" if self.paper else f"wide-seed{self.seed}"
+        if self.disturbed:
+            key += "-disturbed"
         if set(self.effects) != set(HIDDEN):
             key += "-" + hashlib.sha256(",".join(self.effects).encode()).hexdigest()[:6]
         return key
@@ -101,16 +111,24 @@ class Population:
     @property
     def strata(self) -> dict[str, tuple[str, ...]]:
         """Levels of each stratum."""
-        return PAPER_STRATA | {"noise": (NOISE_LEVELS[self.noise],)} if self.paper else STRATA
+        strata = PAPER_STRATA | {"noise": (NOISE_LEVELS[self.noise],)} if self.paper else STRATA
+        return strata | {RECORD: RECORDS} if self.disturbed else strata
 
     def item(self, index: int) -> Item:
         """Strata and hidden effects of one study."""
-        levels = {name: self._level(name, some, index) for name, some in self.strata.items()}
+        strata = self.strata
+        if self.disturbed:
+            strata = strata | {RECORD: (*RECORDS[:1] * _PLAIN, *RECORDS[1:])}
+        levels = {name: self._level(name, some, index) for name, some in strata.items()}
         return Item(index, levels, self._names(levels, index))
 
     def rng(self, index: int) -> np.random.Generator:
         """Generator of everything that is random in one study."""
         return np.random.default_rng([self.seed, index, *b"wide study"])
+
+    def record_rng(self, index: int) -> np.random.Generator:
+        """Generator of what is random in the disturbance of a study's record."""
+        return np.random.default_rng([self.seed, index, *b"disturbed record"])
 
     def _level(self, name: str, levels: Sequence[str], index: int) -> str:
         """Level of one stratum; they come in blocks of all levels, each block in its own order."""

@@ -8,10 +8,16 @@ from math import log
 
 import numpy as np
 
-from qlvbayes.evaluation.population import Item, Population
+from qlvbayes.evaluation.population import RECORD, Item, Population
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
+from qlvbayes.simulate.disturbed import (
+    NoiseGain,
+    late_start,
+    unequal_holds,
+    with_lost_readings,
+)
 from qlvbayes.simulate.hidden import NearContact
 from qlvbayes.simulate.laws import Law, draw_law
 from qlvbayes.simulate.loadcell import LoadCell, draw_cell
@@ -38,7 +44,8 @@ class Study:
 
     sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
     (mm) and width (mm) of the contact; creep: movement of the platen in a hold (mm); times: sampled
-    times of every test (s); peak: peak force without the effects (N); pad: the readings.
+    times of every test (s); peak: peak force without the effects (N); pad: the readings; gain: of
+    noise that changes along the tests.
     """
 
     item: Item
@@ -52,6 +59,7 @@ class Study:
     times: tuple[np.ndarray, ...]
     peak: float
     pad: Pad
+    gain: NoiseGain | None = None
 
     def material(self, law: Law, effects: Sequence[Effect]) -> HiddenPad:
         """Return the simulated pad of this law and these effects, on this rig."""
@@ -72,13 +80,45 @@ def make_study(population: Population, index: int) -> Study:
     plan = session(
         levels["protocol"], levels["history"] == "carried", HOLD_S[levels["logger"]], creep, rng
     )
+    record, own = levels.get(RECORD, "plain"), population.record_rng(index)
+    if record == "unequal_holds":
+        plan = unequal_holds(plan, own)
+    gain = NoiseGain.drawn(own) if record == "changing_noise" else None
     law = draw_law(levels["elastic"], levels["relaxation"], rng, _DEPTH)
     rig = NearContact(float(rng.uniform(*GAP_MM)), float(rng.uniform(*WIDTH_MM)))
     effects, sizes, peak = _hidden(item, law, rig, plan, rng)
     cell = draw_cell(levels["noise"], peak, plan.longest_hold, rng)
     pad = _material(law, (rig, *effects), plan.smooth)
-    times, readings = _measure(pad, plan, cell, peak, levels["logger"], rng, f"study {index}")
-    return Study(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings)
+    logger, name = levels["logger"], f"study {index}"
+    times, readings = _measure(pad, plan, cell, peak, logger, rng, name, gain)
+    times, readings = _disturbed(record, times, readings, own)
+    return Study(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings, gain)
+
+
+def _disturbed(
+    record: str, times: tuple[np.ndarray, ...], pad: Pad, rng: np.random.Generator
+) -> tuple[tuple[np.ndarray, ...], Pad]:
+    """Return sampled times and readings, some of which are lost or come before a late start."""
+    if record not in ("lost_readings", "late_start"):
+        return times, pad
+    tests, kept = [], []
+    for test, time in zip(pad.tests, times, strict=True):
+        first = late_start(test.displacement, rng) if record == "late_start" else 0
+        displacement, force = test.displacement, test.force
+        if record == "lost_readings":
+            displacement, force = with_lost_readings(displacement, force, rng)
+        kept.append(time[first:])
+        begun = float(test.time[first])
+        tests.append(
+            replace(
+                test,
+                time=test.time[first:] - begun,
+                displacement=displacement[first:],
+                force=force[first:],
+                start_s=test.start_s + begun,
+            )
+        )
+    return tuple(kept), replace(pad, tests=tuple(tests))
 
 
 def measured(tests: Sequence[SimulatedTest], name: str) -> Pad:
@@ -137,12 +177,14 @@ def _measure(
     logger: str,
     rng: np.random.Generator,
     name: str,
+    gain: NoiseGain | None,
 ) -> tuple[tuple[np.ndarray, ...], Pad]:
     """Return the sampled times of every test, and the readings of encoder and load cell."""
     times, read, errors = [], [], []
     for label, motion in plan.motions.items():
         every = _clock(motion.duration, logger, label)
         position, error = cell.position(motion.displacement(every)), cell.draw(every, rng)
+        error = error if gain is None else error * gain.at(every, motion.duration)
         kept = (
             thin(every, encode(motion.displacement(every)), ROWS)
             if logger == "thinned"

@@ -18,14 +18,14 @@ from qlvbayes.motion.badreadings import (
 )
 from qlvbayes.motion.cutting import cut
 from qlvbayes.motion.encoder import encoder_steps
+from qlvbayes.motion.falling import fall_notice, falls_of
 from qlvbayes.motion.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
 from qlvbayes.motion.past import Past, past_of
 from qlvbayes.motion.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.motion.segments import known_scatter
-from qlvbayes.motion.stiffness import largest_stiffness
-from qlvbayes.motion.tearing import tear_notice, tears_of
+from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
 
 if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
@@ -104,11 +104,11 @@ class Experiment:
     def notices(self) -> tuple[str, ...]:
         """Sentences on the readings that a user should know of.
 
-        Those left out, those from which the fitted motion is far, where a specimen seems to tear,
-        and what was prescribed.
+        Those left out, those from which the fitted motion is far, where the force falls while the
+        platen moves in, and what was prescribed.
         """
         bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
-        return (*self.cuts, *bad, *self._departures, *self._tears, *self._load_controlled)
+        return (*self.cuts, *bad, *self._departures, *self.falls, *self._load_controlled)
 
     @property
     def _departures(self) -> tuple[str, ...]:
@@ -118,11 +118,12 @@ class Experiment:
         return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
 
     @property
-    def _tears(self) -> tuple[str, ...]:
-        """One sentence on each test whose force breaks down in a loading ramp."""
+    def falls(self) -> tuple[str, ...]:
+        """One sentence on each test whose force falls while the platen moves in."""
         pressed = [trial for trial in self.trials if trial.control == "displacement"]
-        every = [(t.name, tears_of(t.test, t.trajectory, t.phases)) for t in pressed]
-        return tuple(tear_notice(self.pad, name, some, self.units) for name, some in every if some)
+        noise = self.floor.white
+        every = [(t.name, falls_of(t.test, t.trajectory, t.phases, noise)) for t in pressed]
+        return tuple(fall_notice(self.pad, name, some, self.units) for name, some in every if some)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
@@ -148,8 +149,8 @@ class Experiment:
 
     @property
     def peak(self) -> float:
-        """Largest magnitude of the force."""
-        return max(float(np.max(np.abs(trial.test.force))) for trial in self.trials)
+        """Largest magnitude of the force, noise aside."""
+        return max(largest_force(trial.test) for trial in self.trials)
 
     @property
     def depth(self) -> float:

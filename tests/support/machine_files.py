@@ -2,9 +2,11 @@
 
 import gzip
 import io
+import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -447,6 +449,115 @@ def two_clocks_tidy(test):
     return (head + _lines(rows, "%.6f,%.6f,%.4f,%.4f")).encode()
 
 
+EPOCH = 1_750_000_000  # s since 1970, of a robot's clock
+
+
+def _posed(test):
+    """Stamps and heights of a platen, 250 times a second from before the test to after it."""
+    time = np.arange(-0.0087, test.time[-1] + 0.01, 0.004)
+    return time, np.interp(time, test.time, test.way)
+
+
+def ros_table(test):
+    """Topics side by side, each row of one of them, with the frame's name; noise across."""
+    head = (
+        "/ft.header.stamp.sec,/ft.header.stamp.nanosec,/ft.header.frame_id,/ft.wrench.force.x,"
+        "/ft.wrench.force.z,/tool.header.stamp.sec,/tool.header.stamp.nanosec,"
+        "/tool.pose.position.x,/tool.pose.position.z\n"
+    )
+    rows = [
+        (t, f"{EPOCH + int(t)},{round(t % 1 * 1e9)},tool0,{0.01 * f:.6f},{-f:.6f},,,,\n")
+        for t, f in zip(test.time, test.load, strict=True)
+    ]
+    rows += [
+        (t, f",,,,,{EPOCH + int(t // 1)},{round(t % 1 * 1e9)},{1e-5 * d:.9f},{-1e-3 * d:.9f}\n")
+        for t, d in zip(*_posed(test), strict=True)
+    ]
+    return (head + "".join(row for _, row in sorted(rows))).encode()
+
+
+def ros_table_plain(test):
+    """One stamp for both, fields with a leading point, as of a bag that was resampled."""
+    head = "header.stamp.sec,header.stamp.nanosec,.wrench.force.z,.pose.position.z\n"
+    cells = zip(test.time, test.load, test.way, strict=True)
+    return (
+        head
+        + "".join(
+            f"{EPOCH + int(t)},{round(t % 1 * 1e9)},{f:.6f},{1e-3 * d:.9f}\n" for t, f, d in cells
+        )
+    ).encode()
+
+
+def ros_table_plotjuggler(test):
+    """Slashes, one clock in seconds for all rows, and empty cells."""
+    rows = [(t, f"{EPOCH + t:.7f},{f:.6f},\n") for t, f in zip(test.time, test.load, strict=True)]
+    rows += [(t, f"{EPOCH + t:.7f},,{1e-3 * d:.9f}\n") for t, d in zip(*_posed(test), strict=True)]
+    head = "__time,/ft/wrench/force/z,/tool/pose/position/z\n"
+    return (head + "".join(row for _, row in sorted(rows))).encode()
+
+
+def _bag(test, plugin, suffix, *, joints=False):
+    """A bag of a wrench and of a pose, or of two joints; with the files' own definitions."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    kinds = store.types
+
+    def header(time):
+        sec, fine = divmod(EPOCH * 10**9 + round(1e9 * time), 10**9)
+        stamp = kinds["builtin_interfaces/msg/Time"](sec, fine)
+        return kinds["std_msgs/msg/Header"](stamp, "tool0")
+
+    def vector(kind, z):
+        return kinds[f"geometry_msgs/msg/{kind}"](0.01 * z, 0.0, z)
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bag"
+        with Writer(path, version=9, storage_plugin=StoragePlugin[plugin]) as bag:
+
+            def topic(name, kind, messages):
+                link = bag.add_connection(name, kind, typestore=store)
+                for time, fields in messages:
+                    message = kinds[kind](header(time), *fields)
+                    received = EPOCH * 10**9 + round(1e9 * time) + 2_000_000  # 2 ms later
+                    bag.write(link, received, store.serialize_cdr(message, kind))
+
+            wrench = kinds["geometry_msgs/msg/Wrench"]
+            loads = (
+                (t, [wrench(vector("Vector3", f), vector("Vector3", 0.0))])
+                for t, f in zip(test.time, test.load, strict=True)
+            )
+            topic("/ft", "geometry_msgs/msg/WrenchStamped", loads)
+            still = kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+            pose = kinds["geometry_msgs/msg/Pose"]
+            posed = list(zip(*_posed(test), strict=True))
+            if joints:
+                empty = np.zeros(0)
+                kind = "sensor_msgs/msg/JointState"
+                states = (
+                    (t, [["turn", "slide"], np.array([0.3, -1e-3 * d]), empty, empty])
+                    for t, d in posed
+                )
+                topic("/joints", kind, states)
+            else:
+                poses = ((t, [pose(vector("Point", 1e-3 * d), still)]) for t, d in posed)
+                topic("/tool", "geometry_msgs/msg/PoseStamped", poses)
+        return next(path.glob(f"*{suffix}")).read_bytes()
+
+
+def rosbag_mcap(test):
+    return _bag(test, "MCAP", ".mcap")
+
+
+def rosbag_sqlite(test):
+    return _bag(test, "SQLITE3", ".db3")
+
+
+def rosbag_joints(test):
+    return _bag(test, "MCAP", ".mcap", joints=True)
+
+
 FIXTURES = (
     Fixture("bluehill-3", "a.csv", bluehill_3, (-1, -1)),
     Fixture("bluehill-3", "b.csv", bluehill_3_commas),
@@ -478,6 +589,11 @@ FIXTURES = (
     Fixture("hdf5", "b.h5", hdf5_groups, (-1, 1), tests=2),
     Fixture("table", "a.csv", table_below),
     Fixture("table", "b.csv", table_spanish),
+    Fixture("ros-table", "a.csv", ros_table, (-1, -1)),
+    Fixture("ros-table", "b.csv", ros_table_plain),
+    Fixture("ros-table", "c.csv", ros_table_plotjuggler),
+    Fixture("rosbag", "a.mcap", rosbag_mcap, needs="rosbags"),
+    Fixture("rosbag", "b.db3", rosbag_sqlite, needs="rosbags"),
     Fixture("two-clocks", "a.csv", two_clocks),
     Fixture("two-clocks", "b.csv", two_clocks_tidy, (1, -1)),
 )

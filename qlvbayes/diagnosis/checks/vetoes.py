@@ -4,6 +4,10 @@ An effect is refused where tests left out are predicted worse with it, where its
 to vary from test to test, or where something unmodelled takes more of the error than the effect.
 Nothing counts as explained where structure that matters is left.
 
+Effects that follow the largest depth so far are told apart by how they grow with it. One test that
+loads to one depth does not show this: it then hangs on the elastic law alone which of them is
+probable, and where several are named, one of them is.
+
 An effect that is probable only together with a refused one is not probable. After a veto the
 decision is therefore made again, as if nothing could be there but the effects that it named before,
 or had in a group, and that were not refused.
@@ -23,10 +27,13 @@ from qlvbayes.diagnosis.decision import (
     apply_adequacy,
     decide,
     ignore_unmodelled,
+    one_of,
     restrict_to,
 )
 from qlvbayes.diagnosis.search import Report
 from qlvbayes.diagnosis.verdict import Verdict
+from qlvbayes.motion.firstlook.facts import loaded_once
+from qlvbayes.motion.firstlook.shown import OF_UNLOADING
 
 RISES = "tests left out are predicted worse with it"
 VARIES = "its strength would have to vary between tests or phases: something else looks like it"
@@ -44,6 +51,8 @@ def final_decision(
         refused |= new
         weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
         decision = _decision_after_adequacy(outcome, weights)
+    if loaded_once(outcome.experiment):
+        decision = one_of(decision, OF_UNLOADING, outcome.search.settings.group)
     return decision, tuple(refused.items())
 
 

@@ -39,10 +39,12 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.io.wording import percent
+from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.resolution import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.firstlook.facts import loaded_once
+from qlvbayes.motion.firstlook.shown import OF_UNLOADING
 from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
@@ -109,6 +111,7 @@ def summarize(
         refused=tuple(Refused(name, why) for name, why in refused),
         notices=(
             *unlikely_over_all(outcome, decision),
+            *_alike(experiment, decision),
             *_not_counted(outcome),
             *_notices(experiment, search, selected),
         ),
@@ -136,6 +139,19 @@ def _with_certainty(
             else certainty(one.effect, one.inclusion, one.log_bayes_factor, stages, noise),
         )
         for one in ranking
+    )
+
+
+def _alike(experiment: Experiment, decision: Decision) -> tuple[str, ...]:
+    """Return a sentence where one test that loads once leaves open what follows its depth."""
+    alike = [name for name in decision.group if name in OF_UNLOADING]
+    if len(alike) < 2 or not loaded_once(experiment):
+        return ()
+    return (
+        f"pad {experiment.pad}: {joined(alike)} all follow the largest depth so far, and no load "
+        "of this one test goes deeper than its first. That one of them is there is as probable as "
+        "stated; which of them, or whether the specimen yielded, depends on the elastic law. Press "
+        "a fresh specimen in steps to growing depths, back after each",
     )
 
 

@@ -15,6 +15,8 @@ from qlvbayes.io.formats.hdf5 import Hdf5
 from qlvbayes.io.formats.mach_1 import MachOne
 from qlvbayes.io.formats.matlab import Matlab
 from qlvbayes.io.formats.named_table import NamedTable
+from qlvbayes.io.formats.ros_table import RosTable
+from qlvbayes.io.formats.rosbag import RosBag
 from qlvbayes.io.formats.tdms import Tdms
 from qlvbayes.io.formats.testsuite import TestSuite
 from qlvbayes.io.formats.testxpert import TestXpert
@@ -37,6 +39,8 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
     Tdms,
     Matlab,
     Hdf5,
+    RosBag,
+    RosTable,
     TwoClocks,
     NamedTable,
 )

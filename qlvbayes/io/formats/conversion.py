@@ -467,7 +467,8 @@ def _on_a_clock(
     time, way, load, *own = columns
     try:
         if own:
-            way, kept, lag = on_one_clock(time, way, own[0], dropped)
+            lag = float(np.median(own[0] - time))
+            way, kept = on_one_clock(time, way, own[0], dropped)
             return own[0][kept], way, load[kept], sampling_of(own[0][kept], lag)
         time, (way, load) = rising(time, [way, load], dropped)
     except ClockError as error:

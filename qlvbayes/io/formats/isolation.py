@@ -6,6 +6,7 @@ limited. It is spawned, not forked, as JAX has threads.
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import math
@@ -13,6 +14,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,9 @@ _NAMES = "names"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_BEGINS = (0, 512)  # offsets of its first block; MATLAB writes a text before it
 _END = {0: 40, 1: 44, 2: 28, 3: 28}  # offset of the file's end in that block, by version
+_BAGS = {b"\x89MCAP0": ".mcap", b"SQLite": ".db3", b"#ROSBA": ".bag"}  # by their first bytes
+_VECTORS = ("force", "position", "translation")  # of messages, with x, y and z
+_DEEPEST = 6  # levels of a message; those of wrenches and poses have four
 _OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
 _LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
 
@@ -129,9 +134,59 @@ def _numbers(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
     return [(name, array) for name, array in arrays.items() if array.dtype.kind in "fiu"]
 
 
+def _ros(path: str) -> list[tuple[Any, np.ndarray]]:
+    """Return stamps (ns) and values of the forces and positions in a ROS bag, topic by topic."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with Path(path).open("rb") as stream:
+        suffix = _BAGS[stream.read(6)]
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / f"bag{suffix}"  # the library goes by the file's name
+        bag.symlink_to(Path(path).resolve())
+        with AnyReader([bag], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            return [part for topic in reader.connections for part in _ros_topic(reader, topic)]
+
+
+def _ros_topic(reader: Any, connection: Any) -> list[tuple[Any, np.ndarray]]:
+    """Return a topic's stamps, then each of its numbers; nothing if its first message has none."""
+    stamps, received, rows = [], [], []
+    for time, raw in ((t, r) for _, t, r in reader.messages(connections=[connection])):
+        message = reader.deserialize(raw, connection.msgtype)
+        rows.append(_ros_numbers(message))
+        if not rows[0]:
+            return []
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        stamps.append(0 if stamp is None else 10**9 * int(stamp.sec) + int(stamp.nanosec))
+        received.append(time)
+    clock = np.array(stamps if all(stamps) else received, dtype=np.int64)
+    fields = sorted({field for row in rows for field in row})
+    columns = [np.array([row.get(field, math.nan) for row in rows]) for field in fields]
+    named = zip(["", *fields], [clock, *columns], strict=True)
+    return [([connection.topic, field], column) for field, column in named]
+
+
+def _ros_numbers(message: Any, path: tuple[str, ...] = ()) -> dict[str, float]:
+    """Return forces, positions (of joints by their names) and plain numbers, by their path."""
+    fields = vars(message)
+    if isinstance(fields.get("position"), np.ndarray) and "name" in fields:
+        joints = zip(fields["name"], fields["position"], strict=False)
+        return {".".join((*path, f"position[{name}]")): float(value) for name, value in joints}
+    numbers: dict[str, float] = {}
+    for key, value in fields.items():
+        if dataclasses.is_dataclass(value) and len(path) < _DEEPEST:
+            numbers |= _ros_numbers(value, (*path, key))
+        elif isinstance(value, (int, float)) and (
+            key == "data" or (path[-1:] and path[-1] in _VECTORS and key in ("x", "y", "z"))
+        ):
+            numbers[".".join((*path, key))] = float(value)
+    return numbers
+
+
 _READERS: dict[str, Callable[[str], list[tuple[Any, np.ndarray]]]] = {
     "hdf5": _hdf5,
     "matlab": _matlab,
+    "ros": _ros,
 }
 
 

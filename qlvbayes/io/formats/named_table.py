@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -11,7 +10,15 @@ from typing import ClassVar
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import NamedColumn, chosen, measured, plain_name, recording
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, read_rows, separator_of
+from qlvbayes.io.formats.textfile import (
+    Lines,
+    cells_at,
+    cells_of,
+    content,
+    decoded,
+    read_rows,
+    separator_of,
+)
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
 _BLANK = 2  # most empty rows between the names and their units
@@ -60,7 +67,7 @@ class NamedTable(AbstractFormat):
         parts = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
         recordings = []
         for k, part in enumerate(parts, 1):
-            rows = _numbers(part, separator, [named.index for named in picked.values()])
+            rows = cells_at(part, separator, [named.index for named in picked.values()])
             read = read_rows(rows, separator, range(len(picked)), path)
             name = str(k) if len(parts) > 1 else ""
             one = recording(columns, picked, read.columns, read.dropped, name)
@@ -87,17 +94,3 @@ def _header(lines: Lines) -> tuple[int, int, list[NamedColumn]] | None:
         if all(named and named.unit for named in measured(columns).values()):
             return number, below + 1, columns
     return None
-
-
-def _numbers(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
-    """Return only the cells at these indices, as text in other cells is no number."""
-    mark = separator.encode()
-    kept = []
-    for line in rows.split(b"\n"):
-        if b'"' in line:
-            cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
-        else:
-            cells = line.split(mark)
-        if len(cells) > max(indices):
-            kept.append(mark.join(cells[index] for index in indices))
-    return b"\n".join(kept) + b"\n"

@@ -67,15 +67,18 @@ def from_arrays(arrays: Sequence[NamedArray], file: Path, name: str = "") -> Rec
     )
 
 
-def needed(module: str, package: str, file: Path) -> Any:
-    """Return a package that only some files need; an InputError says how to install it."""
+def needed(module: str, package: str, file: Path, install: str = "") -> Any:
+    """Return a package that only some files need; an InputError says how to install it.
+
+    ``install`` is what pip is given, where that is not the package alone.
+    """
     try:
         return import_module(module)
     except ImportError as error:
         raise InputError(
             f"to read it the package {package} is needed",
             file=file,
-            remedy=f"install it: pip install {package}",
+            remedy=f"install it: pip install {install or package}",
         ) from error
 
 

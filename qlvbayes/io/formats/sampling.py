@@ -91,8 +91,8 @@ def rising(
 
 def on_one_clock(
     time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int]
-) -> tuple[Floats, slice, float]:
-    """Return displacement at the force's times, the rows that it covers, and the median lag.
+) -> tuple[Floats, slice]:
+    """Return displacement at the force's times, and the rows of the force that it covers.
 
     The displacement is interpolated, as it is smooth, so that the force keeps its noise.
 
@@ -113,4 +113,4 @@ def on_one_clock(
     lost = len(load_time) - len(inside)
     if lost:
         dropped["rows of the force outside the displacement's clock"] = lost
-    return np.interp(load_time[kept], time, way), kept, float(np.median(load_time - time))
+    return np.interp(load_time[kept], time, way), kept

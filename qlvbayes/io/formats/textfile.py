@@ -89,6 +89,20 @@ def separator_of(line: str) -> str:
     return max("\t;,", key=line.count)
 
 
+def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
+    """Return only the cells at these indices, as text in other cells is no number."""
+    mark = separator.encode()
+    kept = []
+    for line in rows.split(b"\n"):
+        if b'"' in line:
+            cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
+        else:
+            cells = line.split(mark)
+        if len(cells) > max(indices):
+            kept.append(mark.join(cells[index] for index in indices))
+    return b"\n".join(kept) + b"\n"
+
+
 @dataclass(frozen=True)
 class Lines:
     """Hold the lines at the beginning of a file, and the offset in bytes at which each starts."""

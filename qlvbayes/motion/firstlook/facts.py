@@ -13,6 +13,8 @@ from qlvbayes.motion.phases import MOVING, Phase
 
 NEARLY = 0.02
 """Share of the largest depth or force, below which a test counts as back at zero."""
+DEEPER = 1.25
+"""Times a depth: another one."""
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
 _PLACES = 401  # of a movement, at which its speed is looked for
@@ -179,6 +181,16 @@ def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
         if np.any(trial.test.force[inside] < little):
             return True
     return False
+
+
+def loaded_once(experiment: Experiment) -> bool:
+    """Return whether there is one test, all of whose loads after the first go no deeper."""
+    if len(experiment.trials) > 1:
+        return False
+    (trial,) = experiment.trials
+    ramps = [phase.stop for phase in trial.phases if phase.kind == "ramp"]
+    depths = np.abs(trial.trajectory.displacement(np.array(ramps)))
+    return bool(depths.size) and float(depths.max()) < DEEPER * float(depths[0])
 
 
 def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:

@@ -30,9 +30,7 @@ _OFF = 0.02  # of the peak force, below which a force at rest does no harm,
 _NOISY = 3.0  # and times the noise
 _AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
 _RESTS = 5  # readings there, that show the force at rest
-_FALLEN = 0.1  # of the largest force, by which it may fall within a movement in
-_FEWEST = 6  # readings of a movement that show such a fall
-_DEAD = 6.0  # times the noise, below which a test's force has not answered, or not fallen
+_DEAD = 6.0  # times the noise, below which a test's force has not answered
 
 
 def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
@@ -41,7 +39,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     bonded: whether the specimen is fixed to the platen, which then can show no adhesion; effects:
     those that a model has already: with adhesion a specimen may pull.
     """
-    floor = experiment.floor
+    floor, falls = experiment.floor, experiment.falls
     tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
     return PadSeen(
         experiment.pad,
@@ -56,8 +54,15 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
         ),
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
-        (*_cautions(experiment, tests), *pull_notices(experiment, bonded=bonded, effects=effects)),
-        (*experiment.notices, *(f"pad {experiment.pad}: {text}" for text in floor.notices)),
+        (
+            *_cautions(experiment, tests),
+            *falls,
+            *pull_notices(experiment, bonded=bonded, effects=effects),
+        ),
+        (
+            *(text for text in experiment.notices if text not in falls),
+            *(f"pad {experiment.pad}: {text}" for text in floor.notices),
+        ),
     )
 
 
@@ -166,7 +171,7 @@ def _peak_time(trial: Trial) -> float:
 def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
     """Return sentences on what to correct or to decide before a fit."""
     units, noise, cautions = experiment.units, noise_of(experiment), []
-    for test, trial in zip(tests, experiment.trials, strict=True):
+    for test in tests:
         name = f"pad {experiment.pad}, test {test.test}"
         if test.peak < _DEAD * noise:
             cautions.append(
@@ -175,10 +180,7 @@ def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
                 "cell was connected, or leave the test out"
             )
             continue
-        cautions += [
-            f"{name}: {text}"
-            for text in (*_of_contact(test, units), *_fall(trial, experiment.floor.white, units))
-        ]
+        cautions += [f"{name}: {text}" for text in _of_contact(test, units)]
     return cautions
 
 
@@ -196,30 +198,3 @@ def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
             "it off, or let the fit find it by --add force_offset"
         )
     return cautions
-
-
-def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
-    """Describe a force that falls while the platen moves in at an even speed."""
-    test = trial.test
-    if trial.control == "force":
-        return []
-    sds = np.full(test.time.size, noise) if test.force_sd is None else test.force_sd
-    for phase in trial.phases:
-        inside = rows(trial, phase)
-        if phase.kind != "ramp" or inside.size < _FEWEST:
-            continue
-        runs = np.stack([test.force[inside[k : inside.size - 2 + k]] for k in range(3)])
-        force = np.median(runs, axis=0)  # of three: one reading is no fall
-        below = np.maximum.accumulate(force) - force
-        clear = max(_FALLEN * float(np.max(np.abs(test.force))), _DEAD * float(sds[inside].max()))
-        if not np.any(below > clear):
-            continue
-        top = int(np.argmax(test.force[inside[: int(np.argmax(below > clear)) + 2]]))
-        depth = plain(float(test.displacement[inside[top]]))
-        unit = "" if units.dimensionless else f" {units.displacement}"
-        return [
-            f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "
-            f"from {depth}{unit} on while the platen moves in, as where a specimen tears, slips or "
-            "yields, which no part of the model describes: fit the readings before it alone"
-        ]
-    return []

@@ -18,9 +18,11 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import (
+    DEEPER,
     Facts,
     Hold,
     at_one_depth,
+    loaded_once,
     noise_of,
     returns,
     unloads,
@@ -39,7 +41,6 @@ OF_TESTS = ("conditioning",)
 _FEWEST = 10  # readings on the way in, that show a curve
 _CLEAR = 20.0  # times the noise: a peak of which a few per cent are seen
 _FASTER = 2.0  # times a speed: another one
-_DEEPER = 1.25  # times a depth: another one
 _WIDE = 3.0  # longest over shortest time: a relaxation between them is seen
 _LEFT = 0.1  # of a movement: relaxation as quick has lost nine tenths of itself when it ends
 _STILL = 0.01  # of the peak, by which the force of a finished relaxation does not change
@@ -66,7 +67,7 @@ def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Sho
 def _stiffness(experiment: Experiment, facts: Facts) -> Shown:
     about, constants = "stiffness and its growth with depth", ("m", "b")
     readings = sum(move.readings for move in facts.moves if move.kind == "ramp")
-    levels = apart(facts.levels, _DEEPER)
+    levels = apart(facts.levels, DEEPER)
     noise, units = noise_of(experiment), experiment.units
     ratio = experiment.peak / noise if noise > 0.0 else np.inf
     deep = f"{plain(experiment.depth)} {units.displacement}".removesuffix(" 1")
@@ -162,7 +163,7 @@ def _per(speed: float, unit: str) -> str:
 
 def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:
     speed, share = "a relaxation whose speed changes with depth", "one whose share does"
-    levels = apart(facts.levels, _DEEPER)
+    levels = apart(facts.levels, DEEPER)
     rates, strengths = OF_DEPTH[:1], OF_DEPTH[1:]
     if len(levels) > 1:
         about, reason = "relaxation that changes with depth", _levels(experiment, facts, levels)
@@ -189,6 +190,10 @@ def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> st
 
 def _unloading(experiment: Experiment) -> Shown:
     about = "softening and a set that stays"
+    if unloads(experiment) and loaded_once(experiment):
+        reason = "one test, no load of which goes deeper than the first: they look much alike"
+        remedy = "press a fresh specimen in steps, back after each, to growing depths"
+        return Shown(about, "hardly", reason, remedy, effects=OF_UNLOADING)
     if unloads(experiment):
         return Shown(about, "yes", "the platen moves back in a test", effects=OF_UNLOADING)
     return Shown(about, "no", "no test unloads", "move back in a test", effects=OF_UNLOADING)
@@ -259,7 +264,7 @@ def shown_between(pads: Sequence[PadSeen], units: UnitSystem) -> tuple[Shown, ..
     answers = []
     for about, values, most, unit in (
         ("relaxation of the pads, side by side", holds, _ALIKE, "s"),
-        ("stiffness of the pads, side by side", depths, _DEEPER, units.displacement),
+        ("stiffness of the pads, side by side", depths, DEEPER, units.displacement),
     ):
         low, high = min(values, key=values.__getitem__), max(values, key=values.__getitem__)
         some = f"{plain(values[low])} {unit}".removesuffix(" 1")

@@ -7,8 +7,8 @@ Of readings F_k at evenly growing times
 is the noise alone as long as the force is a cubic of the readings' number; independent noise of sd
 sigma gives it the variance 35/18 sigma^2. In windows of readings its median size gives sigma; a sd
 that does not rise from window to window is fitted to them (isotonic regression; Barlow et al.
-1972). Where it falls by much and beyond doubt, every reading has the sd at its time, as if the
-testing machine had reported it.
+1972). Where it falls by much and beyond doubt, every reading has the sd of the window about it, as
+if the testing machine had reported it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.optimize import isotonic_regression
 
 from qlvbayes.io.data import Test
@@ -59,13 +60,12 @@ def with_fading_sd(
     if not any(fades):
         return list(tests), ()
     rescaled, notices = [], []
-    for test, sd, fading in zip(tests, sds, fades, strict=True):
+    for test, cut, sd, fading in zip(tests, phases, sds, fades, strict=True):
         if sd is None:
             rescaled.append(test)
             continue
-        middle, level = sd
-        own = _falling(level) if fading else np.full(level.size, np.median(level))
-        every = np.exp(np.interp(np.arange(test.time.size), middle, np.log(own)))
+        _, level = sd
+        every = _of_each(test, cut) if fading else np.full(test.time.size, np.median(level))
         rescaled.append(replace(test, force_sd=every))
         if fading:
             begins, ends = every[0], every[-1]
@@ -111,6 +111,20 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
     if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
         return None
     return middle, level / np.sqrt(_VARIANCE)
+
+
+def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
+    """Return a falling sd (n,) of each reading, from windows about each, so that steps stay steps.
+
+    A median of windows side by side lies between both levels where the noise ends at once.
+    """
+    e, index = _deviations(test, phases)
+    half = _WINDOW // 2
+    whole = slice(half, -half)  # windows beyond the ends would repeat single readings
+    size = median_filter(np.abs(e), 2 * half + 1)[whole] / _MEDIAN
+    least = np.min(size[size > 0.0], initial=np.inf)  # of a force that repeats itself for a while
+    own = _falling(np.maximum(size, least)) / np.sqrt(_VARIANCE)
+    return np.asarray(np.exp(np.interp(np.arange(test.time.size), index[whole], np.log(own))))
 
 
 def _by_window(what: Callable[..., Any], values: NDArray[Any], cut: int, size: int) -> Array:

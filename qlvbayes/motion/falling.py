@@ -1,0 +1,146 @@
+"""A force that falls while the platen moves in: a specimen that tears, slips or yields."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from qlvbayes.io.data import Test
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.trajectory import Trajectory
+
+_SUDDEN = 0.05  # of the test's largest force, that is lost from one reading to the next
+_SCATTERS = 10.0  # sds of the changes between neighbouring readings around it
+_AROUND = 10  # readings on each side in which that sd is measured: noise may fade along a test
+_MOVING = 0.3  # of the ramp's mean speed: at a hold's beginning the force may fall by itself
+_LASTING = 3  # readings on each side whose medians are compared: a single bad reading comes back
+_GRADUAL = 0.1  # of the test's largest force, by which it falls over many readings
+_NOISES = 6.0  # sds of the noise, by which it falls at least
+_FEWEST = 6  # readings of a ramp that show a gradual fall
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A loss of force, from ``before`` to ``after``, in the units of the pad; time in s.
+
+    time, displacement: of the last reading before it; sudden: whether it takes one interval
+    between readings.
+    """
+
+    time: float
+    displacement: float
+    before: float
+    after: float
+    sudden: bool
+
+
+def falls_of(
+    test: Test, trajectory: Trajectory, phases: Sequence[Phase], noise: float = 0.0
+) -> tuple[Fall, ...]:
+    """Return the losses of force in the loading ramps of a test, in the order of time.
+
+    A sudden one is more than 5 % of the test's largest force between two neighbouring readings and
+    more than ten sds of the changes around it; the force stays down, and the platen goes on moving.
+    A gradual one is more than 10 % over any number of readings of a ramp, and more than six sds of
+    the noise, beyond what the platen's own speed loses: at a speed that does not fall, no
+    relaxation lets the force fall. The first gradual one is returned where it comes before all
+    sudden ones.
+
+    noise: sd of a reading, in the unit of the force.
+    """
+    ramps = [phase for phase in phases if phase.kind == "ramp"]
+    sudden = _sudden(test, trajectory, ramps)
+    starts = (_gradual(test, trajectory, ramp, noise) for ramp in ramps)
+    first = next((fall for fall in starts if fall is not None), None)
+    if first is None or (sudden and sudden[0].time <= first.time):
+        return sudden
+    return (first, *sudden)
+
+
+def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple[Fall, ...]:
+    change = np.diff(test.force)
+    least = _SUDDEN * float(np.max(np.abs(test.force)))
+    at = np.flatnonzero(change < -least)  # in a noisy record of many readings these are many
+    before = np.nanmedian(_around(test.force, at, range(1 - _LASTING, 1)), axis=1)
+    after = np.nanmedian(_around(test.force, at, range(1, 1 + _LASTING)), axis=1)
+    stays = before - after > 0.5 * np.maximum(least, -change[at])
+    at, after = at[stays], after[stays]
+    nearby = _around(change, at, [k for k in range(-_AROUND, _AROUND + 1) if k != 0])
+    middle = np.nanmedian(nearby, axis=1, keepdims=True)
+    scatter = 1.4826 * np.nanmedian(np.abs(nearby - middle), axis=1)
+    clear = -change[at] > _SCATTERS * scatter
+    return tuple(
+        _fall(test, k, float(later), sudden=True)
+        for k, later in zip(at[clear].tolist(), after[clear], strict=True)
+        if any(_goes_on(trajectory, ramp, test, k) for ramp in ramps)
+    )
+
+
+def _fall(test: Test, k: int, after: float, *, sudden: bool) -> Fall:
+    time, displacement, before = (
+        float(values[k]) for values in (test.time, test.displacement, test.force)
+    )
+    return Fall(time, displacement, before, after, sudden)
+
+
+def _around(values: np.ndarray, at: np.ndarray, steps: Sequence[int]) -> np.ndarray:
+    """Return values (K, S) at S steps from each of K indices, nan beyond the ends."""
+    indices = at[:, None] + np.asarray(steps)
+    inside = (indices >= 0) & (indices < values.size)
+    return np.where(inside, values[np.clip(indices, 0, values.size - 1)], np.nan)
+
+
+def _goes_on(trajectory: Trajectory, ramp: Phase, test: Test, k: int) -> bool:
+    """Return whether the platen advances after reading k, well within a loading ramp."""
+    begin, end = test.time[k], test.time[min(k + _LASTING, test.time.size - 1)]
+    if begin < ramp.start or end > ramp.stop:
+        return False
+    start, before, after, stop = trajectory.displacement(
+        np.array([ramp.start, begin, end, ramp.stop])
+    )
+    mean_speed = (stop - start) / (ramp.stop - ramp.start)
+    return bool((after - before) / (end - begin) > _MOVING * mean_speed)
+
+
+def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> Fall | None:
+    """Return the first gradual fall of a ramp, down to the ramp's lowest force after it."""
+    first, stop = np.searchsorted(test.time, [ramp.start, ramp.stop])
+    if stop - first < _FEWEST:
+        return None
+    force = test.force[first:stop]
+    runs = np.median(np.stack([force[k : force.size - 2 + k] for k in range(3)]), axis=0)
+    speed = np.maximum(trajectory.velocity(test.time[first + 1 : stop - 1]), 0.0)
+    speed_kept = speed / np.maximum(np.maximum.accumulate(speed), np.finfo(float).tiny)
+    below = np.maximum.accumulate(runs) * speed_kept - runs
+    sds = np.full(force.size, noise) if test.force_sd is None else test.force_sd[first:stop]
+    # of changes between neighbours: sd is sqrt(pi)/2 of their mean magnitude
+    around = uniform_filter1d(np.abs(np.diff(force)), 2 * _AROUND + 1, mode="nearest")
+    scatter = np.maximum(sds[1:-1], np.sqrt(np.pi) / 2.0 * around[1:])
+    largest = _GRADUAL * float(np.max(np.abs(test.force)))
+    fallen = below > np.maximum(largest, _NOISES * np.maximum.accumulate(scatter))
+    if not np.any(fallen):
+        return None
+    at = int(np.argmax(fallen))
+    top = int(np.argmax(force[: at + 2]))
+    return _fall(test, int(first) + top, float(runs[at:].min()), sudden=False)
+
+
+def fall_notice(pad: str, test: str, falls: Sequence[Fall], units: UnitSystem) -> str:
+    """Return a sentence on the falls of a test, with the option that uses the part before them."""
+    first, more = falls[0], len(falls) - 1
+    again = "" if not more else f", and {more} more time{'s' if more > 1 else ''} after it"
+    unit = "" if units.dimensionless else f" {units.displacement}"
+    part = shlex.quote(f"{pad}/{test}:..{first.time:.9g}s")
+    return (
+        f"pad {pad}, test {test}: the {units.force_name} falls "
+        f"{'at once ' if first.sudden else ''}from {plain(first.before)} to {plain(first.after)} "
+        f"{units.force} from {plain(first.displacement, 4)}{unit} on{again}, while the platen "
+        "moves in, as where a specimen tears, slips or yields, which no part of the model "
+        f"describes; --use {part} uses the part before"
+    )
