@@ -31,7 +31,7 @@ _ENOUGH = 5000  # readings of a test that are looked at for that
 _SLOWING = 0.35  # of the time, in which creep goes half its way; at even speed half of it
 _ENDS = 0.05  # of the hold, at either end, that are not looked at for that
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
-_FADES = 1.5  # times as long as its second quarter the third takes; 1.3 of a platen that brakes
+_FADES = 1.2  # times as long as its second quarter the third takes; once at even speed
 _CORNER = 4.0  # sds of a held force, beyond which two readings in a row are outside the hold
 _EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
 _MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
@@ -132,51 +132,53 @@ def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:
     )
     holds: list[tuple[float, float]] = []
     for part in stretches(fewer):
-        if part.held and _creeps(fewer, trajectory, part):
-            start, stop = _corners(test, fewer, part)
-            if not holds or start > holds[-1][1]:
-                holds.append((start, stop))
+        if not part.held:
+            continue
+        start, stop = _corners(test, fewer, part)
+        apart = not holds or start > holds[-1][1]
+        if apart and _creeps(fewer, trajectory, part.level, start, stop):
+            holds.append((start, stop))
     return holds
 
 
-def _creeps(test: Test, trajectory: Trajectory, part: Stretch) -> bool:
-    """Return whether the displacement goes on ever more slowly in a stretch of held force."""
-    peak, depth = np.max(np.abs(test.force)), float(np.max(np.abs(test.displacement)))
-    first, last = test.time[[part.first, part.stop - 1]]
+def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last: float) -> bool:
+    """Return whether the displacement goes on ever more slowly while the force is held (N)."""
+    peak, depth = float(np.max(np.abs(test.force))), float(np.max(np.abs(test.displacement)))
     if last - first < _LONG * np.ptp(test.time):
         return False
     # a movement before or after may reach into it; what rests between them does not creep
     spare = _ENDS * (last - first)
     inside = (test.time >= first + spare) & (test.time <= last - spare)
+    if np.count_nonzero(inside) < _FEWEST:
+        return False
     time, displacement = test.time[inside], test.displacement[inside]
     crept = float(displacement[-1] - displacement[0])
-    explained = float(np.std(test.force[inside])) * depth / float(peak)
+    explained = float(np.std(test.force[inside])) * depth / peak
     if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
         return False
     share = np.maximum.accumulate((displacement - displacement[0]) / crept)
     quarters = np.interp([0.25, 0.5, 0.75], share, time)
-    if quarters[1] - time[0] > _SLOWING * np.ptp(time):
-        return False
-    loaded = bool(abs(part.level) >= _LOADED * peak)
-    return loaded or _recovers(test, trajectory, part, crept, quarters)
+    if abs(level) >= _LOADED * peak:
+        return bool(quarters[1] - time[0] <= _SLOWING * np.ptp(time))
+    return _recovers(test, trajectory, first, crept, quarters)
 
 
 def _recovers(
-    test: Test, trajectory: Trajectory, part: Stretch, crept: float, quarters: Array
+    test: Test, trajectory: Trajectory, first: float, crept: float, quarters: Array
 ) -> bool:
-    """Return whether a specimen recovers by itself in a stretch of hardly any force.
+    """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force.
 
     A platen that moves in air does so evenly, brakes at the end, and takes no longer for it than
     for the way before it.
     """
     top = int(np.argmax(np.abs(test.force)))
-    if part.first <= top or crept * test.displacement[top] >= 0.0:
+    before = test.time[test.time < first]
+    if before.size <= top or crept * test.displacement[top] >= 0.0:
         return False
-    inward = crept * trajectory.velocity(test.time[: part.first]) <= 0.0
-    begun = test.time[np.flatnonzero(inward)[-1]] if inward.any() else test.time[0]
-    unloading = float(test.time[part.first] - begun)
+    inward = crept * trajectory.velocity(before) <= 0.0
+    begun = before[np.flatnonzero(inward)[-1]] if inward.any() else before[0]
     second, third = np.diff(quarters)
-    return bool(third > _FADES * second and quarters[2] - quarters[0] > _OUTLASTS * unloading)
+    return bool(third > _FADES * second and quarters[2] - quarters[0] > _OUTLASTS * (first - begun))
 
 
 def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
@@ -184,8 +186,8 @@ def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
 
     The stretch itself has the ends of the movements before and after it.
     """
-    level = fewer.force[part.first : part.stop]
-    sd = 1.4826 * float(np.median(np.abs(level - part.level)))
+    spare = max(int(_ENDS * (part.stop - part.first)), 1)
+    sd = float(np.std(fewer.force[part.first + spare : part.stop - spare]))
     outside = np.abs(test.force - part.level) > _CORNER * sd
     gone = outside[1:] & outside[:-1]
     middle = int(np.searchsorted(test.time, fewer.time[(part.first + part.stop) // 2]))

@@ -1,7 +1,8 @@
 r"""Load control, in a test or in a part of it: the force is prescribed, the displacement responds.
 
 Such readings are fitted as all others are, by the force of the measured displacement. Where the
-true force is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d` leave
+true force is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d`
+leave
 
 .. math:: r = (F + e) - F[\delta + d] \approx e - K d
 
@@ -13,7 +14,7 @@ noise is measured on :math:`F - K \delta`, in which it shows whatever the contro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import factorial
 
@@ -29,6 +30,8 @@ from qlvbayes.motion.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _FEWEST = 3  # readings in a phase that a change of control cuts
+_ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
+_PLACES = 200  # of that ramp, at which its force is computed
 _BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
 _SWING, _SWUNG = (
     1e-4,
@@ -98,14 +101,16 @@ def phases_of(
 def _within(phases: Sequence[Phase], part: Prescribed, time: Array) -> list[Phase]:
     """Return the phases within a stretch of time, which they fill.
 
-    Where it cuts a phase, what has fewer than three readings in it joins its neighbour.
+    Of a phase that the stretch cuts, a part of fewer than three readings joins its neighbour; of
+    one of the force also the smaller part, as a held force is reached before it rests.
     """
     pieces: list[Phase] = []
     for phase in phases:
         start, stop = max(phase.start, part.start), min(phase.stop, part.stop)
-        whole = (start, stop) == (phase.start, phase.stop)
+        share = (stop - start) / (phase.stop - phase.start)
+        least = 0.5 if part.control == Control.FORCE else 0.0
         read = np.count_nonzero((time >= start) & (time <= stop))
-        if start < stop and (whole or read >= _FEWEST):
+        if share == 1.0 or (share > least and read >= _FEWEST):
             pieces.append(replace(phase, start=start, stop=stop, control=part.control))
     if not pieces:
         longest = max(phases, key=lambda x: min(x.stop, part.stop) - max(x.start, part.start))
@@ -147,20 +152,59 @@ def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -
     """Return tests whose force has the errors of both readings, to measure noise: F - K delta.
 
     Where the displacement is prescribed the force stays. delta counts from the end of each phase;
-    K: the steepest slope of the pad's tests, or the secant as a weight is put on.
+    K: the steepest slope of the pad's tests, or the secant as a weight is put on; less at smaller
+    displacements, as the slope of the deepest loading ramp is there.
     """
     loaded = [loaded_readings(test.time, cut) for test, cut in zip(tests, phases, strict=True)]
     secants = [_first_secant(test) for test, some in zip(tests, loaded, strict=True) if some.any()]
     if not secants:
         return list(tests)
     stiffness = max(largest_stiffness(tests), *secants)
+    curve = _elastic_curve(tests, phases)
     read = []
     for test, cut, some in zip(tests, phases, loaded, strict=True):
-        last = phase_index(cut, test.time)
-        end = test.displacement[np.searchsorted(last, last, side="right") - 1]
-        errors = stiffness * (test.displacement - end)
-        read.append(replace(test, force=test.force - np.where(some, errors, 0.0)))
+        force, which = test.force.copy(), phase_index(cut, test.time)
+        quick = stiffness * curve(test.displacement)
+        for k in np.unique(which[some]):
+            inside = which == k
+            force[inside] -= quick[inside] - quick[inside][-1]
+        read.append(replace(test, force=force))
     return read
+
+
+def _elastic_curve(
+    tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
+) -> Callable[[Array], Array]:
+    """Return the deepest ramp's force as a function of displacement, its last slope being one.
+
+    A cubic, made to rise, and a straight line beyond it; a straight line throughout without a ramp
+    of enough readings.
+    """
+    ramps = []
+    for test, cut in zip(tests, phases, strict=True):
+        which = phase_index(cut, test.time)
+        for k in (k for k, phase in enumerate(cut) if phase.kind == "ramp"):
+            displacement, force = test.displacement[which == k], test.force[which == k]
+            if displacement.size >= _ON_A_CURVE and np.ptp(displacement) > 0.0:
+                ramps.append((float(np.max(np.abs(displacement))), displacement, force))
+    if not ramps:
+        return np.asarray
+    _, displacement, force = max(ramps, key=lambda ramp: ramp[0])
+    cubic = np.polynomial.Polynomial.fit(displacement, force, 3)
+    places = np.linspace(displacement.min(), displacement.max(), _PLACES)
+    values = np.maximum.accumulate(cubic(places))
+    end = int(np.argmax(np.abs(places)))
+    slope = float(cubic.deriv()(places[end]))
+    if not slope > 0.0:
+        return np.asarray
+
+    def curve(x: Array) -> Array:
+        beyond = x - np.clip(x, places[0], places[-1])
+        return np.asarray(
+            np.interp(x, places, values) / slope + np.where(beyond * places[end] > 0.0, beyond, 0.0)
+        )
+
+    return curve
 
 
 def _first_secant(test: Test) -> float:

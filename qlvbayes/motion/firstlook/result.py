@@ -85,8 +85,8 @@ class TestSeen(
     start: the pad's clock at its first reading, and whether the file says it; after: names of the
     tests from which it has not yet recovered; rate: of loading, as declared or found; reached: the
     speed of the first ramp; control: what was prescribed (``displacement``, ``force``, or ``by
-    phase`` where it changes), and whether the file says it; at_rest: force before contact, where it is clearly not zero; left_out: how many
-    readings.
+    phase`` where it changes), and whether the file says it; at_rest: force before contact, where it
+    is clearly not zero; left_out: how many readings.
     """
 
     __test__ = False  # not one of pytest's
