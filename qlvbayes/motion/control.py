@@ -26,13 +26,14 @@ _FEWEST = 20  # readings in a hold
 _LONG = 0.05  # of a test, for which the force must be held to count as prescribed,
 _LOADED = 0.2  # of the largest force; below it the specimen recovers,
 _CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
+_STEADY = 0.01  # of the largest force, and times the sd of neighbouring readings, above which a
+_SLOW_ERRORS = 4.0  # force that is held scatters no more: it rises and relaxes at a turn
 _PLAIN = 2.0  # times what the scatter of the force would explain,
 _ENOUGH = 5000  # readings of a test that are looked at for that
-_SLOWING = 0.35  # of the time, in which creep goes half its way; at even speed half of it
 _ENDS = 0.05  # of the hold, at either end, that are not looked at for that
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
-_FADES = 1.2  # times as long as its second quarter the third takes; once at even speed
-_CORNER = 4.0  # sds of a held force, beyond which two readings in a row are outside the hold
+_FADES = 1.1  # times as long as its second quarter the third takes; once at even speed
+_CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
 _EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
 _MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
 _RESTS = 0.3  # of the time between two holds, for which one quantity rests there
@@ -151,25 +152,30 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     inside = (test.time >= first + spare) & (test.time <= last - spare)
     if np.count_nonzero(inside) < _FEWEST:
         return False
-    time, displacement = test.time[inside], test.displacement[inside]
+    time, displacement = test.time[inside], trajectory.displacement(test.time[inside])
     crept = float(displacement[-1] - displacement[0])
-    explained = float(np.std(test.force[inside])) * depth / peak
+    scatter = float(np.std(test.force[inside]))
+    if scatter > max(_STEADY * peak, _SLOW_ERRORS * sensor_noise(test.time, test.force)):
+        return False
+    explained = scatter * depth / peak
     if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
         return False
     share = np.maximum.accumulate((displacement - displacement[0]) / crept)
     quarters = np.interp([0.25, 0.5, 0.75], share, time)
-    if abs(level) >= _LOADED * peak:
-        return bool(quarters[1] - time[0] <= _SLOWING * np.ptp(time))
-    return _recovers(test, trajectory, first, crept, quarters)
+    second, third = np.diff(quarters)
+    if third < _FADES * second:
+        return False
+    lasted = float(quarters[2] - quarters[0])
+    return abs(level) >= _LOADED * peak or _recovers(test, trajectory, first, crept, lasted)
 
 
 def _recovers(
-    test: Test, trajectory: Trajectory, first: float, crept: float, quarters: Array
+    test: Test, trajectory: Trajectory, first: float, crept: float, lasted: float
 ) -> bool:
     """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force.
 
-    A platen that moves in air does so evenly, brakes at the end, and takes no longer for it than
-    for the way before it.
+    crept: how far (mm), lasted: its middle half (s). A platen that brakes in air takes no longer
+    for it than for the way before it.
     """
     top = int(np.argmax(np.abs(test.force)))
     before = test.time[test.time < first]
@@ -177,8 +183,7 @@ def _recovers(
         return False
     inward = crept * trajectory.velocity(before) <= 0.0
     begun = before[np.flatnonzero(inward)[-1]] if inward.any() else before[0]
-    second, third = np.diff(quarters)
-    return bool(third > _FADES * second and quarters[2] - quarters[0] > _OUTLASTS * (first - begun))
+    return bool(lasted > _OUTLASTS * (first - begun))
 
 
 def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
