@@ -1,4 +1,4 @@
-"""Load-controlled tests: told from others, cut by their force, with the noise of both readings."""
+"""Load control, of tests and of parts of them: detected, cut by the force, with both noises."""
 
 from dataclasses import replace
 
@@ -19,7 +19,8 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import names
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.loadcontrol import control_of, crept_path, force_phases
+from qlvbayes.motion.control import controls_of
+from qlvbayes.motion.loadcontrol import force_phases
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate import (
     NOISES,
@@ -70,6 +71,12 @@ def prepared(*tests):
         for k, test in enumerate(tests)
     ]
     return prepare(Pad("B", tuple(named), PAD), all_tests=True)
+
+
+def control_of(test):
+    """The control of the whole test, or of its parts where that changes."""
+    controls = controls_of(test, smooth(test.time, test.displacement))
+    return controls[0].control if len(controls) == 1 else [part.control for part in controls]
 
 
 def motion_of(time, displacement):
@@ -168,7 +175,7 @@ def test_the_motion_does_not_swing_between_sparse_readings():
     time, force = prescribed(creep_protocol(1.0))
     truth = displacement_under(draw_constants(np.random.default_rng([77, 0])), time, force)
     inside = time <= test.time[-1]
-    path = crept_path(smooth(test.time, test.displacement), test)
+    path = prepared(replace(test, control="force")).trials[0].trajectory
     error = np.abs(path.displacement(time[inside]) - truth[inside])
     # a line between readings is beside creep by what it bends: 1 % of the way between, and a step
     way = np.abs(np.diff(np.interp(test.time, time, truth))).max()

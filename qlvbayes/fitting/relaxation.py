@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.escaping import visible
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
@@ -104,7 +105,7 @@ def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
 
 def _held(experiment: Experiment, trial: Trial) -> Held | None:
     place = _first_hold(trial.phases)
-    if trial.control != "displacement" or place is None:
+    if place is None:
         return None
     ramp, hold = trial.phases[place - 1], trial.phases[place]
     time, force = trial.test.time, trial.test.force
@@ -135,9 +136,12 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
 
 
 def _first_hold(phases: tuple[Phase, ...]) -> int | None:
-    """Place of the first hold that a ramp goes before."""
-    kinds = [(a.kind, b.kind) for a, b in pairwise(phases)]
-    return kinds.index(("ramp", "hold")) + 1 if ("ramp", "hold") in kinds else None
+    """Place of the first hold of a displacement that a ramp goes before."""
+    for place, (before, phase) in enumerate(pairwise(phases), start=1):
+        held = phase.control == Control.DISPLACEMENT
+        if held and (before.kind, phase.kind) == ("ramp", "hold"):
+            return place
+    return None
 
 
 def _history(experiment: Experiment, trial: Trial) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
 
@@ -29,14 +30,30 @@ from qlvbayes.io.units import UnitSystem
 
 Floats = NDArray[np.float64]
 Role = Literal["fit", "validate"]
-Control = Literal["displacement", "force"]
 
-_CONTROLS: dict[str, Control] = {
-    "displacement": "displacement",
-    "strain": "displacement",
-    "force": "force",
-    "stress": "force",
+
+class Control(StrEnum):
+    """The quantity that a testing machine prescribes; the other one responds."""
+
+    DISPLACEMENT = "displacement"
+    FORCE = "force"
+
+
+_CONTROLS = {
+    "displacement": Control.DISPLACEMENT,
+    "strain": Control.DISPLACEMENT,
+    "force": Control.FORCE,
+    "stress": Control.FORCE,
 }
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """The quantity that is prescribed in a test from ``start`` to ``stop`` (s)."""
+
+    control: Control
+    start: float
+    stop: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +83,11 @@ class Test:
     start_known
         Whether ``start_s`` was measured; otherwise the tests follow without a pause.
     control
-        Which quantity was prescribed; None where the file does not say.
+        Which quantity was prescribed in the whole test; None where the file does not say, or where
+        it changes within the test.
+    changes
+        Stretches of time, one after another, with the quantity prescribed in each, where the file
+        says that it changes within the test; else empty.
     contact_sd
         Standard error of the displacement's zero, in the unit of displacement; None where it was
         not measured.
@@ -85,7 +106,13 @@ class Test:
     start_s: float = 0.0
     start_known: bool = False
     control: Control | None = None
+    changes: tuple[Prescribed, ...] = ()
     contact_sd: float | None = None
+
+    @property
+    def states_control(self) -> bool:
+        """Whether the file says what was prescribed."""
+        return self.control is not None or bool(self.changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +163,10 @@ def read_measurements(path: str | Path) -> Measurements:
     of the last two. The suffix names the unit (`units.SUFFIXES`); all results are given in these
     units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
     columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
-    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed in the test: displacement or
-    force) and `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that
-    begin with # are comments. Without `start_s` the tests of a pad follow one another.
+    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
+    or force; it may change within a test) and `contact_sd_mm` (standard error of the zero of the
+    test's displacement). Lines that begin with # are comments. Without `start_s` the tests of a pad
+    follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are
@@ -261,9 +289,10 @@ class _Builder:
         self._names(rows)
         columns = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
-        control = self._control(rows)
+        controls = self._controls(rows, columns["time"])
         self._readings(rows, columns)
-        checker.check(rows, columns, loaded=control == "force")
+        loaded = any(part.control == Control.FORCE for part in controls)
+        checker.check(rows, columns, loaded=loaded)
         self._range(rows, columns)
         for values in columns.values():
             values.setflags(write=False)
@@ -278,7 +307,8 @@ class _Builder:
             rate=self._rate(rows),
             start_s=self._start(rows, before),
             start_known=self._number(rows, "start") is not None,
-            control=control,
+            control=controls[0].control if len(controls) == 1 else None,
+            changes=controls if len(controls) > 1 else (),
             contact_sd=self._contact_sd(rows),
         )
 
@@ -345,21 +375,30 @@ class _Builder:
 
     def _label(self, rows: Rows, key: str) -> str:
         """Return a label's text, the same in all rows of the test; empty without such a column."""
+        (_, first), *others = self._labels(rows, key)
+        if others:
+            name = self.dialect.columns.labels[key].name
+            sample, text = others[0]
+            what = f"{name} changes from '{first}' to '{text}'"
+            self._fail(rows, rows.row(sample), what, f"write one {name} for all its rows")
+        return first
+
+    def _labels(self, rows: Rows, key: str) -> list[tuple[int, str]]:
+        """Return each text of a label with the first sample that has it, where it changes."""
         runs = self.table.runs
         if key not in runs.codes:
-            return ""
-        codes, texts = runs.codes[key], runs.texts[key]
-        first: int | None = None
+            return [(0, "")]
+        found: list[tuple[int, int]] = []
+        sample = 0
         for stretch in rows.stretches:
             begin = int(np.searchsorted(runs.starts, stretch.start))
             end = int(np.searchsorted(runs.starts, stretch.stop))
-            first = int(codes[begin]) if first is None else first
-            if (other := codes[begin:end] != first).any():
-                n = begin + int(np.argmax(other))
-                name = self.dialect.columns.labels[key].name
-                what = f"{name} changes from '{texts[first]}' to '{texts[int(codes[n])]}'"
-                self._fail(rows, int(runs.starts[n]), what, f"write one {name} for all its rows")
-        return texts[cast(int, first)]
+            codes = runs.codes[key][begin:end]
+            for n in np.flatnonzero(np.diff(codes, prepend=found[-1][1] if found else -1)).tolist():
+                offset = int(runs.starts[begin + n]) - stretch.start
+                found.append((sample + offset, int(codes[n])))
+            sample += stretch.stop - stretch.start
+        return [(at, runs.texts[key][code]) for at, code in found]
 
     def _role(self, rows: Rows) -> Role | None:
         role = self._label(rows, "role")
@@ -368,12 +407,23 @@ class _Builder:
             self._fail(rows, rows.row(0), what, "write fit, validate or nothing")
         return cast(Role, role) if role else None
 
-    def _control(self, rows: Rows) -> Control | None:
-        control = self._label(rows, "control")
-        if control and control not in _CONTROLS:
-            what = f"control '{control}' is unknown"
-            self._fail(rows, rows.row(0), what, "write displacement, force or nothing")
-        return _CONTROLS.get(control)
+    def _controls(self, rows: Rows, time: Floats) -> tuple[Prescribed, ...]:
+        """Return what was prescribed in each stretch of a test; nothing where no row says it.
+
+        It changes halfway between two samples.
+        """
+        labels = self._labels(rows, "control")
+        if labels == [(0, "")]:
+            return ()
+        for sample, text in labels:
+            if text not in _CONTROLS:
+                what = f"control '{text}' is unknown" if text else "control is empty"
+                remedy = "write displacement or force in all rows of the test, or nothing in all"
+                self._fail(rows, rows.row(sample), what, remedy)
+        ends = [float(0.5 * (time[k - 1] + time[k])) for k, _ in labels[1:]]
+        bounds = [float(time[0]), *ends, float(time[-1])]
+        controls = [_CONTROLS[text] for _, text in labels]
+        return tuple(map(Prescribed, controls, bounds[:-1], bounds[1:]))
 
     def _number(self, rows: Rows, key: str) -> float | None:
         """Return the number declared for a test, or None where the cell is empty."""

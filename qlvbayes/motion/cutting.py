@@ -66,13 +66,17 @@ class Cut:
                 remedy="widen it",
             )
         part = slice(first, last)
+        begin = float(test.time[first]) if first else 0.0
         return replace(
             test,
-            time=test.time[part] - (test.time[first] if first else 0.0),
+            time=test.time[part] - begin,
             displacement=test.displacement[part],
             force=test.force[part],
             force_sd=None if test.force_sd is None else test.force_sd[part],
-            start_s=test.start_s + (float(test.time[first]) if first else 0.0),
+            start_s=test.start_s + begin,
+            changes=tuple(
+                replace(one, start=one.start - begin, stop=one.stop - begin) for one in test.changes
+            ),
         )
 
     def _factor(self, pad: Pad) -> float:

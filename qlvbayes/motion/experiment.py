@@ -10,20 +10,22 @@ import numpy as np
 
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.badreadings import (
     BadReadings,
     left_out_notice,
     smooth_readings,
     sound_tests,
 )
+from qlvbayes.motion.control import controls_of
 from qlvbayes.motion.cutting import cut
 from qlvbayes.motion.encoder import encoder_steps
 from qlvbayes.motion.falling import fall_notice, falls_of
-from qlvbayes.motion.loadcontrol import control_of, crept_path, force_phases, with_both_errors
+from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
 from qlvbayes.motion.past import Past, past_of
-from qlvbayes.motion.phases import Phase, find_phases, loading_rate, phase_index
+from qlvbayes.motion.phases import Phase, loading_rate, phase_index
 from qlvbayes.motion.segments import known_scatter
 from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
@@ -41,8 +43,8 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 class Trial:
     """One test with its motion and phases; ``rate`` is the loading rate, displacement over s.
 
-    control: what was prescribed; phases are those of the force where that was; left_out: the bad
-    readings, which ``test`` no longer has; None where there were none.
+    phases are those of the force where that was prescribed; left_out: the bad readings, which
+    ``test`` no longer has; None where there were none.
     """
 
     test: Test
@@ -50,7 +52,6 @@ class Trial:
     phases: tuple[Phase, ...]
     rate: float
     role: str
-    control: Control = "displacement"
     left_out: BadReadings | None = None
 
     @property
@@ -59,12 +60,22 @@ class Trial:
         return self.test.name
 
     @property
+    def control(self) -> Control | None:
+        """What was prescribed throughout the test; None where that changes within it."""
+        controls = {phase.control for phase in self.phases}
+        return controls.pop() if len(controls) == 1 else None
+
+    @property
     def approached(self) -> bool:
         """Whether a record that begins in motion was preceded by an approach from zero.
 
         Under a prescribed force it is creep from the beginning: the weight was put on at once.
         """
-        return self.control == "displacement"
+        return self.phases[0].control == Control.DISPLACEMENT
+
+    def phases_under(self, control: Control) -> tuple[Phase, ...]:
+        """Return the phases in which a quantity was prescribed."""
+        return tuple(phase for phase in self.phases if phase.control == control)
 
     def phase_of(self, time: np.ndarray) -> np.ndarray:
         """Return the kind of phase (N,) at each time."""
@@ -120,22 +131,38 @@ class Experiment:
     @property
     def falls(self) -> tuple[str, ...]:
         """One sentence on each test whose force falls while the platen moves in."""
-        pressed = [trial for trial in self.trials if trial.control == "displacement"]
         noise = self.floor.white
-        every = [(t.name, falls_of(t.test, t.trajectory, t.phases, noise)) for t in pressed]
+        every = [
+            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT), noise))
+            for t in self.trials
+        ]
         return tuple(fall_notice(self.pad, name, some, self.units) for name, some in every if some)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
-        """A sentence on the tests that were classified as load-controlled."""
-        names = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
-        if not names:
-            return ()
-        those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
-        return (
-            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
-            "taken as a prescribed force; a column control (displacement or force) says otherwise",
-        )
+        """Sentences on the tests in which a prescribed force was detected."""
+        detected = [t for t in self.trials if not t.test.states_control]
+        names = [t.name for t in detected if t.control == Control.FORCE]
+        sentences = []
+        if names:
+            those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
+            sentences.append(
+                f"pad {self.pad}: in {those} the force is held while the displacement creeps, "
+                "which is taken as a prescribed force; a column control (displacement or force) "
+                "says otherwise"
+            )
+        for trial in detected:
+            if trial.control is None:
+                spans = [
+                    f"{plain(phase.start)} to {plain(phase.stop)} s"
+                    for phase in trial.phases_under(Control.FORCE)
+                ]
+                sentences.append(
+                    f"pad {self.pad}: in test {trial.name} from {joined(spans)} the force is held "
+                    "while the displacement creeps, which is taken as a prescribed force there; a "
+                    "column control (displacement or force in each row) says otherwise"
+                )
+        return tuple(sentences)
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """Return the trials that are fitted, or those that validate."""
@@ -254,30 +281,30 @@ def prepare(
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
-    tests, fading = with_fading_sd([t.test for t in trials], [t.phases for t in trials])
+    tests, phases = [t.test for t in trials], [t.phases for t in trials]
+    rescaled, fading = with_fading_sd(with_both_errors(tests, phases), phases)
+    tests = [replace(t, force_sd=r.force_sd) for t, r in zip(tests, rescaled, strict=True)]
     trials = [replace(t, test=test) for t, test in zip(trials, tests, strict=True)]
     if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
         tests = list(map(smooth_readings, tests))
     of_a_step = largest_stiffness(tests) * max(steps)
-    read = with_both_errors(tests, [trial.control for trial in trials])
-    floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
+    floor = measure(with_both_errors(tests, phases), phases, of_a_step=of_a_step)
     floor = replace(floor, notices=(*fading, *floor.notices))
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
 
 
 def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
     trajectory = smooth(test.time, test.displacement, step, scatter)
-    control = control_of(test)
-    phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
-    if control == "force":
-        trajectory = crept_path(trajectory, test)
-    rate = test.rate if test.rate is not None else _rate(trajectory, phases, control)
-    return Trial(test, trajectory, phases, rate, test.role or "", control, left_out)
+    phases = phases_of(test, trajectory, controls_of(test, trajectory))
+    trajectory = crept_path(trajectory, test, phases)
+    rate = test.rate if test.rate is not None else _rate(trajectory, phases)
+    return Trial(test, trajectory, phases, rate, test.role or "", left_out)
 
 
-def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:
+def _rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
     """Return the loading rate; under a weight put on at once, the creep's largest speed."""
-    if control == "force" and not any(phase.kind == "ramp" for phase in phases):
+    kinds = {phase.kind for phase in phases}
+    if "ramp" not in kinds and any(phase.control == Control.FORCE for phase in phases):
         return trajectory.top_speed
     return loading_rate(trajectory, phases)
 

@@ -1,7 +1,8 @@
-r"""Load-controlled tests: the force is prescribed and the displacement responds.
+r"""Load control, in a test or in a part of it: the force is prescribed, the displacement responds.
 
-They are fitted as all others are, by the force of the measured displacement. Where the true force
-is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d` leave
+Such readings are fitted as all others are, by the force of the measured displacement. Where the
+true force is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d`
+leave
 
 .. math:: r = (F + e) - F[\delta + d] \approx e - K d
 
@@ -13,33 +14,24 @@ noise is measured on :math:`F - K \delta`, in which it shows whatever the contro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.io.data import Control, Test
-from qlvbayes.motion.phases import Phase, find_phases
-from qlvbayes.motion.segments import sensor_noise
+from qlvbayes.io.data import Control, Prescribed, Test
+from qlvbayes.motion.control import HELD, slack, stretches
+from qlvbayes.motion.phases import Phase, find_phases, phase_index
 from qlvbayes.motion.stiffness import largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_HELD = 0.05  # of the largest force: so far to either side a held force may be read,
-_NOISY = 8.0  # or so many sds of neighbouring readings, whose slow errors may be as large
-_FEWEST = 20  # readings in a hold
-_LONG = 0.2  # of a test, for which the force must be held to count as prescribed,
-_LOADED = 0.2  # of the largest force, at which it must be held,
-_CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
-_PLAIN = 2.0  # times what the scatter of the force would explain,
-_ENOUGH = 5000  # readings of a test that are looked at for that
-_SLOWING = 0.35  # of the time, in which creep goes half its way; at even speed half of it
-_ENDS = 0.05  # of the hold, at either end, that are not looked at for that
-
-
+_FEWEST = 3  # readings in a phase that a change of control cuts
+_ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
+_PLACES = 200  # of that ramp, at which its force is computed
 _BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
 _SWING, _SWUNG = (
     1e-4,
@@ -47,29 +39,16 @@ _SWING, _SWUNG = (
 )  # of the stroke, of the way between: how far a curve may lie outside both
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    """Readings from first to before stop, between which the force stays near a level."""
+def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> Trajectory:
+    """Replace the motion of creep by a straight line wherever it leaves the range of two readings.
 
-    first: int
-    stop: int
-    level: float
-    held: bool
-
-
-def control_of(test: Test) -> Control:
-    """Return what was prescribed: as declared, else force if it is held while the pad creeps."""
-    if test.control is not None:
-        return test.control
-    return "force" if _plainly_crept(test) else "displacement"
-
-
-def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
-    """Replace the motion by a straight line wherever it leaves the range of two readings.
-
-    A curve through sparse readings of creep, faithful to each, may swing between them.
+    A curve through sparse readings of creep, faithful to each, may swing between them. Elsewhere
+    than in phases of prescribed force the motion stays as it is.
     """
     time = test.time
+    loaded = loaded_readings(time[:-1], phases)
+    if not loaded.any():
+        return trajectory
     ends = trajectory.displacement(time)
     inner = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
     low, high = np.minimum(ends[:-1], ends[1:]), np.maximum(ends[:-1], ends[1:])
@@ -77,7 +56,7 @@ def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
     spare = (least + _SWUNG * (high - low))[:, None]
     between = trajectory.displacement(inner)
     outside = (between < low[:, None] - spare) | (between > high[:, None] + spare)
-    bad = np.asarray(np.any(outside, axis=1))
+    bad = np.any(outside, axis=1) & loaded
     if not bad.any():
         return trajectory
     knots = np.union1d(
@@ -102,10 +81,52 @@ def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
     )
 
 
+def phases_of(
+    test: Test, trajectory: Trajectory, controls: Sequence[Prescribed]
+) -> tuple[Phase, ...]:
+    """Return the phases of a test: of its displacement, or of its force where that is prescribed.
+
+    No phase crosses a change of control.
+    """
+    phases: list[Phase] = []
+    of: dict[Control, tuple[Phase, ...]] = {}
+    for part in controls:
+        if part.control not in of:
+            loaded = part.control == Control.FORCE
+            of[part.control] = force_phases(test) if loaded else find_phases(trajectory)
+        phases += _within(of[part.control], part, test.time)
+    return tuple(phases)
+
+
+def _within(phases: Sequence[Phase], part: Prescribed, time: Array) -> list[Phase]:
+    """Return the phases within a stretch of time, which they fill.
+
+    Of a phase that the stretch cuts, a part of fewer than three readings joins its neighbour; of
+    one of the force also the smaller part, as a held force is reached before it rests.
+    """
+    pieces: list[Phase] = []
+    for phase in phases:
+        start, stop = max(phase.start, part.start), min(phase.stop, part.stop)
+        share = (stop - start) / (phase.stop - phase.start)
+        least = 0.5 if part.control == Control.FORCE else 0.0
+        read = np.count_nonzero((time >= start) & (time <= stop))
+        if share == 1.0 or (share > least and read >= _FEWEST):
+            pieces.append(replace(phase, start=start, stop=stop, control=part.control))
+    if not pieces:
+        longest = max(phases, key=lambda x: min(x.stop, part.stop) - max(x.start, part.start))
+        pieces = [replace(longest, control=part.control)]
+    starts = [part.start, *(piece.start for piece in pieces[1:])]
+    stops = [*starts[1:], part.stop]
+    return [
+        replace(piece, start=start, stop=stop)
+        for piece, start, stop in zip(pieces, starts, stops, strict=True)
+    ]
+
+
 def force_phases(test: Test) -> tuple[Phase, ...]:
-    """Return the phases of a load-controlled test, which are those of its force."""
+    """Return the phases of a test's force."""
     knots, values = [float(test.time[0])], [float(test.force[0])]
-    for part in _stretches(test):
+    for part in stretches(test):
         ends = test.time[[part.first, part.stop - 1]]
         corners = ends if part.held else [float(ends.mean())]
         if corners[0] <= knots[-1]:
@@ -116,93 +137,78 @@ def force_phases(test: Test) -> tuple[Phase, ...]:
         knots, values = [*knots, float(test.time[-1])], [*values, values[-1]]
     slopes = np.diff(values) / np.diff(knots)
     path = Trajectory(
-        np.array(knots), np.array(values[:-1]), slopes, np.zeros(slopes.size), 0.2 * _slack(test)
+        np.array(knots), np.array(values[:-1]), slopes, np.zeros(slopes.size), 0.2 * slack(test)
     )
     return find_phases(path)
 
 
-def with_both_errors(tests: Sequence[Test], controls: Sequence[Control]) -> list[Test]:
+def loaded_readings(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
+    """Return which times (n,) lie in phases of prescribed force."""
+    loaded = np.array([phase.control == Control.FORCE for phase in phases])
+    return np.asarray(loaded[phase_index(phases, time)])
+
+
+def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -> list[Test]:
     """Return tests whose force has the errors of both readings, to measure noise: F - K delta.
 
-    K: the steepest slope of the pad's tests, or the secant as a weight is put on.
+    Where the displacement is prescribed the force stays. delta counts from the end of each phase;
+    K: the steepest slope of the pad's tests, or the secant as a weight is put on; less at smaller
+    displacements, as the slope of the deepest loading ramp is there.
     """
-    loaded = [test for test, control in zip(tests, controls, strict=True) if control == "force"]
-    if not loaded:
+    loaded = [loaded_readings(test.time, cut) for test, cut in zip(tests, phases, strict=True)]
+    secants = [_first_secant(test) for test, some in zip(tests, loaded, strict=True) if some.any()]
+    if not secants:
         return list(tests)
-    stiffness = max(largest_stiffness(tests), *(_first_secant(test) for test in loaded))
-    return [
-        replace(test, force=test.force - stiffness * (test.displacement - test.displacement[-1]))
-        if control == "force"
-        else test
-        for test, control in zip(tests, controls, strict=True)
-    ]
+    stiffness = max(largest_stiffness(tests), *secants)
+    curve = _elastic_curve(tests, phases)
+    read = []
+    for test, cut, some in zip(tests, phases, loaded, strict=True):
+        force, which = test.force.copy(), phase_index(cut, test.time)
+        quick = stiffness * curve(test.displacement)
+        for k in np.unique(which[some]):
+            inside = which == k
+            force[inside] -= quick[inside] - quick[inside][-1]
+        read.append(replace(test, force=force))
+    return read
+
+
+def _elastic_curve(
+    tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
+) -> Callable[[Array], Array]:
+    """Return the deepest ramp's force as a function of displacement, its last slope being one.
+
+    A cubic, made to rise, and a straight line beyond it; a straight line throughout without a ramp
+    of enough readings.
+    """
+    ramps = []
+    for test, cut in zip(tests, phases, strict=True):
+        which = phase_index(cut, test.time)
+        for k in (k for k, phase in enumerate(cut) if phase.kind == "ramp"):
+            displacement, force = test.displacement[which == k], test.force[which == k]
+            if displacement.size >= _ON_A_CURVE and np.ptp(displacement) > 0.0:
+                ramps.append((float(np.max(np.abs(displacement))), displacement, force))
+    if not ramps:
+        return np.asarray
+    _, displacement, force = max(ramps, key=lambda ramp: ramp[0])
+    cubic = np.polynomial.Polynomial.fit(displacement, force, 3)
+    places = np.linspace(displacement.min(), displacement.max(), _PLACES)
+    values = np.maximum.accumulate(cubic(places))
+    end = int(np.argmax(np.abs(places)))
+    slope = float(cubic.deriv()(places[end]))
+    if not slope > 0.0:
+        return np.asarray
+
+    def curve(x: Array) -> Array:
+        beyond = x - np.clip(x, places[0], places[-1])
+        return np.asarray(
+            np.interp(x, places, values) / slope + np.where(beyond * places[end] > 0.0, beyond, 0.0)
+        )
+
+    return curve
 
 
 def _first_secant(test: Test) -> float:
     """Return force over displacement at the first reading near the largest force; 0 at no depth."""
-    first = int(np.argmax(np.abs(test.force) >= (1.0 - _HELD) * np.max(np.abs(test.force))))
+    first = int(np.argmax(np.abs(test.force) >= (1.0 - HELD) * np.max(np.abs(test.force))))
     depth = abs(float(test.displacement[first]))
     return abs(float(test.force[first])) / depth if depth > 0.0 else 0.0
-
-
-def _stretches(test: Test) -> list[_Stretch]:
-    """Divide the record into stretches in which the force stays within its tolerance.
-
-    A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
-    """
-    force, most = test.force, 2.0 * _slack(test)
-    stretches, first = [], 0
-    low = high = float(force[0])
-    for k, value in enumerate(force.tolist()):
-        low, high = min(low, value), max(high, value)
-        if high - low > most:
-            stretches.append(_stretch(test, first, k, most))
-            first, low, high = k, value, value
-    return [*stretches, _stretch(test, first, force.size, most)]
-
-
-def _slack(test: Test) -> float:
-    """Return how far from its level a held force may be read (N)."""
-    return max(
-        _HELD * float(np.max(np.abs(test.force))), _NOISY * sensor_noise(test.time, test.force)
-    )
-
-
-def _stretch(test: Test, first: int, stop: int, most: float) -> _Stretch:
-    time, force = test.time[first:stop], test.force[first:stop]
-    held = False
-    if force.size >= _FEWEST:
-        centred = time - time.mean()
-        drift = abs(float(centred @ force / (centred @ centred))) * float(np.ptp(time))
-        held = drift < 0.5 * most
-    return _Stretch(first, stop, float(np.median(force)), held)
-
-
-def _plainly_crept(test: Test) -> bool:
-    """Return whether the force is held for long while the displacement creeps, slowing down."""
-    peak, depth = np.max(np.abs(test.force)), float(np.max(np.abs(test.displacement)))
-    if peak == 0.0 or depth == 0.0:
-        return False
-    every = slice(None, None, max(test.time.size // _ENOUGH, 1))
-    test = replace(
-        test, time=test.time[every], displacement=test.displacement[every], force=test.force[every]
-    )
-    for part in _stretches(test):
-        first, last = test.time[[part.first, part.stop - 1]]
-        long = last - first >= _LONG * np.ptp(test.time) and abs(part.level) >= _LOADED * peak
-        if not (part.held and long):
-            continue
-        # a movement before or after may reach into it; what rests between them does not creep
-        spare = _ENDS * (last - first)
-        inside = (test.time >= first + spare) & (test.time <= last - spare)
-        time, displacement = test.time[inside], test.displacement[inside]
-        crept = float(displacement[-1] - displacement[0])
-        explained = float(np.std(test.force[inside])) * depth / float(peak)
-        if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
-            continue
-        half = float(
-            np.interp(0.5, np.maximum.accumulate((displacement - displacement[0]) / crept), time)
-        )
-        if half - time[0] <= _SLOWING * np.ptp(time):
-            return True
-    return False

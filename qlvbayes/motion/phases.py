@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Control
 from qlvbayes.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -40,15 +41,23 @@ _LEAST_SPEED = 1e-4  # of the record's top speed
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase from ``start`` to ``stop`` (s).
+    """One phase from ``start`` to ``stop`` (s), in which ``control`` was prescribed.
 
     ``ramp``: moving toward greater depth; ``hold``: at rest, also before the first movement;
-    ``unload``: moving back; ``recovery``: at rest after an unload.
+    ``unload``: moving back; ``recovery``: at rest after an unload. Where the force was prescribed
+    it is the force that rises, rests and falls.
     """
 
     kind: Kind
     start: float
     stop: float
+    control: Control = Control.DISPLACEMENT
+
+
+def phase_name(kind: str, control: str) -> str:
+    """Return the name of a phase for readers, by its kind and by what was prescribed in it."""
+    constant = kind not in MOVING and control == Control.FORCE
+    return f"{NAMES[kind]} at constant force" if constant else NAMES[kind]
 
 
 def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:

@@ -13,12 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.firstlook.looking import ROUNDED
 from qlvbayes.motion.firstlook.words import span
-from qlvbayes.motion.phases import MOVING, NAMES, Phase
+from qlvbayes.motion.phases import MOVING, Phase, phase_name
 from qlvbayes.plots.leftout import GREY, LABEL
 from qlvbayes.plots.stretches import by_rate
 from qlvbayes.plots.style import (
@@ -208,7 +209,7 @@ def _title(trial: Trial, units: UnitSystem) -> str:
     words = [shortened(trial.name, _NAME)]
     if np.isfinite(trial.rate):
         words.append(rated(trial.rate, units.speed))
-    if trial.control == "force":
+    if trial.control == Control.FORCE:
         words.append(f"{units.force_name} prescribed")
     return ", ".join(words)
 
@@ -301,7 +302,8 @@ def _name_phases(panel: Axes, axis: _Axis) -> None:
     if not axis.even:
         return
     for k, phase in enumerate(axis.phases):
-        text = f"{NAMES[phase.kind]} {span(phase.stop - phase.start)}"
+        name = phase_name(phase.kind, phase.control)
+        text = f"{name} {span(phase.stop - phase.start)}"
         panel.annotate(
             text, (k + 0.5, 1.0), xycoords=("data", "axes fraction"), xytext=(0.0, 2.0),
             textcoords="offset points", ha="center", fontsize=5.5, color="#555555",
@@ -318,7 +320,12 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial], heigh
         Line2D([], [], color=colours()[0]),
         Patch(color=colours()[0], alpha=0.2, linewidth=0),
     ]
-    loaded = {trial.control == "force" for trial in trials}
+    loaded = {
+        phase.control == Control.FORCE
+        for trial in trials
+        for phase in trial.phases
+        if phase.kind in MOVING
+    } or {False}
     rising, falling = _MOVED[min(loaded), max(loaded)]
     labels = ["readings", "motion taken from them", rising]
     if any(phase.kind == "unload" for trial in trials for phase in trial.phases):

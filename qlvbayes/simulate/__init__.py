@@ -12,6 +12,7 @@ from .constants import (
     pads_of_table_1,
     specimens_of,
 )
+from .control import Press, hold_and_recover, press_and_pause, record_controlled
 from .creep import Load, creep_protocol, creep_study, displacement_under, prescribed, record_creep
 from .files import simulate_file, write_csv
 from .hidden import (
@@ -134,6 +135,7 @@ __all__ = [
     "PermanentSet",
     "Platen",
     "PowerLawDrag",
+    "Press",
     "QuadraticPressure",
     "Record",
     "Rezeroed",
@@ -166,11 +168,14 @@ __all__ = [
     "elastic_force",
     "encode",
     "full_retraction_protocol",
+    "hold_and_recover",
     "join_programs",
     "pads_of_table_1",
     "paper_protocol",
     "parse_effect",
     "prescribed",
+    "press_and_pause",
+    "record_controlled",
     "record_creep",
     "record_sequence",
     "record_study",

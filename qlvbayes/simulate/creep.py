@@ -11,7 +11,7 @@ once along its elastic curve.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import log1p
 
@@ -81,18 +81,22 @@ def displacement_under(constants: Constants, time: Array, force: Array) -> Array
     # the elastic force stands for the displacement: its rate is K d'
     state = [float(force[0])] * (1 + len(modes))
 
-    def slope(rate: float, state: list[float]) -> list[float]:
+    def slope(rate: float, state: Sequence[float]) -> list[float]:
         flow = rate + sum(c * v * q for (c, v), q in zip(modes, state[1:], strict=True))
         return [flow, *(flow - v * q for (_, v), q in zip(modes, state[1:], strict=True))]
 
     elastic = [state[0]]
     for width, change in zip(np.diff(time).tolist(), np.diff(force).tolist(), strict=True):
-        state = _step(slope, change / width, state, width)
+        state = runge_kutta(slope, change / width, state, width)
         elastic.append(state[0])
     return np.array([log1p(b * x / m) / b for x in elastic])
 
 
-def _step(slope, rate: float, state: list[float], h: float) -> list[float]:  # type: ignore[no-untyped-def]
+Slope = Callable[[float, Sequence[float]], list[float]]
+
+
+def runge_kutta(slope: Slope, rate: float, state: Sequence[float], h: float) -> list[float]:
+    """Return the state after a step h (s) in which what is prescribed changes at an even rate."""
     one = slope(rate, state)
     two = slope(rate, [x + 0.5 * h * k for x, k in zip(state, one, strict=True)])
     three = slope(rate, [x + 0.5 * h * k for x, k in zip(state, two, strict=True)])

@@ -70,7 +70,8 @@ class Facts:
     @property
     def held(self) -> Control:
         """Quantity that is held: the displacement, or the force where it never is."""
-        return "force" if all(hold.control == "force" for hold in self.holds) else "displacement"
+        loaded = all(hold.control == Control.FORCE for hold in self.holds)
+        return Control.FORCE if loaded else Control.DISPLACEMENT
 
     @property
     def levels(self) -> list[float]:
@@ -121,7 +122,7 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
         return None
     held, answer = trial.test.displacement[inside], trial.test.force[inside]
     largest, of_answer = experiment.depth, experiment.peak
-    if trial.control == "force":
+    if phase.control == Control.FORCE:
         held, answer, largest, of_answer = answer, held, of_answer, largest
     level = float(np.median(held))
     pressed = abs(level) if experiment.units.dimensionless else level
@@ -136,7 +137,7 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
     change = 0.0
     if at_middle.size and at_end.size and of_answer > 0.0:
         change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
-    return Hold(trial.control, level, phase.stop - phase.start, change)
+    return Hold(phase.control, level, phase.stop - phase.start, change)
 
 
 def noise_of(experiment: Experiment) -> float:
@@ -198,8 +199,7 @@ def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
     ends = [
         float(trial.trajectory.displacement(np.array([phase.stop]))[0])
         for trial in experiment.trials
-        if trial.control == "displacement"
-        for phase in trial.phases
+        for phase in trial.phases_under(Control.DISPLACEMENT)
         if phase.kind not in MOVING
     ]
     apart = nearly * experiment.depth

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.formats.contact import find_contact
 from qlvbayes.io.formats.sampling import sampling_of
 from qlvbayes.io.units import UnitSystem
@@ -11,6 +12,7 @@ from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.firstlook.facts import facts_of, move_of, noise_of, rows
 from qlvbayes.motion.firstlook.result import (
+    BY_PHASE,
     ContactSeen,
     MotionSeen,
     NoiseSeen,
@@ -20,6 +22,7 @@ from qlvbayes.motion.firstlook.result import (
 )
 from qlvbayes.motion.firstlook.shown import shown_by
 from qlvbayes.motion.past import remembered_tests
+from qlvbayes.motion.phases import Phase
 from qlvbayes.motion.pulling import pull_notices
 
 ROUNDED = 0.1
@@ -74,8 +77,8 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
     return TestSeen(
         test=test.name,
         role=trial.role,
-        control=trial.control,
-        control_declared=test.control is not None,
+        control=BY_PHASE if trial.control is None else trial.control,
+        control_declared=test.states_control,
         readings=test.time.size,
         duration=float(test.time[-1] - test.time[0]),
         interval=float(np.median(np.diff(test.time))),
@@ -103,8 +106,16 @@ def _depth(trial: Trial, units: UnitSystem) -> float:
 
 
 def _reached(trial: Trial) -> float | None:
-    ramp = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-    return None if ramp is None or trial.control == "force" else move_of(trial, ramp).speed
+    ramp = _first_ramp(trial)
+    return None if ramp is None or _loaded(ramp) else move_of(trial, ramp).speed
+
+
+def _first_ramp(trial: Trial) -> Phase | None:
+    return next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+
+
+def _loaded(phase: Phase) -> bool:
+    return phase.control == Control.FORCE
 
 
 def _phases(trial: Trial) -> list[PhaseSeen]:
@@ -113,7 +124,15 @@ def _phases(trial: Trial) -> list[PhaseSeen]:
         for phase in trial.phases
     ]
     return [
-        PhaseSeen(phase.kind, phase.start, phase.stop, begin, end, int(rows(trial, phase).size))
+        PhaseSeen(
+            phase.kind,
+            phase.start,
+            phase.stop,
+            begin,
+            end,
+            int(rows(trial, phase).size),
+            phase.control,
+        )
         for phase, (begin, end) in zip(trial.phases, ends, strict=True)
     ]
 
@@ -135,7 +154,7 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
 
 def _contact(trial: Trial) -> ContactSeen | None:
     """Return where the force begins to rise; None if no approach shows it."""
-    if trial.control == "force":
+    if _loaded(_first_ramp(trial) or trial.phases[0]):
         return None
     contact = find_contact(trial.test.displacement, trial.test.force)
     if contact is None or not np.all(np.isfinite([contact.place, contact.sd, contact.force_sd])):
@@ -149,9 +168,9 @@ def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
     Before the first movement, or before the file's zero; a specimen that is fixed has no contact.
     """
     test = trial.test
-    if experiment.units.dimensionless or trial.control == "force":
+    first = _first_ramp(trial)
+    if experiment.units.dimensionless or _loaded(first or trial.phases[0]):
         return None
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
     begin = test.time[0] if first is None else first.start
     near = np.abs(test.displacement) <= _AT_ZERO * experiment.depth
     before = (near & (test.time < begin)) | (

@@ -7,6 +7,8 @@ from typing import Literal
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
+BY_PHASE = "by phase"
+"""What is prescribed in a test, where that differs from phase to phase."""
 Answer = Literal["yes", "hardly", "no"]
 
 
@@ -15,7 +17,10 @@ class PhaseSeen(
     frozen=True,
     rename={"start": "start_s", "stop": "stop_s", "begin": "from_mm", "end": "to_mm"},
 ):
-    """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings."""
+    """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings.
+
+    control: what was prescribed in it, ``displacement`` or ``force``.
+    """
 
     phase: str
     start: float
@@ -23,6 +28,7 @@ class PhaseSeen(
     begin: float
     end: float
     readings: int
+    control: str
 
 
 class MotionSeen(
@@ -78,9 +84,9 @@ class TestSeen(
     interval: median time between readings, sampling: in words; clock_sd: error of one time stamp;
     start: the pad's clock at its first reading, and whether the file says it; after: names of the
     tests from which it has not yet recovered; rate: of loading, as declared or found; reached: the
-    speed of the first ramp; control: what was prescribed, and whether the file
-    says it; at_rest: force before contact, where it is clearly not zero; left_out: how many
-    readings.
+    speed of the first ramp; control: what was prescribed (``displacement``, ``force``, or ``by
+    phase`` where it changes), and whether the file says it; at_rest: force before contact, where it
+    is clearly not zero; left_out: how many readings.
     """
 
     __test__ = False  # not one of pytest's

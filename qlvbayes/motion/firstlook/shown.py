@@ -14,6 +14,7 @@ from math import floor, log10
 
 import numpy as np
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.experiment import Experiment
@@ -107,7 +108,7 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
     if abs(moving.change) < _STILL:
         return Shown(about, "yes", reason, "", constants)
     units = experiment.units
-    name = units.displacement_name if moving.control == "force" else units.force_name
+    name = units.displacement_name if moving.control == Control.FORCE else units.force_name
     reason += (
         f"; in the second half of the longest hold the {name} still changes by "
         f"{100.0 * abs(moving.change):.2g} % of the largest"
@@ -168,7 +169,7 @@ def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:
     if len(levels) > 1:
         about, reason = "relaxation that changes with depth", _levels(experiment, facts, levels)
         return (Shown(about, "yes", f"holds at {reason}", effects=OF_DEPTH),)
-    what = "force" if facts.held == "force" else "depth"
+    what = "force" if facts.held == Control.FORCE else "depth"
     where = f"one {what}, {_levels(experiment, facts, levels)}" if levels else "no depth"
     reason, remedy = f"holds at {where}", "hold at two depths or more"
     moving = f"{reason}: only the movements could show it"
@@ -181,7 +182,7 @@ def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:
 
 def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> str:
     units = experiment.units
-    unit = units.force if facts.held == "force" else units.displacement
+    unit = units.force if facts.held == Control.FORCE else units.displacement
     named = [plain(level) for level in levels]
     if len(named) > _NAMED:
         named = [*named[: _NAMED - 1], f"{len(named) - _NAMED + 1} more"]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
-from qlvbayes.motion.firstlook.result import PadSeen, PhaseSeen
-from qlvbayes.motion.phases import KINDS, NAMES
+from qlvbayes.motion.firstlook.result import BY_PHASE, PadSeen, PhaseSeen, TestSeen
+from qlvbayes.motion.phases import KINDS, NAMES, phase_name
 
 _EACH = 6  # phases that are listed one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
@@ -24,7 +25,9 @@ def span(seconds: float) -> str:
 def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
     """Format phases as 'ramp 16 ms, hold 30 s', or by number and length if there are many."""
     if len(phases) <= _EACH:
-        return ", ".join(f"{NAMES[p.phase]} {span(p.stop - p.start)}" for p in phases)
+        return ", ".join(
+            f"{phase_name(p.phase, p.control)} {span(p.stop - p.start)}" for p in phases
+        )
     parts = []
     for kind in KINDS:
         lengths = [phase.stop - phase.start for phase in phases if phase.phase == kind]
@@ -138,13 +141,27 @@ def _clock(pad: PadSeen) -> list[str]:
 
 
 def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Describe which tests are load-controlled, if any."""
-    force = [test.test for test in pad.tests if test.control == "force"]
-    if not force:
+    """Describe in which tests, and in which phases of a test, the force is prescribed, if any."""
+    force = [test.test for test in pad.tests if test.control == Control.FORCE]
+    by_phase = [test for test in pad.tests if test.control == BY_PHASE]
+    if not force and not by_phase:
         return []
+    where = [_tests(force)] if force else []
+    where += [f"{_spans(test)} of test {test.test}" for test in by_phase[:_NAMED]]
+    if len(by_phase) > _NAMED:
+        where.append(f"phases of {len(by_phase) - _NAMED} more tests (in look.json)")
     rest = len(pad.tests) - len(force)
-    others = f"; the {units.displacement_name} in the others" if rest else ""
-    return [f"control: the {units.force_name} is prescribed in {_tests(force)}{others}"]
+    elsewhere = "elsewhere" if by_phase else "in the others"
+    others = f"; the {units.displacement_name} {elsewhere}" if rest else ""
+    return [f"control: the {units.force_name} is prescribed in {joined(where)}{others}"]
+
+
+def _spans(test: TestSeen) -> str:
+    """Return the phases of prescribed force, as 'hold (1.8 to 3.8 s)'."""
+    loaded = [phase for phase in test.phases if phase.control == Control.FORCE]
+    named = [f"{NAMES[p.phase]} ({plain(p.start)} to {plain(p.stop)} s)" for p in loaded[:_NAMED]]
+    more = len(loaded) - len(named)
+    return joined([*named, *([f"{more} more phases"] if more else [])])
 
 
 def _tests(names: Sequence[str]) -> str:

@@ -1,0 +1,227 @@
+"""Detection of what was prescribed in each part of a test: the displacement, or the force.
+
+A force that rests while the displacement goes on ever more slowly was prescribed: a specimen creeps
+under a load, or recovers at no force. What is prescribed between such stretches is the quantity
+that moves evenly, or rests, there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.data import Control, Prescribed, Test
+from qlvbayes.motion.segments import sensor_noise
+from qlvbayes.motion.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+HELD = 0.05  # of the largest force: so far to either side a held force may be read,
+_NOISY = 8.0  # or so many sds of neighbouring readings, whose slow errors may be as large
+_FEWEST = 20  # readings in a hold
+_LONG = 0.05  # of a test, for which the force must be held to count as prescribed,
+_LOADED = 0.2  # of the largest force; below it the specimen recovers,
+_CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
+_STEADY = 0.01  # of the largest force, and times the sd of neighbouring readings, above which a
+_SLOW_ERRORS = 4.0  # force that is held scatters no more: it rises and relaxes at a turn
+_PLAIN = 2.0  # times what the scatter of the force would explain,
+_ENOUGH = 5000  # readings of a test that are looked at for that
+_ENDS = 0.05  # of the hold, at either end, that are not looked at for that
+_OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
+_FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
+_CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
+_EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
+_MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
+_RESTS = 0.3  # of the time between two holds, for which one quantity rests there
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Readings from first to before stop, between which the force stays near a level."""
+
+    first: int
+    stop: int
+    level: float
+    held: bool
+
+
+def controls_of(test: Test, trajectory: Trajectory) -> tuple[Prescribed, ...]:
+    """Return what was prescribed in each stretch of a test, as declared, else as detected."""
+    begin, end = float(test.time[0]), float(test.time[-1])
+    if test.changes:
+        parts = [
+            replace(part, start=max(part.start, begin), stop=min(part.stop, end))
+            for part in test.changes
+        ]
+        return tuple(part for part in parts if part.start < part.stop)
+    if test.control is not None:
+        return (Prescribed(Control(test.control), begin, end),)
+    return tuple(_joined(_detected(test, trajectory)))
+
+
+def slack(test: Test) -> float:
+    """Return how far from its level a held force may be read (N)."""
+    return max(
+        HELD * float(np.max(np.abs(test.force))), _NOISY * sensor_noise(test.time, test.force)
+    )
+
+
+def stretches(test: Test) -> list[Stretch]:
+    """Divide the record into stretches in which the force stays within its tolerance.
+
+    A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
+    """
+    force, most = test.force, 2.0 * slack(test)
+    parts, first = [], 0
+    low = high = float(force[0])
+    for k, value in enumerate(force.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > most:
+            parts.append(_stretch(test, first, k, most))
+            first, low, high = k, value, value
+    return [*parts, _stretch(test, first, force.size, most)]
+
+
+def _stretch(test: Test, first: int, stop: int, most: float) -> Stretch:
+    time, force = test.time[first:stop], test.force[first:stop]
+    held = False
+    if force.size >= _FEWEST:
+        centred = time - time.mean()
+        drift = abs(float(centred @ force / (centred @ centred))) * float(np.ptp(time))
+        held = drift < 0.5 * most
+    return Stretch(first, stop, float(np.median(force)), held)
+
+
+def _joined(parts: Sequence[Prescribed]) -> list[Prescribed]:
+    """Return the stretches, neighbours of one control as one."""
+    joined = list(parts[:1])
+    for part in parts[1:]:
+        if part.control == joined[-1].control:
+            joined[-1] = replace(joined[-1], stop=part.stop)
+        else:
+            joined.append(part)
+    return joined
+
+
+def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
+    """Return stretches of held force with creep, and what is prescribed between them."""
+    begin, end = float(test.time[0]), float(test.time[-1])
+    holds = _creeping(test, trajectory)
+    if not holds:
+        return [Prescribed(Control.DISPLACEMENT, begin, end)]
+    bounds = [begin, *(time for hold in holds for time in hold), end]
+    found = []
+    for k, (start, stop) in enumerate(pairwise(bounds)):
+        if start < stop:
+            inside = k % 2 == 1
+            control = Control.FORCE if inside else _between(test, trajectory, start, stop)
+            found.append(Prescribed(control, start, stop))
+    return found
+
+
+def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:
+    """Return beginnings and ends (s) of the stretches of held force in which a specimen creeps."""
+    if np.max(np.abs(test.force)) == 0.0 or np.max(np.abs(test.displacement)) == 0.0:
+        return []
+    every = slice(None, None, max(test.time.size // _ENOUGH, 1))
+    fewer = replace(
+        test, time=test.time[every], displacement=test.displacement[every], force=test.force[every]
+    )
+    holds: list[tuple[float, float]] = []
+    for part in stretches(fewer):
+        if not part.held:
+            continue
+        start, stop = _corners(test, fewer, part)
+        apart = not holds or start > holds[-1][1]
+        if apart and _creeps(fewer, trajectory, part.level, start, stop):
+            holds.append((start, stop))
+    return holds
+
+
+def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last: float) -> bool:
+    """Return whether the displacement goes on ever more slowly while the force is held (N)."""
+    peak, depth = float(np.max(np.abs(test.force))), float(np.max(np.abs(test.displacement)))
+    if last - first < _LONG * np.ptp(test.time):
+        return False
+    # a movement before or after may reach into it; what rests between them does not creep
+    spare = _ENDS * (last - first)
+    inside = (test.time >= first + spare) & (test.time <= last - spare)
+    if np.count_nonzero(inside) < _FEWEST:
+        return False
+    time, displacement = test.time[inside], trajectory.displacement(test.time[inside])
+    crept = float(displacement[-1] - displacement[0])
+    scatter = float(np.std(test.force[inside]))
+    if scatter > max(_STEADY * peak, _SLOW_ERRORS * sensor_noise(test.time, test.force)):
+        return False
+    explained = scatter * depth / peak
+    if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
+        return False
+    share = np.maximum.accumulate((displacement - displacement[0]) / crept)
+    quarters = np.interp([0.25, 0.5, 0.75], share, time)
+    second, third = np.diff(quarters)
+    if third < _FADES * second:
+        return False
+    lasted = float(quarters[2] - quarters[0])
+    return abs(level) >= _LOADED * peak or _recovers(test, trajectory, first, crept, lasted)
+
+
+def _recovers(
+    test: Test, trajectory: Trajectory, first: float, crept: float, lasted: float
+) -> bool:
+    """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force.
+
+    crept: how far (mm), lasted: its middle half (s). A platen that brakes in air takes no longer
+    for it than for the way before it.
+    """
+    top = int(np.argmax(np.abs(test.force)))
+    before = test.time[test.time < first]
+    if before.size <= top or crept * test.displacement[top] >= 0.0:
+        return False
+    inward = crept * trajectory.velocity(before) <= 0.0
+    begun = before[np.flatnonzero(inward)[-1]] if inward.any() else before[0]
+    return bool(lasted > _OUTLASTS * (first - begun))
+
+
+def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
+    """Return when a held force begins and ends (s), to a reading.
+
+    The stretch itself has the ends of the movements before and after it.
+    """
+    spare = max(int(_ENDS * (part.stop - part.first)), 1)
+    sd = float(np.std(fewer.force[part.first + spare : part.stop - spare]))
+    outside = np.abs(test.force - part.level) > _CORNER * sd
+    gone = outside[1:] & outside[:-1]
+    middle = int(np.searchsorted(test.time, fewer.time[(part.first + part.stop) // 2]))
+    before, after = np.flatnonzero(gone[: middle - 1]), np.flatnonzero(gone[middle:])
+    first = int(before[-1]) + 2 if before.size else 0
+    last = middle + int(after[0]) - 1 if after.size else test.time.size - 1
+    return float(test.time[first]), float(test.time[max(last, first)])
+
+
+def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> Control:
+    """Return which quantity rests or moves evenly between two holds; the force where neither does.
+
+    A movement that readings do not show leads to the force that is held next.
+    """
+    inside = np.flatnonzero((test.time >= start) & (test.time <= stop))
+    still = trajectory.velocity(test.time[inside]) == 0.0
+    if inside.size and np.mean(still) > _RESTS:
+        return Control.DISPLACEMENT
+    low, high = (start + share * (stop - start) for share in _MIDDLE)
+    inside = inside[(test.time[inside] >= low) & (test.time[inside] <= high)]
+    if inside.size < _FEWEST:
+        return Control.FORCE
+    time = test.time[inside]
+    uneven = [_uneven(time, values[inside]) for values in (test.displacement, test.force)]
+    return Control.DISPLACEMENT if uneven[0] < _EVENLY * uneven[1] else Control.FORCE
+
+
+def _uneven(time: Array, values: Array) -> float:
+    """Return the deviation (root mean square) from a straight line, over the range."""
+    line = np.polynomial.Polynomial.fit(time, values, 1)
+    spread = float(np.ptp(values))
+    return float(np.std(values - line(time))) / spread if spread > 0.0 else 0.0
