@@ -43,9 +43,9 @@ _PAGE = """# How far is the closed form from nested Monte Carlo?
 constants within what the tests so far leave open. Here the same bits come from nested Monte Carlo
 without that (`validation/nested_bits.py`). *Constants*: pads with one test at 20 mm/s or three at
 1, 20 and 100 mm/s, bits for all constants of the law. *Cause*: pads with a drag that grows as the
-0.8th to 0.95th power of the speed, tested at {rates} mm/s; this drag and one just as the speed are
-taken for equally probable. Of {drawn} tests drawn for each pad, the {best} best by the closed form and
-{random} random ones were judged.
+0.8th to 0.95th power of the speed, tested at {rates} mm/s; this drag and one just as the speed
+are taken for equally probable. Of {drawn} tests drawn for each pad, the {best} best by the closed
+form and {random} random ones were judged.
 
 | | |
 |---|---|
@@ -54,15 +54,15 @@ taken for equally probable. Of {drawn} tests drawn for each pad, the {best} best
 | commit | {commit} |
 | machine | {machine} |
 
-| bits for | pads | tests | Monte Carlo less closed form: mean, sd | of the closed form: mean, sd | its own Monte Carlo error | lost by the closed form's choice, mean |
+| bits for | pads | tests | nested less closed: mean, sd | in % of closed | error of nested | lost |
 |---|---|---|---|---|---|---|
 {rows}
 
 - *Constants*: half the logarithm of a determinant, which is exact for linear forces.
 - *Cause*: the closed form is the lower of two bounds; {within} of {tests} Monte Carlo values lie
   between the bounds, within two of their errors.
-- *Lost*: bits of the judged test that is best by Monte Carlo, less those of the test that is best by
-  the closed form (for constants per minute).
+- *Lost*: bits of the judged test that is best by Monte Carlo, less those of the test that is best
+  by the closed form (of constants bits per minute), mean over the pads.
 """
 
 

@@ -9,7 +9,7 @@ from qlvbayes.effects.backlash import Backlash
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conditioning import Conditioning
-from qlvbayes.effects.conformance import check_effect
+from qlvbayes.effects.conformance import check_effect, effect_checks
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
@@ -80,4 +80,5 @@ __all__ = [
     "Thixotropy",
     "ViscousDrag",
     "check_effect",
+    "effect_checks",
 ]

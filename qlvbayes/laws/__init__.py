@@ -1,7 +1,7 @@
 """Define laws of the material, one class a file: elastic laws and relaxation laws."""
 
 from qlvbayes.laws.catalogue import LAWS, Laws
-from qlvbayes.laws.conformance import check_law
+from qlvbayes.laws.conformance import check_law, law_checks
 from qlvbayes.laws.elastic.cubic import Cubic
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
@@ -35,4 +35,5 @@ __all__ = [
     "StretchedExponential",
     "ToeExponential",
     "check_law",
+    "law_checks",
 ]
