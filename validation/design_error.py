@@ -23,7 +23,7 @@ from qlvbayes.diagnosis.nexttest.design import draw_designs
 from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screen
-from qlvbayes.diagnosis.nexttest.series import bits_for_constants
+from qlvbayes.diagnosis.nexttest.series import between, bits_for_constants
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects import PowerLawDrag, ViscousDrag
 from qlvbayes.evaluation.store import Store, code_digest
@@ -59,8 +59,10 @@ form and {random} random ones were judged.
 {rows}
 
 - *Constants*: half the logarithm of a determinant, which is exact for linear forces.
-- *Cause*: the closed form is the lower of two bounds; {within} of {tests} Monte Carlo values lie
-  between the bounds, within two of their errors.
+- *Cause*: the closed form is a third of the way from its lower to its upper bound, which is exact
+  for explanations that differ little; {within} of {tests} Monte Carlo values lie between the
+  bounds, within two of their errors. The error, as a share of the distance between the bounds, is
+  {share:+.2f} in the mean, with an sd of {sd:.2f}.
 - *Lost*: bits of the judged test that is best by Monte Carlo, less those of the test that is best
   by the closed form (of constants bits per minute), mean over the pads.
 """
@@ -77,7 +79,7 @@ def error_case(index: int, seed: int) -> dict:
     products, finite = screen(belief, designs, rig, errors, clock)
     names = () if cause else belief.base_names
     low, high = products.bits_for_cause(belief.probabilities, belief.groups)
-    closed = low if cause else bits_for_constants(belief, products, names)
+    closed = between(low, high) if cause else bits_for_constants(belief, products, names)
     minutes = np.array([one.minutes for one in designs])
     worth = np.where(finite, closed if cause else closed / minutes, -np.inf)
     best = np.argsort(-worth)[:_BEST]
@@ -92,8 +94,8 @@ def error_case(index: int, seed: int) -> dict:
             if cause
             else (nested.constants, nested.constants_error)
         )
-        rows.append({"closed": float(closed[k]), "most": float(high[k]), "nested": value,
-                     "error": error, "minutes": float(minutes[k])})  # fmt: skip
+        rows.append({"closed": float(closed[k]), "least": float(low[k]), "most": float(high[k]),
+                     "nested": value, "error": error, "minutes": float(minutes[k])})  # fmt: skip
     return {"index": index, "kind": "cause" if cause else "constants", "rows": rows}
 
 
@@ -142,14 +144,15 @@ def page(cases: Sequence[dict], origin: Origin) -> str:
     """Return the page."""
     rows = [row for case in cases if case["kind"] == "cause" for row in case["rows"]]
     within = sum(
-        row["closed"] - 2.0 * row["error"] <= row["nested"] <= row["most"] + 2.0 * row["error"]
+        row["least"] - 2.0 * row["error"] <= row["nested"] <= row["most"] + 2.0 * row["error"]
         for row in rows
     )
+    shares = [(row["nested"] - row["closed"]) / (row["most"] - row["least"]) for row in rows]
     return _PAGE.format(
         rates=", ".join(f"{rate:g}" for rate in RATES), drawn=_DRAWN, best=_BEST, random=_RANDOM,
         command=origin.command, date=origin.date, commit=origin.commit, machine=origin.machine,
         rows="\n".join(_row(kind, cases) for kind in ("constants", "cause")), within=within,
-        tests=len(rows),
+        tests=len(rows), share=np.mean(shares), sd=np.std(shares),
     )  # fmt: skip
 
 

@@ -113,15 +113,14 @@ def _tests(plan: NextTests) -> Table:
     for one in plan.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
         cells += [f"{one.constants:.2f}"] if plan.constants else []
-        cells += [f"{one.cause:.2f}"] if plan.cause else []
+        cells += [f"{one.judged.cause:.2f}"] if plan.cause else []
         table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
     minutes, all_bits = sum(one.minutes for one in plan.tests), plan.together
     cells = ["all", f"{minutes:.2f}"]
     cells += (
         [f"{all_bits.constants:.2f} ± {all_bits.constants_error:.2f}"] if plan.constants else []
     )
-    most = all_bits.cause + all_bits.cause_error
-    cells += [f"{all_bits.cause:.2f} to {most:.2f}"] if plan.cause else []
+    cells += [f"{all_bits.cause:.2f} ± {all_bits.cause_error:.2f}"] if plan.cause else []
     total = all_bits.constants * bool(plan.constants) + all_bits.cause * plan.cause
     table.add_row(*cells, f"{total / minutes:.2f}", "", end_section=True)
     return table

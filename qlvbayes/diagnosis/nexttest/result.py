@@ -17,10 +17,9 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """Bits about the constants and the cause, each with the error of the closed form.
+    """Expected bits about the constants and the cause, each with the sd of the closed form's error.
 
-    The error of the constants is that of forces taken for linear; that of the cause is the distance
-    from the lower to the upper bound.
+    Those about the cause lie between their bounds.
     """
 
     constants: float
@@ -69,7 +68,7 @@ class Proposed(Part, frozen=True, rename={
         Expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together
         with the tests before it.
     judged
-        The same bits with the errors of the closed form.
+        Bits expected of this test, with the errors of the closed form.
     """
 
     name: str

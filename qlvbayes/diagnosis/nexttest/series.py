@@ -67,6 +67,20 @@ class Option:
     cause_most: float
     evidence: float
 
+    @property
+    def expected_cause(self) -> float:
+        """The bits about the cause, between the bounds; see `between`."""
+        return between(self.cause, self.cause_most)
+
+
+def between(low: float, high: float) -> float:
+    """Return the expected bits about the cause from their bounds (`Products.bits_for_cause`).
+
+    For two normal predictions that differ little, the bounds are half and twice the information,
+    which is then a third of the way from the lower to the upper one.
+    """
+    return low + (high - low) / 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class Series:
@@ -241,7 +255,7 @@ def _no_time(belief: Belief, minutes: float) -> InputError:
 
 def bits(one: Option, goal: Goal) -> float:
     """Return the bits about everything that is asked for."""
-    return one.constants * bool(goal.constants) + one.cause * goal.cause
+    return one.constants * bool(goal.constants) + one.expected_cause * goal.cause
 
 
 def rate(one: Option, goal: Goal) -> float:

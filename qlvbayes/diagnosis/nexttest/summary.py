@@ -15,15 +15,22 @@ from qlvbayes.diagnosis.nexttest.result import (
     Width,
 )
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.series import Goal, Option, Series, bits, bits_for_constants, rate
+from qlvbayes.diagnosis.nexttest.series import (
+    Goal,
+    Option,
+    Series,
+    between,
+    bits,
+    bits_for_constants,
+    rate,
+)
 from qlvbayes.diagnosis.nexttest.setpoints import names_of
 from qlvbayes.io.units import UnitSystem
 
-_CURVED = 0.032
-"""Share of the bits about constants by which forces that are not linear may change them.
-
-It is twice the sd, over 72 tests of simulated pads, of what nested Monte Carlo gives beyond the
-closed form (validation/design_error.py).
+_CONSTANTS_ERROR, _CAUSE_ERROR = 0.016, 0.2
+"""Errors of the closed form, one sd: share of the bits about constants, and of the distance between
+the bounds of those about the cause. Each is the sd, over 72 tests of simulated pads, of what nested
+Monte Carlo gives instead (validation/design_error.py).
 """
 _DOUBT = 0.5  # probability of something unmodelled from which a notice says so
 
@@ -108,8 +115,9 @@ def _proposed(name: str, one: Option, units: UnitSystem, goal: Goal) -> Proposed
 
 
 def _bits(constants: float, low: float, high: float) -> Bits:
-    """Return the bits with the errors of the closed form."""
-    return Bits(constants, _CURVED * constants, low, high - low)
+    """Return the expected bits with the errors of the closed form."""
+    errors = _CONSTANTS_ERROR * constants, _CAUSE_ERROR * (high - low)
+    return Bits(constants, errors[0], between(low, high), errors[1])
 
 
 def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Width]:
