@@ -20,7 +20,7 @@ from qlvbayes.comparison.contrast import (
 from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
 from qlvbayes.comparison.readings import Reading, readings
-from qlvbayes.comparison.settings import Settings, choose
+from qlvbayes.comparison.settings import ReadingSettings, choose
 from qlvbayes.comparison.side import Side, Source, shared_constants, side_of, unheld_times
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
@@ -142,7 +142,7 @@ def _label(group: Sequence[Side]) -> str:
 def _contrasts(
     groups: tuple[list[Side], list[Side]],
     shared: Sequence[Reading],
-    settings: Settings,
+    settings: ReadingSettings,
     region: float,
     between: str,
     rng: np.random.Generator,
@@ -174,7 +174,7 @@ def _contrasts(
     return contrasts, lost
 
 
-def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
+def _table(side: Side, shared: Sequence[Reading], settings: ReadingSettings) -> np.ndarray:
     """Return draws (n, Q) of the shared constants and of the derived quantities."""
     constants = [side.constants[reading.quantity] for reading in shared]
     return np.column_stack([*constants, side.read(settings)])

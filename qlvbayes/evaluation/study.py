@@ -1,4 +1,4 @@
-"""One blind study: a random pad with hidden effects, simulated and measured."""
+"""Make one blind study: a random pad with hidden effects, simulated and measured."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class BlindStudy:
     """True material, hidden effects, rig and simulated readings of one study.
 
     sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
@@ -64,7 +64,7 @@ class Study:
         return run(self.material(law, effects), self.session, times)
 
 
-def make_study(population: Population, index: int) -> Study:
+def make_study(population: Population, index: int) -> BlindStudy:
     """Simulate one study of a population."""
     item, rng = population.item(index), population.rng(index)
     levels = item.levels
@@ -78,7 +78,7 @@ def make_study(population: Population, index: int) -> Study:
     cell = draw_cell(levels["noise"], peak, plan.longest_hold, rng)
     pad = _material(law, (rig, *effects), plan.smooth)
     times, readings = _measure(pad, plan, cell, peak, levels["logger"], rng, f"study {index}")
-    return Study(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings)
+    return BlindStudy(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings)
 
 
 def measured(tests: Sequence[SimulatedTest], name: str) -> Pad:

@@ -138,7 +138,7 @@ class _StudyRun:
 
     @property
     def whole(self) -> bool:
-        """Whether this run has all pads of the study, and not one of several shards."""
+        """True if this run has all pads of the study, and not one of several shards."""
         return self.source.shard.count == 1
 
     def look(self) -> None:

@@ -1,4 +1,4 @@
-"""What every hidden effect can do, and the order in which they act."""
+"""Define what every hidden effect can do, and the order in which they act."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a hidden effect's parameters are drawn at random, such that it has a chosen size."""
+"""Define how a hidden effect's parameters are drawn, such that it has a chosen size."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Protocol = Callable[[float], tuple[Step, ...]]
 
 @dataclass(frozen=True)
 class Draw:
-    """What the parameters are drawn from.
+    """Define what the parameters are drawn from.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How an effect is drawn: its shape, and the parameter that sets its size.
+    """Define how an effect is drawn: its shape, and the parameter that sets its size.
 
     `guess` in the units of `per`: 'peak' (N), 'depth' (mm) or 1; `cap` likewise.
     """

@@ -22,7 +22,7 @@ Nodes = np.ndarray
 
 
 class TranslationError(Exception):
-    """What a program does that no expression does; the text says it."""
+    """Report what a program does that no expression does; the text says it."""
 
 
 class Expression:
