@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.runs import RunLog
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 DATA = Path(__file__).parents[1] / "data" / "pads.csv"
@@ -103,7 +103,7 @@ def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
     spec |= {"all_tests": True, "effects_file": None}
     job.diagnosed(spec, None)
     job.sampled(spec, None)
-    runs = Runs.read(tmp_path / "run.json").runs
+    runs = RunLog.read(tmp_path / "run.json").runs
     assert runs["diagnose"].settings == {
         "evidence": "laplace",
         "thresholds": asdict(DiagnosisSettings()),

@@ -18,7 +18,7 @@ from qlvbayes.motion.badreadings import BadReadings, left_out_notice, outlying, 
 from qlvbayes.motion.badreadings.result import Bad
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots.forces import plot_forces
-from qlvbayes.plots.leftout import LABEL
+from qlvbayes.plots.panels import LABEL
 
 SHARED = Path(__file__).parents[2] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01

@@ -18,7 +18,7 @@ from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
@@ -33,7 +33,7 @@ KINDS = {
     "check": CheckResult,
     "diagnosis": DiagnosisResult,
     "curves": Curves,
-    "run": Runs,
+    "run": RunLog,
 }
 FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
 

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from qlvbayes.comparison.readings import read, readings
-from qlvbayes.comparison.settings import Settings, choose
+from qlvbayes.comparison.settings import ReadingSettings, choose
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models, pad_alone
@@ -19,7 +19,7 @@ from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)
 DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 30.0
-SETTINGS = Settings(DEPTH, RATES, FREQUENCIES, HOLD, REACH, known=True)
+SETTINGS = ReadingSettings(DEPTH, RATES, FREQUENCIES, HOLD, REACH, known=True)
 PADS = {
     **TABLE_1,
     "quick": Constants(1.0, 0.8, (0.1, 0.5, 0.4), (40.0, 2.0)),

@@ -12,7 +12,7 @@ from qlvbayes.effects import conformance
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
 from qlvbayes.effects.channel_lag import ChannelLag
-from qlvbayes.effects.conformance import EffectError, check_effect
+from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
@@ -297,6 +297,27 @@ def test_a_user_made_effect_may_keep_the_rules():
 def test_a_broken_rule_is_named(kind, rule):
     with pytest.raises(EffectError, match=rule):
         check_effect(kind)
+
+
+class Twice(Striding):
+    """Breaks two rules: it nests where friction does, and steps to another force."""
+
+    level: ClassVar[Level] = Friction.level
+    rank: ClassVar[int] = Friction.rank
+
+
+def test_all_broken_rules_are_named_and_each_check_is_its_own():
+    with pytest.raises(EffectError) as raised:
+        check_effect(Twice)
+    assert len(str(raised.value).splitlines()) == 2
+    broken = {}
+    for name, check in effect_checks(Twice):
+        try:
+            check()
+        except EffectError as error:
+            broken[name] = str(error)
+    assert list(broken) == ["nesting", "steps"]
+    assert "\n".join(broken.values()) == str(raised.value)
 
 
 # helpers

@@ -18,8 +18,8 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import names
-from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.control import controls_of
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.loadcontrol import force_phases
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate import (

@@ -11,7 +11,7 @@ from support.endtoend import PADS, call, one_line, read_json
 from support.work import MeanStep, pads
 
 from qlvbayes import read_study, write_report
-from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.runs import RunLog
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.parallel.engines import Processes, engine_of
@@ -197,7 +197,7 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
     left, whole = files(tmp_path), files(alone[0])
     assert {name: left[name] for name in whole} == whole
     assert {"report.html", "forces_at_rates.png", "A/check.json"} <= set(left)
-    assert Runs.read(tmp_path / "run.json").runs["fit"].source == str(folder)
+    assert RunLog.read(tmp_path / "run.json").runs["fit"].source == str(folder)
 
 
 def test_a_part_without_pads_is_no_error(folder, tmp_path):

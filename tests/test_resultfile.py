@@ -26,7 +26,7 @@ from qlvbayes.fitting.ensemble import Settings as Sampler
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.resultfile import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem
@@ -42,7 +42,7 @@ KINDS = {
     "diagnosis": DiagnosisResult,
     "compare": Comparison,
     "curves": Curves,
-    "run": Runs,
+    "run": RunLog,
 }
 EVERY = [*KINDS.values(), FirstLook, Hypotheses, NextTests, RelaxationReport]
 

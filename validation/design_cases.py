@@ -129,7 +129,7 @@ def constants_case(index: int, seed: int) -> dict:
     worst = one.names[int(np.argmax(sds))]
     series = plan_series(
         belief, rig, errors, Goal((worst,), False), minutes=MINUTES, tests=1, clock=scales.clock,
-        seed=index, count=SCREENED, best=0,
+        seed=index, count=SCREENED,
     )  # fmt: skip
     recovery = belief.recovery
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
@@ -202,7 +202,7 @@ class Doubt:
         """The one test that is proposed."""
         return plan_series(
             self.belief, self.rig, self.errors, wish, minutes=MINUTES, tests=1,
-            clock=self.experiment.scales.clock, seed=seed, count=SCREENED, best=0,
+            clock=self.experiment.scales.clock, seed=seed, count=SCREENED,
         ).tests[0]  # fmt: skip
 
     def promised(self, designs: Sequence[Design]) -> list[list[float]]:

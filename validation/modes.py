@@ -26,7 +26,7 @@ from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import Store, code_digest
-from qlvbayes.evaluation.study import Study, make_study
+from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import base_modes
 from qlvbayes.io.data import Pad, read_measurements
@@ -113,7 +113,7 @@ def _bundled() -> list[Pad]:
     return [pad for file in files for pad in read_measurements(file).pads]
 
 
-def _simulated(seed: int, index: int) -> Study | None:
+def _simulated(seed: int, index: int) -> BlindStudy | None:
     """None where the simulator finds no balance."""
     try:
         return make_study(Population(seed), index)
@@ -122,7 +122,7 @@ def _simulated(seed: int, index: int) -> Study | None:
         return None
 
 
-def _looked_for(some: Pad | Study, sets: int) -> dict[str, Any]:
+def _looked_for(some: Pad | BlindStudy, sets: int) -> dict[str, Any]:
     """Loss of the hypothesis asked for: the lowest of every set, and the search's; inf where none.
 
     With the search's checks for missed modes.
@@ -132,7 +132,7 @@ def _looked_for(some: Pad | Study, sets: int) -> dict[str, Any]:
     with one_blas_thread():
         run_search(search)
         hypothesis = search.best
-        if isinstance(some, Study):
+        if isinstance(some, BlindStudy):
             hypothesis = _true(some, experiment, search) or hypothesis
         losses = []
         for seed in range(1, sets + 1):
@@ -179,7 +179,7 @@ def _error(search: Search, hypothesis: Hypothesis) -> float:
     return float(np.nan_to_num(found[0].error)) if found else 0.0
 
 
-def _true(study: Study, experiment: Experiment, search: Search) -> Hypothesis | None:
+def _true(study: BlindStudy, experiment: Experiment, search: Search) -> Hypothesis | None:
     """The true hypothesis, with the rig's gap or without, which of them the search takes for more.
 
     None where nothing of the package stands for what is hidden.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.evaluation.study import Study
+from qlvbayes.evaluation.study import BlindStudy
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.simulate import HIDDEN, Effect
@@ -62,7 +62,7 @@ class Rig:
     duration: float
 
     @classmethod
-    def of(cls, study: Study, experiment: Experiment) -> Rig:
+    def of(cls, study: BlindStudy, experiment: Experiment) -> Rig:
         """Of a simulated study, made ready for a diagnosis."""
         scales = experiment.scales
         return cls(study.rig.gap, scales.depth, scales.force, scales.clock)

@@ -37,7 +37,7 @@ from qlvbayes.evaluation.case import THRESHOLDS, verdict_of
 from qlvbayes.evaluation.counting import Case, is_right, names_wrongly
 from qlvbayes.evaluation.population import RECORD, Population
 from qlvbayes.evaluation.store import Store, run_missing, store_path
-from qlvbayes.evaluation.study import Study, make_study
+from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, distinct, find_modes
@@ -133,7 +133,7 @@ def explained(run: str, seed: int, case: Case) -> Case:
     return found | {"seconds": time.perf_counter() - begun}
 
 
-def caused(study: Study, diagnosis: Diagnosis, case: Case) -> Case:
+def caused(study: BlindStudy, diagnosis: Diagnosis, case: Case) -> Case:
     """The cause and what it rests on."""
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
     answer = diagnosis.work.selected.hypothesis
@@ -203,7 +203,7 @@ def _figures(density: Density, point: Point) -> dict[str, float]:
     return {"loss": float(density.terms(point, size).loss), "size_N": size, "chi2": chi2}
 
 
-def _at_truth(study: Study, density: Density, truth: Truth) -> dict[str, float] | None:
+def _at_truth(study: BlindStudy, density: Density, truth: Truth) -> dict[str, float] | None:
     """Figures at the true constants; of chi^2 what the noise makes, and what the model does."""
     theta = truth.theta(density.space.parameters(truth.hypothesis))
     point = density.at(truth.hypothesis, theta)
@@ -216,7 +216,7 @@ def _at_truth(study: Study, density: Density, truth: Truth) -> dict[str, float] 
     return _figures(density, point) | {"chi2_noise": noise, "chi2_model": model}
 
 
-def _true_means(study: Study, density: Density) -> Array:
+def _true_means(study: BlindStudy, density: Density) -> Array:
     """(T, B) block means of the simulator's forces without noise (N); 0 where there is no block."""
     blocks = density.space.record.blocks
     real, first, last = (np.asarray(x) for x in (blocks.real, blocks.first, blocks.last))

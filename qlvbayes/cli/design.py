@@ -17,7 +17,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
-    from qlvbayes.diagnosis.nexttest.result import Bits, NextTests
+    from qlvbayes.diagnosis.nexttest.result import NextTests
 
 _FILES = ("posterior.nc", "diagnosis.json")
 
@@ -60,9 +60,9 @@ def design_command(
     """Propose the tests that tell most, and write their set-points.
 
     Of constants, per minute of rig time; of the cause, in all the time there is. About a thousand
-    tests within the rig's limits are screened by the information that they promise; the best five
-    are judged by nested Monte Carlo. Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second,
-    for the rig and for 'predict --program') and the figure design.
+    tests within the rig's limits are compared by the information that they are expected to give.
+    Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'predict
+    --program') and the figure design.
     """
     # imported here, so that other commands do not wait for JAX
     from qlvbayes.pipeline.designing import design_into
@@ -112,33 +112,18 @@ def _tests(plan: NextTests) -> Table:
         table.add_column(column, justify="left" if left else "right")
     for one in plan.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
-        cells += [_bits(one.constants, one.judged, "constants")] if plan.constants else []
-        cells += [_bits(one.cause, one.judged, "cause")] if plan.cause else []
+        cells += [f"{one.constants:.2f}"] if plan.constants else []
+        cells += [f"{one.judged.cause:.2f}"] if plan.cause else []
         table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
-    judged = plan.together
-    if judged is not None:
-        cells = ["all", f"{sum(one.minutes for one in plan.tests):.2f}"]
-        cells += [_pm(judged.constants, judged.constants_error)] if plan.constants else []
-        cells += [_pm(judged.cause, judged.cause_error)] if plan.cause else []
-        table.add_row(*cells, _a_minute(plan, judged), "", end_section=True)
+    minutes, all_bits = sum(one.minutes for one in plan.tests), plan.together
+    cells = ["all", f"{minutes:.2f}"]
+    cells += (
+        [f"{all_bits.constants:.2f} ± {all_bits.constants_error:.2f}"] if plan.constants else []
+    )
+    cells += [f"{all_bits.cause:.2f} ± {all_bits.cause_error:.2f}"] if plan.cause else []
+    total = all_bits.constants * bool(plan.constants) + all_bits.cause * plan.cause
+    table.add_row(*cells, f"{total / minutes:.2f}", "", end_section=True)
     return table
-
-
-def _bits(closed: float, judged: Bits | None, name: str) -> str:
-    """Return the bits by nested Monte Carlo where they were computed, else in closed form."""
-    value = getattr(judged, name) if judged else None
-    return f"{closed if value is None else value:.2f}"
-
-
-def _a_minute(plan: NextTests, judged: Bits) -> str:
-    """Return the information a minute of all tests together."""
-    values = [judged.constants] * bool(plan.constants) + [judged.cause] * plan.cause
-    known = [value for value in values if value is not None]
-    return f"{sum(known) / sum(one.minutes for one in plan.tests):.2f}" if known else ""
-
-
-def _pm(value: float | None, error: float | None) -> str:
-    return "unknown" if value is None or error is None else f"{value:.2f} ± {error:.2f}"
 
 
 def _widths(plan: NextTests) -> Table:

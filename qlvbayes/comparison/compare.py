@@ -20,13 +20,12 @@ from qlvbayes.comparison.contrast import (
 from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
 from qlvbayes.comparison.readings import Reading, readings
-from qlvbayes.comparison.settings import Settings, choose
+from qlvbayes.comparison.settings import ReadingSettings, choose
 from qlvbayes.comparison.side import Side, Source, shared_constants, side_of, unheld_times
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.units import UnitSystem
 
 REGION = 0.10  # of practical equivalence: ratios within 1/1.1 .. 1.1
 _PAIRS = 4000
@@ -73,28 +72,13 @@ def compare(
     """
     if not (np.isfinite(region) and region > 0.0):
         raise InputError(f"region {region:g} is not above 0", remedy="give a share such as 0.1")
-    given = names or ("first", "second")
-    groups = _sides(first, given[0]), _sides(second, given[1])
-    labels = names or (_label(groups[0]), _label(groups[1]))
+    groups, labels = _groups(first, second, names)
     sides = [*groups[0], *groups[1]]
-    if len({side.units.dimensionless for side in sides}) > 1:
-        raise InputError(
-            f"{labels[0]} and {labels[1]} are in different units",
-            remedy="compare force with force, or stress with stress",
-        )
-    units = sides[0].units
-    groups = _in_units(groups[0], units), _in_units(groups[1], units)
-    sides = [*groups[0], *groups[1]]
+    units, between = sides[0].units, "fluids" if min(map(len, groups)) > 1 else "pads"
     settings = choose([side.reach for side in sides], depth, rates, frequencies)
     rng = np.random.default_rng(seed)
     apart = unheld_times(sides)
     shared = [] if apart else shared_constants(sides)
-    between = "fluids" if min(map(len, groups)) > 1 else "pads"
-    if between == "pads" and len(sides) > 2:
-        raise InputError(
-            f"{labels[0]} and {labels[1]} have {len(groups[0])} and {len(groups[1])} specimens",
-            remedy="give two or more of each, or compare pads",
-        )
     contrasts, lost = _contrasts(groups, shared, settings, region, between, rng, apart)
     tested = contrasts[: len(shared)]
     if apart:
@@ -117,8 +101,28 @@ def compare(
     return replace(comparison, words=tuple(paragraphs(comparison)))
 
 
-def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
-    return [side.in_units(units) for side in sides]
+def _groups(
+    first: Source | Sequence[Source],
+    second: Source | Sequence[Source],
+    names: tuple[str, str] | None,
+) -> tuple[tuple[list[Side], list[Side]], tuple[str, str]]:
+    """Return the specimens of both groups, in the units of the first, and the groups' names."""
+    given = names or ("first", "second")
+    groups = _sides(first, given[0]), _sides(second, given[1])
+    labels = names or (_label(groups[0]), _label(groups[1]))
+    sides = [*groups[0], *groups[1]]
+    if len({side.units.dimensionless for side in sides}) > 1:
+        raise InputError(
+            f"{labels[0]} and {labels[1]} are in different units",
+            remedy="compare force with force, or stress with stress",
+        )
+    if min(map(len, groups)) == 1 and len(sides) > 2:
+        raise InputError(
+            f"{labels[0]} and {labels[1]} have {len(groups[0])} and {len(groups[1])} specimens",
+            remedy="give two or more of each, or compare pads",
+        )
+    one, two = ([side.in_units(sides[0].units) for side in group] for group in groups)
+    return (one, two), labels
 
 
 def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:
@@ -138,7 +142,7 @@ def _label(group: Sequence[Side]) -> str:
 def _contrasts(
     groups: tuple[list[Side], list[Side]],
     shared: Sequence[Reading],
-    settings: Settings,
+    settings: ReadingSettings,
     region: float,
     between: str,
     rng: np.random.Generator,
@@ -170,7 +174,7 @@ def _contrasts(
     return contrasts, lost
 
 
-def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
+def _table(side: Side, shared: Sequence[Reading], settings: ReadingSettings) -> np.ndarray:
     """Return draws (n, Q) of the shared constants and of the derived quantities."""
     constants = [side.constants[reading.quantity] for reading in shared]
     return np.column_stack([*constants, side.read(settings)])

@@ -24,7 +24,7 @@ class Interval(Part, frozen=True):
 
 
 class Contrast(Part, frozen=True):
-    """One quantity of both, with its difference and ratio.
+    """Hold one quantity of both, with its difference and ratio.
 
     first, second: its values; difference: first minus second; ratio: first over second, None where
     one of them may be zero or change its sign; direction: probability that the first is greater;
@@ -75,7 +75,7 @@ class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold":
 
 
 class Comparison(Result, frozen=True, kw_only=True):
-    """All contrasts of two pads or two fluids: ``compare.json``.
+    """Hold all contrasts of two pads or two fluids: ``compare.json``.
 
     differ: True where the joint test calls the shared constants different; False where it does not
     and each of them is equal within the region; None where the data cannot tell. specimens: how

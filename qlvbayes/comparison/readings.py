@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.comparison import programmes
-from qlvbayes.comparison.settings import Settings
+from qlvbayes.comparison.settings import ReadingSettings
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
@@ -36,7 +36,7 @@ class Reading:
     shown: bool = False
 
 
-def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
+def readings(settings: ReadingSettings, units: UnitSystem) -> list[Reading]:
     """Return the quantities, in the order of `read`.
 
     instantaneous stiffness: slope of the force just after steps to about the depth; relaxed: after
@@ -79,7 +79,7 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     return quantities
 
 
-def read(models: Model, settings: Settings) -> np.ndarray:
+def read(models: Model, settings: ReadingSettings) -> np.ndarray:
     """Return the quantities (n, Q) of `readings` for n models, along their leading axis."""
     depth, rest = settings.depth, settings.hold
     fastest = max(settings.rates)

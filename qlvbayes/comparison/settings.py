@@ -16,8 +16,8 @@ _NEAR = 1.05  # of a range, that still counts as inside it
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Where quantities are read, as in `ReadAt`, and what the tests cover, if known."""
+class ReadingSettings:
+    """State where quantities are read, as in `ReadAt`, and what the tests cover, if known."""
 
     depth: float
     rates: tuple[float, ...]
@@ -33,7 +33,7 @@ class Settings:
 
     @property
     def deeper(self) -> bool:
-        """Whether the depth is beyond a pad's tests."""
+        """True if the depth is beyond a pad's tests."""
         return self.known and self.depth > _NEAR * self.reach.depth
 
     def outside_rates(self, rate: float) -> bool:
@@ -57,7 +57,7 @@ def choose(
     depth: float | None = None,
     rates: Sequence[float] | None = None,
     frequencies: Sequence[float] | None = None,
-) -> Settings:
+) -> ReadingSettings:
     """Return what was asked for, else a depth, three speeds and frequencies inside all tests.
 
     Frequencies reach from one cycle in the longest dwell to a quarter of a cycle in the quickest
@@ -69,7 +69,7 @@ def choose(
         for number in values or ():
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"{what} {number:g} is not above 0", remedy="give a positive one")
-    return Settings(
+    return ReadingSettings(
         depth=_round_below(reach.depth) if depth is None else float(depth),
         rates=tuple(map(float, rates or _spread(reach.slowest, reach.fastest))),
         frequencies=tuple(map(float, frequencies or _series(*_band(reach)))),

@@ -1,4 +1,4 @@
-"""One side of a comparison, from a fit, a results file or draws."""
+"""Read one side of a comparison from a fit, a results file or draws."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from qlvbayes.comparison.readings import Reading, read
-from qlvbayes.comparison.settings import Settings
+from qlvbayes.comparison.settings import ReadingSettings
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError
@@ -98,7 +98,7 @@ class Side:
         indices = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
         return replace(self, draws=self.draws[indices.astype(int)])
 
-    def read(self, settings: Settings) -> np.ndarray:
+    def read(self, settings: ReadingSettings) -> np.ndarray:
         """Return the derived quantities (n, Q) of each draw."""
         return read(pad_alone(self.models), settings)
 

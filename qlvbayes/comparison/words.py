@@ -7,7 +7,7 @@ from math import log
 
 from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, with_interval, written
 from qlvbayes.comparison.readings import Reading
-from qlvbayes.comparison.settings import Settings
+from qlvbayes.comparison.settings import ReadingSettings
 from qlvbayes.comparison.side import Side, fixed_constants
 
 _FRACTION = "1"
@@ -149,7 +149,7 @@ def _sentence(text: str) -> str:
 def notices(
     groups: tuple[Sequence[Side], Sequence[Side]],
     labels: tuple[str, str],
-    settings: Settings,
+    settings: ReadingSettings,
     shared: Sequence[Reading],
     contrasts: Sequence[Contrast],
     lost: Sequence[str],
@@ -221,7 +221,7 @@ def _fits(sides: Sequence[Side]) -> Iterator[str]:
 
 
 def _reach(
-    sides: Sequence[Side], settings: Settings, contrasts: Sequence[Contrast]
+    sides: Sequence[Side], settings: ReadingSettings, contrasts: Sequence[Contrast]
 ) -> Iterator[str]:
     if not settings.known:
         yield "the tests are not known: whether a quantity lies beyond them cannot be said"

@@ -66,7 +66,7 @@ class Weight:
 
     @property
     def counts(self) -> bool:
-        """Whether the hypothesis takes part in a decision: its log posterior is finite."""
+        """True if the hypothesis takes part in a decision: its log posterior is finite."""
         return math.isfinite(self.log_posterior)
 
     def made_finite(self) -> Self:

@@ -85,22 +85,27 @@ def diagnose(
         summary = summarize(experiment, search, kinds, choices.bonded, report)
         sampled = nested_audit(search, seed, report) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    space = search.density.space
     result = replace(
         summary.result,
         nested=sampled,
         warnings=tuple(str(one) for one in sampled if not one.agrees),
         notices=(*experiment.notices, *notices, *summary.result.notices),
-        settings=Used(
-            thresholds=search.settings,
-            seed=seed,
-            evidence=evidence,
-            elastic=tuple(space.elastic),
-            relaxation=tuple(space.relaxation),
-            effects=tuple(space.effects),
-        ),
+        settings=_used(search, seed, evidence),
     )
     return Diagnosis(result, summary.work)
+
+
+def _used(search: Search, seed: int, evidence: str) -> Used:
+    """Return the settings of a search, with the laws and effects that it had to choose from."""
+    space = search.density.space
+    return Used(
+        thresholds=search.settings,
+        seed=seed,
+        evidence=evidence,
+        elastic=tuple(space.elastic),
+        relaxation=tuple(space.relaxation),
+        effects=tuple(space.effects),
+    )
 
 
 def nested_audit(

@@ -168,7 +168,7 @@ class Stage(
 
 
 class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time_s"}):
-    """In how many readings the evidence for an effect lies.
+    """State in how many readings the evidence for an effect lies.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_lap
 
 
 class Checked(Part, frozen=True):
-    """How often a check for missed modes was made, failed, and led to a higher mode.
+    """State how often a check for missed modes was made, failed, and led to a higher mode.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ class Remains(
 
 
 class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """Where the baseline model fails worst, with the error (N) there."""
+    """State where the baseline model fails worst, with the error (N) there."""
 
     test: str
     phase: str
@@ -401,7 +401,7 @@ class DiagnosisResult(
         "heldout_of_all": "heldout_of_all_rmse_N",
     },
 ):
-    """What one pad's tests say about the model: ``diagnosis.json``.
+    """State what one pad's tests say about the model: ``diagnosis.json``.
 
     Forces are in the unit of ``units.force``, N by default.
 

@@ -14,7 +14,7 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 @dataclass(frozen=True)
 class Breadth:
-    """How broadly hypotheses and their modes are searched. A broader search takes longer.
+    """Define how broadly hypotheses and their modes are searched. A broader search takes longer.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Breadth:
 
 @dataclass(frozen=True)
 class CellTests:
-    """How each cell, which is a phase of a test, is tested for structure that is left in it.
+    """Define how each cell, which is a phase of a test, is tested for structure that is left in it.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class CellTests:
 
 @dataclass(frozen=True)
 class Imitation:
-    """How an effect is distinguished from an imitation, whose strength differs between tests.
+    """Define how an effect is separated from an imitation, whose strength varies between tests.
 
     Parameters
     ----------

@@ -21,5 +21,5 @@ class Verdict(StrEnum):
 
     @property
     def has_unmodelled(self) -> bool:
-        """Whether the verdict says that something is there which no candidate effect is."""
+        """True if the verdict says that something is there which no candidate effect is."""
         return self in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)

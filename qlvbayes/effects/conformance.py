@@ -1,12 +1,12 @@
-"""Check the rules that every effect has to keep, by one function that a test can call."""
+"""Check the rules that every effect has to keep, one by one or by one function."""
 
 from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import jax
@@ -17,6 +17,7 @@ from jaxtyping import Array
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Contact, Law, Layer
@@ -75,24 +76,33 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     Raises
     ------
     EffectError
-        A rule is broken; the text says which rule.
+        Rules are broken; the text has a line for each of them.
     """
-    _check_declarations(kind)
-    _check_nesting(kind)
-    reference = _reference(*((scales.depth, scales.force) if scales else (_STROKE, 0.0)))
-    default = kind.default(scales or reference.scales)
-    _check_amplitude(default)
-    trial = _Trial(default, reference)
-    _check_null(trial)
-    _check_finite(trial)
-    _check_slight(trial)
-    _check_causal(trial)
-    _check_compiled(trial)
-    _check_batched(trial)
-    _check_reduces(trial)
-    _check_steps(trial)
+    run_checks(effect_checks(kind, scales), EffectError)
+
+
+def effect_checks(kind: type[AbstractEffect], scales: Scales | None = None) -> Iterator[Check]:
+    """Yield the name and the function of each check of `check_effect`.
+
+    So that each rule is a test of its own:
+    ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``.
+    """
+
+    @cache
+    def trial() -> _Trial:
+        reference = _reference(*((scales.depth, scales.force) if scales else (_STROKE, 0.0)))
+        return _Trial(kind.default(scales or reference.scales), reference)
+
+    def declared() -> None:
+        _check_declarations(kind)
+        _check_amplitude(trial().default)
+
+    yield "declarations", declared
+    yield "nesting", partial(_check_nesting, kind)
+    for name, check in _RULES.items():
+        yield name, lambda check=check: check(trial())  # type: ignore[misc]
     if scales is None and kind.blind(_SHOWING) is None:
-        _check_size(trial)
+        yield "size", lambda: _check_size(trial())
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,6 +396,18 @@ def _check_size(trial: _Trial) -> None:
             f"(median), not {low:.1%} to {high:.0%}; give scales.positive or scales.signed what "
             "one unit of the amplitude adds to the force at most"
         )
+
+
+_RULES: dict[str, Callable[[_Trial], None]] = {
+    "null": _check_null,
+    "finite": _check_finite,
+    "slight": _check_slight,
+    "causal": _check_causal,
+    "compiled": _check_compiled,
+    "batched": _check_batched,
+    "listed law": _check_reduces,
+    "steps": _check_steps,
+}
 
 
 def _sizes(trial: _Trial) -> np.ndarray:

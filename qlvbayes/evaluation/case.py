@@ -1,4 +1,4 @@
-"""One blind study from simulation to verdict, as a dict that is stored as a line of JSON."""
+"""Run one blind study from simulation to verdict, as a dict that is one line of JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.evaluation.counting import Case
 from qlvbayes.evaluation.population import Population, kin
-from qlvbayes.evaluation.study import Study, make_study
+from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.evaluation.visible import SEEN, visible
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
@@ -48,7 +48,7 @@ def run_case(population: Population, index: int) -> Case:
     return case
 
 
-def _truth(study: Study) -> dict:
+def _truth(study: BlindStudy) -> dict:
     return {
         "hidden": [
             {"name": effect.name, "size": size, "parameters": effect.parameters}

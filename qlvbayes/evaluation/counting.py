@@ -62,7 +62,7 @@ class Rate:
 
 
 def is_named(case: Case) -> bool:
-    """Whether exactly the hidden effects are named; without any, whether the verdict is `adequate`.
+    """Return whether exactly the hidden effects are named, or none is and the verdict is `adequate`.
 
     Together with an unlisted effect the listed one is to be named; alone it leaves nothing to name.
     """
@@ -76,7 +76,7 @@ def is_named(case: Case) -> bool:
 
 
 def is_grouped(case: Case) -> bool:
-    """Whether the hidden effects are named, or in an ambiguous verdict's group of at most three."""
+    """Return whether the hidden effects are named, or in an ambiguous group of at most three."""
     if is_named(case):
         return True
     if case["verdict"] != "ambiguous" or len(case["group"]) > LARGEST_GROUP:
@@ -158,7 +158,7 @@ def _modes(relaxation: str | None) -> int:
 
 @dataclass(frozen=True)
 class Count:
-    """One question about the studies of some kinds; good: whether more is better."""
+    """Hold one question about the studies of some kinds; good: whether more is better."""
 
     name: str
     kinds: tuple[str, ...]

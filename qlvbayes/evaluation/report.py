@@ -173,7 +173,7 @@ def _bounded(rate: Rate, good: bool) -> dict:
 
 @dataclass(frozen=True)
 class _Stated:
-    """One effect of one study: its probability, whether it is hidden, whether a veto refused it."""
+    """Hold one effect of one study: its probability, whether it is hidden, and whether refused."""
 
     probability: float
     hidden: bool

@@ -1,4 +1,4 @@
-"""One blind study: a random pad with hidden effects, simulated and measured."""
+"""Make one blind study: a random pad with hidden effects, simulated and measured."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class BlindStudy:
     """True material, hidden effects, rig and simulated readings of one study.
 
     sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
@@ -72,7 +72,7 @@ class Study:
         return run(self.material(law, effects), self.session, times)
 
 
-def make_study(population: Population, index: int) -> Study:
+def make_study(population: Population, index: int) -> BlindStudy:
     """Simulate one study of a population."""
     item, rng = population.item(index), population.rng(index)
     levels = item.levels
@@ -92,7 +92,9 @@ def make_study(population: Population, index: int) -> Study:
     logger, name = levels["logger"], f"study {index}"
     times, readings = _measure(pad, plan, cell, peak, logger, rng, name, gain)
     times, readings = _disturbed(record, times, readings, own)
-    return Study(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings, gain)
+    return BlindStudy(
+        item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings, gain
+    )
 
 
 def _disturbed(

@@ -1,4 +1,4 @@
-r"""Whether the tests can show a hidden effect at all, from the simulator alone.
+r"""Say whether the tests can show a hidden effect at all, from the simulator alone.
 
 The pattern of an effect is the difference of two simulations without noise, with it and without,
 both with all other hidden effects. The part of it that no constant of the pad takes is what is left
@@ -20,7 +20,7 @@ from math import log1p
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from qlvbayes.evaluation.study import Study
+from qlvbayes.evaluation.study import BlindStudy
 from qlvbayes.simulate import Effect
 
 SEEN = 10.0  # expected 2 ln(Bayes factor)
@@ -29,7 +29,7 @@ _STEP = 1e-3  # of a constant's logarithm
 _FLOOR = 1e-4  # share of the peak force that counts as error where there is none
 
 
-def visible(study: Study) -> dict[str, float]:
+def visible(study: BlindStudy) -> dict[str, float]:
     """Return the expected 2 ln(Bayes factor) of each hidden effect, by name."""
     if not study.effects:
         return {}
@@ -69,7 +69,7 @@ def _unexplained(
 
 
 def _slopes(
-    study: Study, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+    study: BlindStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
     """Return dF/dln(constant) of the law, (n, k) for each test."""
     constants = study.law.constants
@@ -82,7 +82,7 @@ def _slopes(
 
 
 def _factors(
-    study: Study, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+    study: BlindStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
     """Return the Cholesky factor of the errors' covariance of every test."""
     factors = []

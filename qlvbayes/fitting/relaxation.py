@@ -1,4 +1,4 @@
-"""What a report of a stress relaxation test has to state, of each test that was held.
+"""Report of each held test what a report of a stress relaxation test has to state.
 
 After ISO 3384-1:2019 and ASTM D6147: the specimen, how it was loaded, the temperature, what it had
 gone through before, the initial force, and the share of it that is left at stated times. What the
@@ -32,7 +32,7 @@ INITIAL = (
 
 
 class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}):
-    """One test's first hold after loading, in the units of the file.
+    """Hold one test's first hold after loading, in the units of the file.
 
     deformation: that was held; rate: of loading; loading: how long it took (s); initial: largest
     force; hold: how long (s); at, left: times since the end of loading (s) and the share of the
@@ -51,7 +51,7 @@ class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", 
 
 
 class RelaxationReport(Result, frozen=True, kw_only=True):
-    """All held tests of one pad: ``relaxation.json``.
+    """Hold all held tests of one pad: ``relaxation.json``.
 
     specimen: what the file says of it; temperature: None, as files of measurements state none.
     """
@@ -64,7 +64,7 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = (INITIAL, NOT_TO_EXTRAPOLATE)
 
     def text(self) -> str:
-        """For readers: ``relaxation.txt``."""
+        """Return the report for readers: ``relaxation.txt``."""
         units = self.units
         lines = [
             f"Stress relaxation of pad {self.pad} (what ISO 3384-1 and ASTM D6147 ask to state)",
@@ -89,7 +89,7 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
 
 
 def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
-    """Of all tests whose displacement was held after loading; None where there is none."""
+    """Return the report of all tests whose displacement was held after loading, or None."""
     found = [_held(experiment, trial) for trial in experiment.trials]
     tests = tuple(held for held in found if held is not None)
     if not tests:

@@ -21,7 +21,7 @@ FALSE_ALARMS = 0.01  # probability that any cell of a right model is called fail
 
 
 class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
-    """One test's samples in one kind of phase.
+    """Hold one test's samples in one kind of phase.
 
     rate: None where the test has none; n: number of samples; rmse, bias: root mean square and mean
     of observed minus predicted mean (N); coverage90: share of samples within the 90 % predictive
@@ -43,7 +43,7 @@ class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bi
 
 
 class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """One phase of a test that has several of its kind, as a cycle's loading or a staircase's step.
+    """Hold one phase of a test that has several of its kind, such as the loading of a cycle.
 
     number: counts from 1 in order of time; rmse, bias: as in `Cell` (N).
     """
@@ -57,7 +57,7 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 
 
 class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
-    """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
+    """Hold all cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
 
     false_alarms: probability that any cell of a right model is called failing; cycles: the phases
     of tests that have several of a kind, one by one; notices: messages on the measurements and

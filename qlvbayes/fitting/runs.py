@@ -32,7 +32,7 @@ _LIBRARIES = (
 
 
 class Run(Part, frozen=True):
-    """One command: its data with their digest, its seed, the model's choices, and versions used.
+    """Hold one command: its data with their digest, its seed, the model's choices, and versions.
 
     choices: as `Choices.as_dict` gives them, because a file of laws or effects may have vanished
     since; settings: further options of the step, ``sampler`` and ``thresholds`` among them.
@@ -47,7 +47,7 @@ class Run(Part, frozen=True):
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-class Runs(Result, frozen=True, kw_only=True):
+class RunLog(Result, frozen=True, kw_only=True):
     """The commands by which a folder of results was made, by step: ``run.json``."""
 
     runs: dict[str, Run]
@@ -84,13 +84,13 @@ def record_run(
     options = to_builtins(dict(settings or {}))
     chosen = choices.as_dict()
     runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), options)
-    Runs(runs=runs).write(path)
+    RunLog(runs=runs).write(path)
 
 
 def _before(path: Path) -> dict[str, Run]:
     """Return the recorded runs; none where there is no such file, or one of another program."""
     try:
-        return Runs.read(path).runs
+        return RunLog.read(path).runs
     except (OSError, InputError):
         return {}  # there is none yet, or it is another program's
 

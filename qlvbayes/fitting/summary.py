@@ -31,7 +31,7 @@ class Constant(Part, frozen=True):
 
 
 class FitSummary(Result, frozen=True, kw_only=True):
-    """All constants of one pad, and whether the sampling can be trusted: ``summary.json``.
+    """Hold all constants of one pad, and whether the sampling can be trusted: ``summary.json``.
 
     sampler: the method; converged: whether no R-hat, effective sample size or autocorrelation time
     speaks against the sampling; troubles: messages on what does; notices: messages on the tests;

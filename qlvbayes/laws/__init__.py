@@ -1,38 +1,26 @@
 """Define laws of the material, one class a file: elastic laws and relaxation laws."""
 
+from typing import Any
+
 from qlvbayes.laws.catalogue import LAWS, Laws
-from qlvbayes.laws.conformance import check_law
-from qlvbayes.laws.elastic.cubic import Cubic
-from qlvbayes.laws.elastic.exponential import Exponential
-from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.conformance import check_law, law_checks
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.linear import Linear
-from qlvbayes.laws.elastic.quadratic import Quadratic
-from qlvbayes.laws.elastic.spline import Spline
-from qlvbayes.laws.elastic.toe_exponential import ToeExponential
-from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
-from qlvbayes.laws.relaxation.power_law import PowerLaw
-from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.relaxation.stretched import StretchedExponential
+
+_KINDS = {kind.__name__: kind for kind in (*LAWS.elastic, *LAWS.relaxation)}
+globals().update(_KINDS)
 
 __all__ = [
     "LAWS",
     "AbstractElastic",
     "AbstractRelaxation",
-    "Cubic",
-    "Exponential",
-    "Fung",
-    "HertzPower",
     "Laws",
-    "Linear",
-    "LogNormalSpectrum",
-    "PowerLaw",
-    "Prony",
-    "Quadratic",
-    "Spline",
-    "StretchedExponential",
-    "ToeExponential",
     "check_law",
+    "law_checks",
+    *_KINDS,
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Raise AttributeError; the laws' own names are there, from the catalogue."""
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,10 +1,12 @@
-"""Check the rules that every law has to keep, by one function that a test can call."""
+"""Check the rules that every law has to keep, one by one or by one function."""
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Iterator
 from dataclasses import fields
-from typing import TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -13,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
+from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -64,17 +67,36 @@ def check_law(
     Raises
     ------
     LawError
-        A rule is broken; the text says which rule.
+        Rules are broken; the text has a line for each of them.
     """
-    _check_declarations(kind)
-    scales = scales or _SCALES
+    run_checks(law_checks(kind, scales), LawError)
+
+
+def law_checks(
+    kind: type[AbstractElastic] | type[AbstractRelaxation], scales: Scales | None = None
+) -> Iterator[Check]:
+    """Yield the name and the function of each check of `check_law`.
+
+    So that each rule is a test of its own:
+    ``@pytest.mark.parametrize(("name", "check"), law_checks(MyLaw))``.
+    """
+    yield "declarations", partial(_check_declarations, kind)
+    limits = scales or _SCALES
     rng = np.random.default_rng(0)
-    laws = [_drawn(kind.default(scales), rng) for _ in range(_DRAWS)]
-    for law in laws:
-        if isinstance(law, AbstractElastic):
-            check_elastic(law, scales.depth)
-        else:
-            check_relaxation(law, scales.shortest, scales.longest)
+    laws = [_drawn(kind.default(limits), rng) for _ in range(_DRAWS)]
+    times = np.geomspace(limits.shortest / _BEYOND, limits.longest * _BEYOND, 60)
+    rules, points = (
+        (_OF_ELASTIC, jnp.linspace(0.0, limits.depth, 41))
+        if issubclass(kind, AbstractElastic)
+        else (_OF_RELAXATION, jnp.asarray(times))
+    )
+
+    def every(rule: Callable[[Any, Array], None]) -> None:
+        for law in laws:
+            rule(law, points)
+
+    for name, rule in rules.items():
+        yield name, partial(every, rule)
 
 
 def _drawn(law: Law, rng: np.random.Generator) -> Law:
@@ -102,9 +124,7 @@ def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) 
             raise LawError(f"{kind.__name__}: {word} must be one line of text")
 
 
-def check_elastic(law: AbstractElastic, depth: float) -> None:
-    """Raise LawError unless force, stiffness and step agree up to ``depth`` (mm)."""
-    depths = jnp.linspace(0.0, depth, 41)
+def _check_force(law: AbstractElastic, depths: Array) -> None:
     force, stiffness = law.force(depths), law.stiffness(depths)
     if force.shape != depths.shape or stiffness.shape != depths.shape:
         raise LawError(f"{law}: force and stiffness must have the shape of the depth")
@@ -116,8 +136,6 @@ def check_elastic(law: AbstractElastic, depth: float) -> None:
     error = float(jnp.max(jnp.abs(slope - stiffness[1:])) / jnp.max(jnp.abs(stiffness)))
     if not error <= _EXACT:
         raise LawError(f"{law}: stiffness is off the slope of the force by {error:.1e}")
-    _check_steps(law, depth)
-    _check_slopes_of_steps(law, depths)
 
 
 @eqx.filter_jit
@@ -125,7 +143,8 @@ def _slope_of_force(law: AbstractElastic, depths: Array) -> Array:
     return jax.vmap(jax.grad(law.force))(depths)
 
 
-def _check_steps(law: AbstractElastic, depth: float) -> None:
+def _check_steps(law: AbstractElastic, depths: Array) -> None:
+    depth = float(depths[-1])
     starts = [0.0, 0.15 * depth, 0.6 * depth]
     pairs = [(x, y) for x in starts for y in (x + _STEP * depth, max(x - _STEP * depth, 0.0))]
     start, stop, decay = np.array([(*pair, decay) for pair in pairs for decay in _DECAYS]).T
@@ -189,8 +208,7 @@ def _slopes_of_steps(law: AbstractElastic, depths: Array) -> AbstractElastic:
     return jax.grad(total)(law)
 
 
-def check_relaxation(law: AbstractRelaxation, shortest: float, longest: float) -> None:
-    """Raise LawError unless the spectrum is valid, for times (s) around those of the tests."""
+def _check_spectrum(law: AbstractRelaxation, time: Array) -> None:
     fractions, rates = law.spectrum()
     if fractions.shape != (rates.shape[0] + 1,):
         raise LawError(f"{law}: a spectrum has one fraction more than rates")
@@ -202,16 +220,17 @@ def check_relaxation(law: AbstractRelaxation, shortest: float, longest: float) -
         raise LawError(f"{law}: the fractions sum to {float(jnp.sum(fractions)):.12g}, not 1")
     if np.min(rates) <= 0.0:
         raise LawError(f"{law}: a rate of the spectrum is not above 0")
-    time = jnp.asarray(np.geomspace(shortest / _BEYOND, longest * _BEYOND, 60))
+    if not all(float(x) > 0.0 for x in law.times().values()):
+        raise LawError(f"{law}: its times must be above 0")
+
+
+def _check_curve(law: AbstractRelaxation, time: Array) -> None:
     curve = law.curve(jnp.concatenate([jnp.zeros(1), time]))
     if abs(float(curve[0]) - 1.0) > _ROUNDING or np.max(np.diff(curve)) > _ROUNDING:
         raise LawError(f"{law}: g must begin at 1 and fall")
     compiled = _compiled_curve(law, time)
     if not np.allclose(compiled, curve[1:], rtol=0.0, atol=1e-10):
         raise LawError(f"{law}: compiled and plain evaluation differ")
-    _check_slopes_of_curve(law, time)
-    if not all(float(x) > 0.0 for x in law.times().values()):
-        raise LawError(f"{law}: its times must be above 0")
 
 
 _compiled_curve = eqx.filter_jit(lambda law, time: law.curve(time))  # once for all draws of a law
@@ -224,3 +243,15 @@ def _check_slopes_of_curve(law: AbstractRelaxation, time: Array) -> None:
 
 
 _slopes_of_curve = eqx.filter_jit(lambda law, time: jax.jacfwd(lambda law: law.curve(time))(law))
+
+
+_OF_ELASTIC: dict[str, Callable[[Any, Array], None]] = {
+    "force and stiffness": _check_force,
+    "steps": _check_steps,
+    "slopes": _check_slopes_of_steps,
+}
+_OF_RELAXATION: dict[str, Callable[[Any, Array], None]] = {
+    "spectrum": _check_spectrum,
+    "curve": _check_curve,
+    "slopes": _check_slopes_of_curve,
+}

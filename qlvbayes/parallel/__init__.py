@@ -1,1 +1,1 @@
-"""One task for many pads or studies: here, in spawned processes, or on a cluster."""
+"""Do one task for many pads or studies: here, in spawned processes, or on a cluster."""

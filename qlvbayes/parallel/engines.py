@@ -41,7 +41,7 @@ class Engine(Protocol):
 
     @property
     def shares_disk(self) -> bool:
-        """Whether its workers are sure to see the files that this process sees."""
+        """True if its workers are sure to see the files that this process sees."""
         ...
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:

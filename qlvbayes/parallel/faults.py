@@ -67,7 +67,7 @@ class FailedError(InputError):
 
     @property
     def lines(self) -> list[str]:
-        """One line for each reason, with the pads that it holds for."""
+        """Return one line for each reason, with the pads that it holds for."""
         reasons: dict[str, list[str]] = {}
         for fault in self.faults:
             reasons.setdefault(fault.text, []).append(fault.of)

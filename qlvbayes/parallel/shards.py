@@ -1,4 +1,4 @@
-"""One part of many: ``3/200`` is the third of two hundred, each run by itself."""
+"""Define one part of many: ``3/200`` is the third of two hundred, each run by itself."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
-from qlvbayes.fitting.runs import Run, Runs
+from qlvbayes.fitting.runs import Run, RunLog
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
@@ -303,7 +303,7 @@ def _thresholds(result: DiagnosisResult) -> DiagnosisSettings | None:
 def _run(out: Path) -> Run:
     """Return the last run that diagnosed."""
     path = out / "run.json"
-    runs = Runs.read(path).runs if path.is_file() else {}
+    runs = RunLog.read(path).runs if path.is_file() else {}
     run = runs.get("diagnose", runs.get("study"))
     if run is None:
         raise InputError("no diagnosis in this folder", file=out, remedy="run qlvbayes diagnose")

@@ -101,49 +101,85 @@ def run_study(
     FailedError
         Some pads failed, after the others were done; its ``results`` are these.
     """
-    source = file
-    if not isinstance(source, Source):
-        part = Shard.from_text(shard) if shard else None
-        source = Source.from_files(source, only=pads, shard=part)
-    out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
-    thresholds = thresholds or DiagnosisSettings()
+    part = Shard.from_text(shard) if shard else None
+    source = file if isinstance(file, Source) else Source.from_files(file, only=pads, shard=part)
+    study = _StudyRun(
+        source, Path(out), _choices_function(choices), settings or Settings(),
+        thresholds or DiagnosisSettings(), watcher or Watcher(), engine_of(client),
+    )  # fmt: skip
     given = None if references is None else Path(references)
     reference_file = find_references(source.location, given)
-    choices_of = _choices_function(choices)
-    engine = engine_of(client)
-    if source.read is not None and source.shard.count == 1:
-        _look(source, out, choices_of(source.whole), watcher, engine)
-    sampler, limits = settings, thresholds  # mypy does not narrow names inside a lambda
-    baseline = run_step(
-        out,
-        source,
-        lambda study: BaselineStep(choices_of(study), sampler, limits),
-        engine=engine,
-        watcher=watcher,
-    )
+    if source.read is not None and study.whole:
+        study.look()
+    baseline = study.baselines()
     if not baseline.pads:
         raise_failed([baseline])
         return []
-    call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
-    run_settings = {"sampler": settings, "thresholds": thresholds}
-    base = choices_of(source.whole)
-    record_run(out, "study", call, source.whole, base, settings.seed, run_settings)
-    names = baseline.pads if source.shard.count == 1 else _diagnosed_in(out)
-    final = run_finals(
-        out,
-        _done_pads(source, baseline),
-        choices_of,
-        settings,
-        named=anything_named(out, names, base),
-        size=len(baseline.pads),
-        engine=engine,
-        watcher=watcher,
-    )
-    if source.shard.count == 1:
-        finish(out, final.pads, reference_file, settings.seed, watcher, engine)
-    verdicts = [verdict(out, name) for name in baseline.pads]
+    final = study.finals(baseline, command)
+    if study.whole:
+        seed = study.settings.seed
+        finish(study.out, final.pads, reference_file, seed, study.watcher, study.engine)
+    verdicts = [verdict(study.out, name) for name in baseline.pads]
     raise_failed([baseline, final], verdicts)
     return verdicts
+
+
+@dataclass(frozen=True, eq=False)
+class _StudyRun:
+    """The steps of a study, from the same pads with the same settings into the same folder."""
+
+    source: Source
+    out: Path
+    choices_of: ChoicesOf
+    settings: Settings
+    thresholds: DiagnosisSettings
+    watcher: Watcher
+    engine: Engine | None
+
+    @property
+    def whole(self) -> bool:
+        """True if this run has all pads of the study, and not one of several shards."""
+        return self.source.shard.count == 1
+
+    def look(self) -> None:
+        """Look at the tests of one file, before anything is fitted."""
+        source, choices = self.source, self.choices_of(self.source.whole)
+        pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
+        with self.watcher.doing("looking"):
+            look, figures = look_into(
+                self.out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
+                keep_all_readings=choices.keep_all_readings, apply=partial(map_pads, self.engine),
+            )  # fmt: skip
+        self.watcher.looked(look, figures)
+
+    def baselines(self) -> Tally:
+        """Fit, check and diagnose the plain model of every pad."""
+        return run_step(
+            self.out,
+            self.source,
+            lambda study: BaselineStep(self.choices_of(study), self.settings, self.thresholds),
+            engine=self.engine,
+            watcher=self.watcher,
+        )
+
+    def finals(self, baseline: Tally, command: str) -> Tally:
+        """Record the run, and fit the final model of every pad that has its baseline."""
+        study, out = self.source.whole, self.out
+        call = command or f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
+        used = {"sampler": self.settings, "thresholds": self.thresholds}
+        base = self.choices_of(study)
+        record_run(out, "study", call, study, base, self.settings.seed, used)
+        names = baseline.pads if self.whole else _diagnosed_in(out)
+        return run_finals(
+            out,
+            _done_pads(self.source, baseline),
+            self.choices_of,
+            self.settings,
+            named=anything_named(out, names, base),
+            size=len(baseline.pads),
+            engine=self.engine,
+            watcher=self.watcher,
+        )
 
 
 def finish(
@@ -161,19 +197,6 @@ def finish(
     compare_few(out, pads, seed, watcher)
     with watcher.doing("report"):
         write_report(out, engine=engine)
-
-
-def _look(
-    source: Source, out: Path, choices: Choices, watcher: Watcher, engine: Engine | None
-) -> None:
-    """Look at the tests of one file, before anything is fitted."""
-    pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
-    with watcher.doing("looking"):
-        look, figures = look_into(
-            out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
-            keep_all_readings=choices.keep_all_readings, apply=partial(map_pads, engine),
-        )  # fmt: skip
-    watcher.looked(look, figures)
 
 
 def verdict(out: Path, pad: str) -> DiagnosisResult:

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.evaluation.population import kin
 from qlvbayes.evaluation.report import SEVERAL, WITH_LISTED, Confusion, Report, heldout_ratios
-from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
+from qlvbayes.plots.style import BLACK, DOUBLE, canvas, colours, narrow, style
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, OUTSIDE
 
 _ROW = 4.2  # mm
@@ -55,7 +54,7 @@ def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
         confusion = Confusion.from_cases(report.cases)
         upper = _TITLES + _ROW * max(len(confusion.rows), _LEAST_ROWS)
         lower = _LOWER * (1 + tight)
-        figure = Figure((width * MM, (upper + lower) * MM), layout="constrained")
+        figure = canvas(width, upper + lower)
         grid = figure.add_gridspec(2, 1, height_ratios=(upper, lower))
         above, below = (figure.add_subfigure(grid[k, 0]) for k in range(2))
         matrix = above.subplots()

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.constants_table import Entry, rounded
 from qlvbayes.plots.naming import parameter_label
-from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
+from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style
 
 _ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, a panel's margins, the figure's margins
 _COLUMNS, _COLUMNS_TIGHT = 4, 2
@@ -50,7 +50,7 @@ def plot_constants(
     rows = -(-len(names) // columns)
     with style():
         height = _FRAME + rows * (_PANEL + _ROW * max(len(pads), 2))
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
         for axis in grid[len(names) :]:
             axis.remove()

@@ -13,16 +13,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMetho
 
 from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.plots.naming import parameter_label
-from qlvbayes.plots.style import (
-    BLACK,
-    DOUBLE,
-    MARKERS,
-    MM,
-    colours,
-    narrow,
-    shortened,
-    style,
-)
+from qlvbayes.plots.style import BLACK, DOUBLE, MARKERS, canvas, colours, narrow, shortened, style
 
 _ROW, _ROW_TIGHT, _FRAME = 4.6, 7.2, 34.0  # mm
 _TEXT_AT = 4.0, 62.0  # points right of the axes where the answer and the probability begin
@@ -61,7 +52,7 @@ def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
     with style():
         rows = _rows(comparison)
         height = _FRAME + (_ROW_TIGHT if tight else _ROW) * len(rows)
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         axis = figure.subplots()
         low, high = _limits(comparison)
         edge = 1.0 + comparison.region

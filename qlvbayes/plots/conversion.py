@@ -6,10 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from qlvbayes.io.formats.conversion import Conversion, Tidied
-from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    canvas,
+    colours,
+    displacement_label,
+    force_label,
+    narrow,
+    shortened,
+    style,
+)
 
 _PANEL = 36.0  # mm, height of a row of panels
 _FRAME = 10.0  # mm, above the panels
@@ -41,7 +50,7 @@ def plot_conversion(conversion: Conversion, *, width: float = DOUBLE) -> list[Ax
     rows, columns = (3 * len(tests), 1) if tight else (len(tests), 3)
     with style():
         height = _FRAME + _PANEL * rows
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for k, test in enumerate(tests):
             _draw(list(axes[3 * k : 3 * k + 3]), test)
@@ -55,8 +64,8 @@ def _draw(axes: Sequence[Axes], test: Tidied) -> None:
     over_time, force_over_time, rise = axes
     shown = slice(None, None, -(-len(test.time) // _SHOWN))
     first, second = colours()[:2]
-    way = quantity(test.units.displacement_name, test.units.displacement)
-    load = quantity(test.units.force_name, test.units.force)
+    way = displacement_label(test.units)
+    load = force_label(test.units)
     over_time.plot(test.time[shown], test.displacement[shown], color=first, gid="displacement")
     force_over_time.plot(test.time[shown], test.force[shown], color=second, gid="force")
     over_time.set_title(f"{shortened(test.pad, 20)}, {shortened(test.test)}", loc="left")

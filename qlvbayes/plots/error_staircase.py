@@ -7,13 +7,21 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.diagnosis.result import DiagnosisResult, Stage
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import broken, heading, three
-from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, style, title_look
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    canvas,
+    colours,
+    narrow,
+    quantity,
+    style,
+    titled_legend,
+)
 
 _HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; the last is added for upright names
 _NAME, _NAME_TIGHT = 18, 10  # characters a line, of an effect's name
@@ -51,7 +59,7 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
     with style():
         upright = tight and len(diagnosis.stages) > _LEVEL
         height = (_HEIGHT_TIGHT if tight else _HEIGHT) + upright * _UPRIGHT
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         axis = figure.subplots()
         fitted = np.array([stage.rmse for stage in diagnosis.stages])
         heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages], float)
@@ -63,7 +71,8 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
         _numbers(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units, tight=tight)
         _label(axis, diagnosis, units, tight=tight, upright=upright)
-        _legend(figure, axis, diagnosis, tight=tight)
+        title, entries = heading(diagnosis, tight=tight), axis.get_legend_handles_labels()
+        titled_legend(figure, title, *entries, ncols=1 if tight else 2)
         if np.any(np.diff(fitted) > 0.0) or np.any(np.diff(heldout) > 0.0):
             note = fill(_RISE, _NOTE_TIGHT if tight else _NOTE)
             figure.supxlabel(note, x=0.01, ha="left")
@@ -151,19 +160,6 @@ def _label(
     axis.tick_params(axis="x", length=0)
     gap = "\n" if tight else " "
     axis.set_ylabel(quantity(f"RMSE,{gap}measured − predicted", units.force))
-
-
-def _legend(figure: Figure, axis: Axes, diagnosis: DiagnosisResult, *, tight: bool) -> None:
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        loc="outside upper left",
-        ncols=1 if tight else 2,
-        alignment="left",
-        title=heading(diagnosis, tight=tight),
-        title_fontproperties=title_look(),
-    )
 
 
 def _change(before: Stage, after: Stage, most: int) -> str:

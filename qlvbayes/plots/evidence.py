@@ -17,12 +17,12 @@ from qlvbayes.plots.naming import heading
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
-    MM,
+    canvas,
     colours,
     narrow,
     shortened,
     style,
-    title_look,
+    titled_legend,
 )
 
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and the margins
@@ -71,7 +71,7 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     with style():
         ranking = diagnosis.ranking
         height = _FRAME + tight * _TIGHT_FRAME + _ROW * len(ranking)
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         axis = figure.subplots()
         for row, ranked in enumerate(ranking):
             _bar(axis, row, ranked, _look(diagnosis, ranked))
@@ -193,14 +193,8 @@ def _refused(diagnosis: DiagnosisResult) -> set[str]:
 def _legend(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
     used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
     handles = [Patch(**_look_of(name), label=name) for name in _LOOKS if name in used]
-    figure.legend(
-        handles=handles,
-        loc="outside upper left",
-        ncols=1 if tight else len(handles),
-        alignment="left",
-        title=heading(diagnosis, tight=tight),
-        title_fontproperties=title_look(),
-    )
+    title = heading(diagnosis, tight=tight)
+    titled_legend(figure, title, handles=handles, ncols=1 if tight else len(handles))
 
 
 def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:

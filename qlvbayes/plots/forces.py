@@ -11,10 +11,16 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.leftout import LABEL, mark_left_out
-from qlvbayes.plots.panels import lay_out_panels, leaders, lines_of, name_row
+from qlvbayes.plots.panels import (
+    LABEL,
+    finish_columns,
+    lay_out_panels,
+    leaders,
+    lines_of,
+    mark_left_out,
+    name_row,
+)
 from qlvbayes.plots.stretches import (
-    DWELLS,
     WHOLE,
     PhaseSamples,
     by_rate,
@@ -23,19 +29,10 @@ from qlvbayes.plots.stretches import (
     finish_time,
     number_repeats,
     panel_samples,
-    same_times,
+    role_look,
+    trial_name,
 )
-from qlvbayes.plots.style import (
-    BLACK,
-    DOUBLE,
-    MM,
-    colours,
-    narrow,
-    quantity,
-    rated,
-    shortened,
-    style,
-)
+from qlvbayes.plots.style import BLACK, DOUBLE, canvas, colours, force_label, narrow, style
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
@@ -80,16 +77,18 @@ def plot_forces(
         names = columns(parts)
         row = (_ROW + tight * _SECOND_LINE) * lines_of(names, tight)
         height = _FRAME + tight * _SECOND_LINE + row * len(shown)
-        figure = Figure((width * MM, height * MM), layout="constrained")
-        axes = lay_out_panels(figure, len(shown), names, [1.0], tight=tight)[:, 0]
-        for panels, prediction, stretches in zip(axes, shown, parts, strict=True):
+        figure = canvas(width, height)
+        axes = lay_out_panels(figure, len(shown), names, [1.0], tight=tight)
+        for panels, prediction, stretches in zip(axes[:, 0], shown, parts, strict=True):
             for axis, column in zip(panels, names, strict=True):
                 _draw(axis, column, prediction, stretches, tight=tight)
             mark_left_out(panels, names, prediction.trial, stretches)
             for k in leaders(names, tight):
-                panels[k].set_ylabel(quantity(units.force_name, units.force))
+                panels[k].set_ylabel(force_label(units))
             _label_row(panels, prediction, units, tight=tight)
-        _finish(figure, axes, names, leaders(names, tight))
+        finish_columns(figure, axes, names, leaders(names, tight))
+        for axis in axes[:, 0, leaders(names, tight)].flat:
+            axis.yaxis.set_major_locator(MaxNLocator(4))
         _legend(figure, axes, tight=tight)
     return list(axes.flat)
 
@@ -133,28 +132,9 @@ def _lines(
 
 def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
     """Write test, rate, and fitted (bold) or predicted above the row, at the left."""
-    trial = prediction.trial
-    fitted = trial.role == "fit"
-    speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
-    label = ", ".join(
-        [
-            shortened(trial.name, _NAME_TIGHT if tight else _NAME),
-            *speed,
-            "fitted" if fitted else "predicted",
-        ]
-    )
-    weight = "bold" if fitted else "normal"
-    name_row(row, label, tight=tight, weight=weight)
-
-
-def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
-    for column, name in zip(axes.T, names, strict=True):
-        column[0].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-        if name in DWELLS:
-            same_times(column)
-    for axis in axes[:, left].flat:
-        axis.yaxis.set_major_locator(MaxNLocator(4))
-    figure.align_ylabels(axes[:, left].ravel())
+    name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
+    role, weight = role_look(prediction.trial)
+    name_row(row, f"{name}, {role}", tight=tight, weight=weight)
 
 
 def _legend(figure: Figure, axes: np.ndarray, *, tight: bool) -> None:

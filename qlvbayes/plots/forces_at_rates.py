@@ -19,10 +19,10 @@ from qlvbayes.plots.style import (
     DOUBLE,
     LINES,
     MARKERS,
-    MM,
+    canvas,
     colours,
+    force_label,
     narrow,
-    quantity,
     rated,
     shortened,
     style,
@@ -74,9 +74,7 @@ def plot_forces_at_rates(
     with style():
         shape = (len(chosen), len(scales)) if tight else (len(scales), len(chosen))
         lines = 3 if tight else 2
-        figure = Figure(
-            (width * MM, (_FRAME + _PANEL * shape[0] + _LINE * lines) * MM), layout="constrained"
-        )
+        figure = canvas(width, _FRAME + _PANEL * shape[0] + _LINE * lines)
         axes = figure.subplots(*shape, sharey=True, squeeze=False)
         by_pad = axes if tight else axes.T
         for (name, nearby), row in zip(chosen.items(), by_pad, strict=True):
@@ -126,7 +124,7 @@ def _draw(axis: Axes, predictions: Sequence[Prediction]) -> None:
 
 def _label(axes: np.ndarray, units: UnitSystem, *, tight: bool) -> None:
     for axis in axes[:, 0]:
-        axis.set_ylabel(quantity(units.force_name, units.force))
+        axis.set_ylabel(force_label(units))
     gap = "\n" if tight else " "
     for axis in axes[-1]:
         axis.set_xlabel(f"time since the{gap}first movement (s)")

@@ -18,11 +18,17 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.leftout import LABEL, mark_left_out
 from qlvbayes.plots.naming import heading, model_lines
-from qlvbayes.plots.panels import lay_out_panels, leaders, lines_of, name_row
+from qlvbayes.plots.panels import (
+    LABEL,
+    finish_columns,
+    lay_out_panels,
+    leaders,
+    lines_of,
+    mark_left_out,
+    name_row,
+)
 from qlvbayes.plots.stretches import (
-    DWELLS,
     WHOLE,
     PanelSamples,
     PhaseSamples,
@@ -32,19 +38,18 @@ from qlvbayes.plots.stretches import (
     finish_time,
     number_repeats,
     panel_samples,
-    same_times,
+    trial_name,
 )
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
     MM,
+    canvas,
     colours,
+    force_label,
     narrow,
-    quantity,
-    rated,
-    shortened,
     style,
-    title_look,
+    titled_legend,
 )
 
 _FRAME = 26.0  # mm: title, legend and key
@@ -106,7 +111,7 @@ def _panels(count: int, names: Sequence[str], width: float) -> tuple[Figure, np.
     row, frame = (tight * extra for extra in _SECOND_LINES)
     height = _FRAME + frame + (_ROW + row) * lines_of(names, tight) * count
     layout = ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0)
-    figure = Figure((width * MM, height * MM), layout=layout)
+    figure = canvas(width, height, layout=layout)
     return figure, lay_out_panels(figure, count, names, [1.5, 1.0], tight=tight)
 
 
@@ -167,24 +172,18 @@ def _label_row(
     pair: np.ndarray, curve: Curve, units: UnitSystem, left: range, *, tight: bool
 ) -> None:
     """Write test and rate above the row, at the left."""
-    trial = curve.trial
-    name = shortened(trial.name, _NAME_TIGHT if tight else _NAME)
-    speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
-    name_row(pair[0], ", ".join([name, *speed]), tight=tight)
+    name = trial_name(curve.trial, units, _NAME_TIGHT if tight else _NAME)
+    name_row(pair[0], name, tight=tight)
     for k in left:
-        pair[0, k].set_ylabel(quantity(units.force_name, units.force))
+        pair[0, k].set_ylabel(force_label(units))
         pair[1, k].set_ylabel(f"residual\n({units.force})")
 
 
 def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
-    for k, name in enumerate(names):
-        axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-        if name in DWELLS:
-            same_times(axes[:, :, k].ravel())
+    finish_columns(figure, axes, names, left)
     for upper, lower in axes[:, :, 0]:
         upper.yaxis.set_major_locator(MaxNLocator(4))
         lower.yaxis.set_major_locator(MaxNLocator(3))
-    figure.align_ylabels(axes[:, :, left].ravel())
 
 
 def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tight: bool) -> None:
@@ -206,17 +205,15 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
         ]
     if tight:  # lines in the first column, bands in the second
         handles, labels = handles[::2] + handles[1::2], labels[::2] + labels[1::2]
-    figure.legend(
+    titled_legend(
+        figure,
+        heading(diagnosis, tight=tight),
         handles,
         labels,
-        loc="outside upper left",
         ncols=2 if tight else len(labels) // 2,
         handlelength=1.3 if tight else None,
         columnspacing=1.0 if tight else None,
         markerscale=2.5,
-        alignment="left",
-        title=heading(diagnosis, tight=tight),
-        title_fontproperties=title_look(),
     )
     key = "residual: measured − predicted, dots in the model's colour"
     if any(line.get_label() == LABEL for axis in axes.flat for line in axis.lines):

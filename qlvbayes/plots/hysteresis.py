@@ -15,17 +15,16 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.stretches import DWELLS, PhaseSamples, by_rate, divide
+from qlvbayes.plots.stretches import DWELLS, PhaseSamples, by_rate, divide, role_look, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
     LINES,
-    MM,
+    canvas,
     colours,
+    displacement_label,
+    force_label,
     narrow,
-    quantity,
-    rated,
-    shortened,
     style,
 )
 
@@ -67,13 +66,13 @@ def plot_hysteresis(
     rows = math.ceil(len(shown) / across)
     with style():
         frame = _FRAME * (1.6 if tight else 1.0)
-        figure = Figure((width * MM, (_PANEL * rows + frame) * MM), layout="constrained")
+        figure = canvas(width, _PANEL * rows + frame)
         axes = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
         for axis, prediction in zip(axes.flat, shown, strict=False):
             _draw(axis, prediction)
-            axis.set_title(
-                _name(prediction, units, tight=tight), loc="left", weight=_weight(prediction)
-            )
+            name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
+            (role, weight), gap = role_look(prediction.trial), "\n" if tight else " "
+            axis.set_title(f"{name},{gap}{role}", loc="left", weight=weight)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
         _label(axes, len(shown), units)
@@ -114,27 +113,15 @@ def _look(kind: str) -> tuple[str, str]:
     return colours()[back], LINES[back]
 
 
-def _name(prediction: Prediction, units: UnitSystem, *, tight: bool) -> str:
-    trial = prediction.trial
-    speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
-    role = "fitted" if trial.role == "fit" else "predicted"
-    parts = [shortened(trial.name, _NAME_TIGHT if tight else _NAME), *speed]
-    return f"{', '.join(parts)},\n{role}" if tight else ", ".join([*parts, role])
-
-
-def _weight(prediction: Prediction) -> str:
-    return "bold" if prediction.trial.role == "fit" else "normal"
-
-
 def _label(axes: np.ndarray, count: int, units: UnitSystem) -> None:
     across = axes.shape[1]
     for k, axis in enumerate(axes.flat[:count]):
         axis.xaxis.set_major_locator(MaxNLocator(5))
         axis.yaxis.set_major_locator(MaxNLocator(5))
         if k % across == 0:
-            axis.set_ylabel(quantity(units.force_name, units.force))
+            axis.set_ylabel(force_label(units))
         if k + across >= count:
-            axis.set_xlabel(quantity(units.displacement_name, units.displacement))
+            axis.set_xlabel(displacement_label(units))
             axis.tick_params(labelbottom=True)
 
 

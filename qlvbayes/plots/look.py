@@ -20,8 +20,8 @@ from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.firstlook.looking import ROUNDED
 from qlvbayes.motion.firstlook.words import span
 from qlvbayes.motion.phases import MOVING, Phase, phase_name
-from qlvbayes.plots.leftout import GREY, LABEL
-from qlvbayes.plots.stretches import by_rate
+from qlvbayes.plots.panels import GREY, LABEL
+from qlvbayes.plots.stretches import by_rate, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -29,10 +29,9 @@ from qlvbayes.plots.style import (
     colours,
     narrow,
     quantity,
-    rated,
     shortened,
     style,
-    title_look,
+    titled_legend,
 )
 
 _HEIGHTS = (20.0, 14.0, 12.0)  # mm: panels of force, displacement and residual
@@ -206,12 +205,8 @@ def _wide(panel: Axes) -> float:
 
 
 def _title(trial: Trial, units: UnitSystem) -> str:
-    words = [shortened(trial.name, _NAME)]
-    if np.isfinite(trial.rate):
-        words.append(rated(trial.rate, units.speed))
-    if trial.control == Control.FORCE:
-        words.append(f"{units.force_name} prescribed")
-    return ", ".join(words)
+    name = trial_name(trial, units, _NAME)
+    return f"{name}, {units.force_name} prescribed" if trial.control == Control.FORCE else name
 
 
 def _scale(values: np.ndarray, unit: str, small: float) -> tuple[str, float]:
@@ -342,8 +337,8 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial], heigh
             Line2D([], [], color=colours()[1], marker="o", linestyle="None", markerfacecolor="none")
         )
         labels.append("motion departs")
-    figure.legend(
-        handles, labels, loc="upper left", ncols=4 if figure.get_figwidth() > 110 * MM else 2,
-        alignment="left", title=title, title_fontproperties=title_look(), borderaxespad=0.3,
+    titled_legend(
+        figure, title, handles, labels, loc="upper left",
+        ncols=4 if figure.get_figwidth() > 110 * MM else 2, borderaxespad=0.3,
         columnspacing=1.4, handletextpad=0.5, fontsize=6.5,
     )  # fmt: skip

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
@@ -18,10 +17,11 @@ from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
     LINES,
-    MM,
+    canvas,
     colours,
+    displacement_label,
+    force_label,
     narrow,
-    quantity,
     shortened,
     style,
 )
@@ -71,16 +71,16 @@ def plot_next_tests(
     """
     shown = designs[:1] if narrow(width) else designs
     with style():
-        figure = Figure((width * MM, (3.0 * _PANEL + _FRAME) * MM), layout="constrained")
+        figure = canvas(width, 3.0 * _PANEL + _FRAME)
         axes = figure.subplots(3, len(shown), sharex="col", sharey="row", squeeze=False)
         for column, design, test in zip(axes.T, shown, found.tests, strict=False):
             _draw(column, design, belief, rig, noise, clock)
             column[0].set_title(shortened(test.name))
             clock += design.wait + design.duration
         units = found.units
-        force = quantity(units.force_name, units.force)
+        force = force_label(units)
         labels = [
-            quantity(units.displacement_name, units.displacement),
+            displacement_label(units),
             force,
             f"less the likeliest\n{force}",
         ]

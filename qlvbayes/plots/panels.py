@@ -10,8 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from qlvbayes.plots.stretches import WHOLE
+from qlvbayes.motion.experiment import Trial
+from qlvbayes.plots.stretches import DWELLS, WHOLE, PhaseSamples, panel_times, same_times
 
+GREY = "#7f7f7f"
+LABEL = "left out"
+_LARGE = 4.5  # points: larger than a dot, which may lie under the cross of a reading left out
 _WHOLE_WIDTH = 1.8  # width of the whole test's panel over that of a phase's panel
 
 
@@ -69,6 +73,42 @@ def name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
     position = {"xycoords": "axes fraction", "textcoords": "offset points", "xytext": (0.0, 6.0)}
     written = row[0].annotate(text, (0.0, 1.0), annotation_clip=False, **position, **look)
     written.set_in_layout(False)
+
+
+def finish_columns(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
+    """Name the columns of axes (test, part, column), and let the panels of a dwell share times.
+
+    left: columns whose force axes are labelled.
+    """
+    for k, name in enumerate(names):
+        axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
+        if name in DWELLS:
+            same_times(axes[:, :, k].ravel())
+    figure.align_ylabels(axes[:, :, left].ravel())
+
+
+def mark_left_out(
+    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, stretches: Sequence[PhaseSamples]
+) -> None:
+    """Draw a test's left-out readings over its panels, which share their force axis.
+
+    Readings beyond the axis, such as spikes, are drawn at its edge, so that the axis is kept.
+    """
+    bad = trial.left_out
+    if bad is None:
+        return
+    low, high = panels[0].get_ylim()
+    force = np.clip(bad.force, low, high)
+    for axis, column in zip(panels, columns, strict=True):
+        time = panel_times(column, bad.time, trial.phases, stretches)
+        shown = np.isfinite(time)
+        if not shown.any() or not axis.lines:
+            continue
+        axis.plot(
+            time[shown], force[shown], "x", color=GREY, markersize=_LARGE, markeredgewidth=0.9,
+            clip_on=False, label=LABEL, gid=LABEL,
+        )  # fmt: skip
+    panels[0].set_ylim(low, high)
 
 
 def _panel(

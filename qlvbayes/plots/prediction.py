@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    canvas,
+    colours,
+    displacement_label,
+    force_label,
+    narrow,
+    shortened,
+    style,
+)
 from qlvbayes.use.prescribed.forecast import Forecast
 
 _PANEL, _FRAME = 42.0, 16.0  # mm: a row of panels, and the margins
@@ -37,14 +46,14 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     tight = narrow(width)
     with style():
         scales = ["linear", "log"] if _quick(found) and not tight else ["linear"]
-        figure = Figure((width * MM, (2.0 * _PANEL + _FRAME) * MM), layout="constrained")
+        figure = canvas(width, 2.0 * _PANEL + _FRAME)
         axes = figure.subplots(2, len(scales), sharex="col", sharey="row", squeeze=False)
         for column, scale in zip(axes.T, scales, strict=True):
             _draw(column, found, scale)
         units, moved = found.units, found.program.quantity == "displacement"
         labels = [
-            quantity(units.displacement_name, units.displacement),
-            quantity(units.force_name, units.force),
+            displacement_label(units),
+            force_label(units),
         ]
         for axis, label in zip(axes[:, 0], labels if moved else labels[::-1], strict=True):
             axis.set_ylabel(label)

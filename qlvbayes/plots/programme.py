@@ -12,19 +12,18 @@ from matplotlib.lines import Line2D
 
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
-from qlvbayes.plots.stretches import by_rate
+from qlvbayes.plots.stretches import by_rate, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
     LINES,
-    MM,
+    canvas,
     colours,
+    displacement_label,
     narrow,
-    quantity,
-    rated,
     shortened,
     style,
-    title_look,
+    titled_legend,
 )
 from qlvbayes.plots.timeline import decades, logarithmic, shown_samples, since_contact
 
@@ -59,7 +58,7 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
         lines = -(-len(trials) // columns) + -(-len(_kinds(trials)) // columns) + 1
         rows = len(scales) if tight else 1
         height = _FRAME + _PANEL * rows + _LINE * lines
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         shape = (len(scales), 1) if tight else (1, len(scales))
         axes = figure.subplots(*shape, sharey=True, squeeze=False).ravel()
         for axis, scale in zip(axes, scales, strict=True):
@@ -70,7 +69,7 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
             axis.set_xlabel("time since the first movement (s)")
         for axis in axes if tight else axes[:1]:
             units = experiment.units
-            axis.set_ylabel(quantity(units.displacement_name, units.displacement))
+            axis.set_ylabel(displacement_label(units))
         _legend(figure, experiment, trials, columns)
     return list(axes)
 
@@ -103,20 +102,12 @@ def _legend(figure: Figure, experiment: Experiment, trials: Sequence[Trial], col
         Line2D([], [], color=palette[k % len(palette)], linestyle=LINES[k % len(LINES)])
         for k in range(len(trials))
     ]
-    labels = [_label(trial, experiment.units.speed) for trial in trials]
+    labels = [trial_name(trial, experiment.units, _NAME) for trial in trials]
     for kind in _kinds(trials):
         handles.append(
             Line2D([], [], color=BLACK, marker=_SIGNS[kind], linestyle="None", markersize=3.6,
                    markerfacecolor="white", markeredgewidth=0.7)
         )  # fmt: skip
         labels.append(f"{kind} begins")
-    figure.legend(
-        handles, labels, loc="outside upper left", ncols=columns, alignment="left",
-        title=f"pad {shortened(experiment.pad)}: displacement programme",
-        title_fontproperties=title_look(),
-    )  # fmt: skip
-
-
-def _label(trial: Trial, speed: str) -> str:
-    name = shortened(trial.name, _NAME)
-    return f"{name}, {rated(trial.rate, speed)}" if np.isfinite(trial.rate) else name
+    title = f"pad {shortened(experiment.pad)}: displacement programme"
+    titled_legend(figure, title, handles, labels, ncols=columns)

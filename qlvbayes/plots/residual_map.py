@@ -21,7 +21,7 @@ from qlvbayes.plots.cellmap import (
     short,
     worst_of,
 )
-from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
+from qlvbayes.plots.style import MIDDLE, canvas, narrow, quantity, rated, shortened, style
 
 _ROW, _FRAME = 9.0, 28.0  # mm: a row of cells and the margins
 _LEAST_ROWS = 3  # rows for which the colour bar's label fits
@@ -57,7 +57,7 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
         tests = _tests(check.cells)
         row, frame = (_ROW_TIGHT, _FRAME + _BAR) if tight else (_ROW, _FRAME)
         height = frame + row * max(len(tests), _LEAST_ROWS)
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         axis = figure.subplots()
         worst = worst_of(over_floor(cell.rmse, check.noise) for cell in check.cells)
         for cell in check.cells:

@@ -22,7 +22,7 @@ from qlvbayes.plots.cellmap import (
     worst_of,
 )
 from qlvbayes.plots.naming import heading
-from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
+from qlvbayes.plots.style import DOUBLE, canvas, narrow, rated, shortened, style
 
 _ROW, _FRAME = 8.0, 41.0  # mm: a row of cells and the margins
 _LEAST_ROWS = 3  # rows for which the colour bar's label fits
@@ -60,7 +60,7 @@ def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DO
         kinds: list[str] = [kind for kind in KINDS if any(c.phase == kind for c in stages[0].cells)]
         height = _FRAME + _ROW * max(len(tests), _LEAST_ROWS)
         height += (height - _FRAME / 2) * (len(stages) - 1) * tight + 8.0 * tight
-        figure = Figure((width * MM, height * MM), layout="constrained")
+        figure = canvas(width, height)
         shape = (len(stages), 1) if tight else (1, len(stages))
         axes = figure.subplots(*shape, sharey=True, squeeze=False).ravel()
         worst = worst_of(over_floor(c.rmse, diagnosis.noise) for s in stages for c in s.cells)

@@ -11,8 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import KINDS, Phase, phase_index
-from qlvbayes.plots.style import BLACK
+from qlvbayes.plots.style import BLACK, rated, shortened
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")
@@ -43,6 +45,17 @@ class PanelSamples:
     stretch: PhaseSamples
     rows: np.ndarray
     time: np.ndarray
+
+
+def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:
+    """Return a test's name, in ``most`` characters at most, with its loading rate if it has one."""
+    name = shortened(trial.name, most)
+    return f"{name}, {rated(trial.rate, units.speed)}" if np.isfinite(trial.rate) else name
+
+
+def role_look(trial: Trial) -> tuple[str, str]:
+    """Return whether a test was fitted or predicted, and the weight of the letters that say so."""
+    return ("fitted", "bold") if trial.role == "fit" else ("predicted", "normal")
 
 
 def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:

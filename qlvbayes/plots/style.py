@@ -11,9 +11,11 @@ from typing import Any
 
 import matplotlib
 from cycler import cycler
+from matplotlib.figure import Figure
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import literal
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 
 MM = 1.0 / 25.4  # inches
@@ -116,6 +118,17 @@ def title_look() -> dict[str, Any]:
     return {"size": size, "weight": weight}
 
 
+def canvas(width: float, height: float, **layout: Any) -> Figure:
+    """Return an empty figure of this width and height (mm)."""
+    return Figure((width * MM, height * MM), **(layout or {"layout": "constrained"}))
+
+
+def titled_legend(figure: Figure, title: str, *entries: Any, **look: Any) -> None:
+    """Draw the legend, handles and labels, at the upper left under the figure's title."""
+    look = {"loc": "outside upper left", "alignment": "left", **look}
+    figure.legend(*entries, title=title, title_fontproperties=title_look(), **look)
+
+
 def narrow(width: float) -> bool:
     """Return whether a figure of this width (mm) is laid out for one column."""
     return width < _NARROW
@@ -181,6 +194,16 @@ def _first_line(error: Exception) -> str:
 def quantity(name: str, unit: str) -> str:
     """Return the label of an axis: 'force (N)', or the name alone where the unit is 1."""
     return name if unit == "1" else f"{name} ({unit})"
+
+
+def force_label(units: UnitSystem) -> str:
+    """Return the label of a force axis: 'force (N)'."""
+    return quantity(units.force_name, units.force)
+
+
+def displacement_label(units: UnitSystem) -> str:
+    """Return the label of a displacement axis: 'displacement (mm)'."""
+    return quantity(units.displacement_name, units.displacement)
 
 
 def rated(rate: float, unit: str) -> str:

@@ -1,1 +1,1 @@
-"""One self-contained page with the results of a study."""
+"""Write one self-contained page with the results of a study."""

@@ -17,7 +17,7 @@ from qlvbayes.report.failing import where
 
 @dataclass(frozen=True)
 class Answer:
-    """One question, where its section is, and the answer in short lines."""
+    """Hold one question, where its section is, and the answer in short lines."""
 
     number: int
     question: str

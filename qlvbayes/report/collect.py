@@ -16,7 +16,7 @@ from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load
-from qlvbayes.fitting.runs import Run, Runs
+from qlvbayes.fitting.runs import Run, RunLog
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
@@ -30,7 +30,7 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 @dataclass(frozen=True)
 class FitResults:
-    """One fit: its constants, its check, its curves, and how it was made; None where not done.
+    """Hold one fit: its constants, its check, its curves, and how it was made; None where not done.
 
     facts: the attributes of ``posterior.nc``.
     """
@@ -50,7 +50,7 @@ class FitResults:
 
 @dataclass(frozen=True)
 class PadResults:
-    """One pad: its last model, the baseline if it was kept, and the verdict with its words."""
+    """Hold one pad: its last model, the baseline if it was kept, and the verdict with its words."""
 
     name: str
     folder: Path
@@ -87,7 +87,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Results:
-    """All that lies in ``out``; ``runs`` says by which commands it was made, by step."""
+    """Hold all that lies in ``out``; ``runs`` says by which commands it was made, by step."""
 
     out: Path
     pads: tuple[PadResults, ...]
@@ -116,7 +116,7 @@ def pad_folders(out: Path) -> list[Path]:
 
 def runs_in(out: Path) -> dict[str, Run]:
     """Return the runs that made a folder, by step; empty where it does not say."""
-    noted = read_if_there(Runs, out / "run.json")
+    noted = read_if_there(RunLog, out / "run.json")
     return noted.runs if noted else {}
 
 

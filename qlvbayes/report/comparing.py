@@ -15,7 +15,7 @@ _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}
 
 @dataclass(frozen=True)
 class ContrastRow:
-    """One quantity of both: medians, ratio with its interval, and what follows."""
+    """Hold one quantity of both: medians, ratio with its interval, and what follows."""
 
     quantity: str
     unit: str

@@ -38,7 +38,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Row:
-    """One constant of all pads."""
+    """Hold one constant of all pads."""
 
     name: str
     unit: str
@@ -59,7 +59,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class Shifts:
-    """What leaving out the effects did to the constants of one pad."""
+    """State what leaving out the effects did to the constants of one pad."""
 
     pad: str
     effects: str

@@ -1,4 +1,4 @@
-"""How it was done, so that it can be judged and done again."""
+"""State how it was done, so that it can be judged and done again."""
 
 from __future__ import annotations
 

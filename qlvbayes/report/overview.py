@@ -19,7 +19,7 @@ _CONSTANTS = 12  # columns of constants: those of most pads come first
 
 @dataclass(frozen=True)
 class OverviewRow:
-    """One pad: its folder, what is in it, verdict and what that names, errors, constants.
+    """Hold one pad: its folder, what is in it, verdict and what that names, errors, constants.
 
     fails: phases in which structure beyond noise is left; worst: largest error over the noise;
     constants: medians, as they are shown and as values to sort by.
@@ -37,7 +37,7 @@ class OverviewRow:
 
 @dataclass(frozen=True)
 class Overview:
-    """All pads, how many have which verdict, and the constants that the table shows."""
+    """Hold all pads, how many have which verdict, and the constants that the table shows."""
 
     lines: tuple[OverviewRow, ...]
     verdicts: tuple[tuple[str, int], ...]

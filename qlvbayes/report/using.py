@@ -1,4 +1,4 @@
-"""What the results can be used for: commands for this folder, and what was exported already."""
+"""List what the results can be used for: commands, and what was exported already."""
 
 from __future__ import annotations
 

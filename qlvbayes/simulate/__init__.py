@@ -4,6 +4,8 @@ The force comes from differential equations solved by a stiff integrator, so tha
 in the fast model cannot hide in its own data.
 """
 
+from typing import Any
+
 from .constants import (
     SPECIMENS,
     TABLE_1,
@@ -15,52 +17,15 @@ from .constants import (
 from .control import Press, hold_and_recover, press_and_pause, record_controlled
 from .creep import Load, creep_protocol, creep_study, displacement_under, prescribed, record_creep
 from .files import simulate_file, write_csv
+from .hidden import _KINDS as _EFFECTS
 from .hidden import (
     FOREIGN,
     FORMS,
     FURTHER,
     HIDDEN,
     OUTSIDE,
-    Adhesion,
-    AmplifierClipping,
-    BendingFrame,
-    ChannelLag,
-    ChannelLowPass,
-    ContactOffset,
-    CoulombFriction,
     Effect,
-    ExponentialSoftening,
-    ExtraRelaxationMode,
-    FluidLeak,
-    FluidPressure,
-    ForceDrift,
-    ForceOffset,
-    FrameCompliance,
-    Friction,
-    GrowingDrag,
     HiddenPad,
-    Inertia,
-    LinearRate,
-    PermanentSet,
-    PowerLawDrag,
-    QuadraticPressure,
-    Rezeroed,
-    Ringing,
-    SaturatingDrift,
-    SaturatingLeak,
-    SecondContact,
-    SensorNonlinearity,
-    Slip,
-    SlowCreepJump,
-    SqueezeFilm,
-    SteepSqueezeFilm,
-    StrainDependentRate,
-    StrainDependentStrength,
-    StressSoftening,
-    StretchedRelaxation,
-    TemperatureSwing,
-    Toe,
-    ViscousDrag,
     draw_effect,
     draw_effect_in,
     effect_class,
@@ -91,6 +56,8 @@ from .rig import (
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
 from .sequence import Sequence, join_programs, record_sequence
 
+globals().update(_EFFECTS)
+
 __all__ = [
     "ENCODER_STEP",
     "FOREIGN",
@@ -105,59 +72,21 @@ __all__ = [
     "SAMPLE_RATE",
     "SPECIMENS",
     "TABLE_1",
-    "Adhesion",
-    "AmplifierClipping",
-    "BendingFrame",
-    "ChannelLag",
-    "ChannelLowPass",
     "Constants",
-    "ContactOffset",
-    "CoulombFriction",
     "Effect",
-    "ExponentialSoftening",
-    "ExtraRelaxationMode",
-    "FluidLeak",
-    "FluidPressure",
-    "ForceDrift",
-    "ForceOffset",
-    "FrameCompliance",
-    "Friction",
-    "GrowingDrag",
     "HiddenPad",
     "Hold",
-    "Inertia",
-    "LinearRate",
     "Load",
     "Material",
     "Move",
     "Noise",
     "Pad",
-    "PermanentSet",
     "Platen",
-    "PowerLawDrag",
     "Press",
-    "QuadraticPressure",
     "Record",
-    "Rezeroed",
-    "Ringing",
-    "SaturatingDrift",
-    "SaturatingLeak",
-    "SecondContact",
-    "SensorNonlinearity",
     "Sequence",
     "SimulatedTest",
-    "Slip",
-    "SlowCreepJump",
-    "SqueezeFilm",
-    "SteepSqueezeFilm",
     "Step",
-    "StrainDependentRate",
-    "StrainDependentStrength",
-    "StressSoftening",
-    "StretchedRelaxation",
-    "TemperatureSwing",
-    "Toe",
-    "ViscousDrag",
     "creep_protocol",
     "creep_study",
     "displacement_under",
@@ -186,4 +115,10 @@ __all__ = [
     "specimens_of",
     "thin",
     "write_csv",
+    *_EFFECTS,
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Raise AttributeError; the effects' own names are there, from their catalogue."""
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -136,7 +136,7 @@ class Law:
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """All constants, those of the elastic curve first."""
+        """Return all constants, those of the elastic curve first."""
         return (*self.curve, *self.fading)
 
     def with_constants(self, constants: tuple[float, ...]) -> Law:

@@ -46,7 +46,7 @@ class Session:
 
     @property
     def whole(self) -> Track:
-        """All tests and the pauses between them as one motion."""
+        """Return all tests and the pauses between them as one motion."""
         parts: list[Sequence[Piece]] = []
         position = 0.0
         for motion in self.motions.values():

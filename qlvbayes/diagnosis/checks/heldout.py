@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class HeldOutPart(NamedTuple):
-    """One part of the data that is left out.
+    """Hold one part of the data that is left out.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ class Remainder:
 
     @property
     def is_small(self) -> bool:
-        """Whether all of it is certainly below the tolerance."""
+        """True if all of it is certainly below the tolerance."""
         limit = self.tolerance * self.peak
         largest = max((cell.upper for cell in self._shown), default=0.0)
         return limit > 0.0 and max(largest, self.excess) <= limit

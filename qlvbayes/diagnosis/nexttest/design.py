@@ -32,7 +32,7 @@ _HOME = 0.0  # mm: displacement at which a test begins, and to which it returns 
 
 @dataclass(frozen=True)
 class Design:
-    """One test: cycles of press, hold, retraction and rest, and then the way home.
+    """Describe one test: cycles of press, hold, retraction and rest, and the way home.
 
     Parameters
     ----------

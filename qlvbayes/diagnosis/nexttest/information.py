@@ -67,7 +67,7 @@ class Products:
 
     @cached_property
     def _slices(self) -> list[slice]:
-        """Where each explanation's f_h and slopes are."""
+        """Return where each explanation's f_h and slopes are."""
         ends = accumulate((1 + size for size in self.sizes), initial=0)
         return [slice(a, b) for a, b in pairwise(ends)]
 

@@ -17,12 +17,15 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """The bits about the constants and the cause by nested Monte Carlo, with sds of the errors."""
+    """Expected bits about the constants and the cause, each with the sd of the closed form's error.
 
-    constants: float | None
-    constants_error: float | None
-    cause: float | None
-    cause_error: float | None
+    Those about the cause lie between their bounds.
+    """
+
+    constants: float
+    constants_error: float
+    cause: float
+    cause_error: float
 
 
 class Limits(Part, frozen=True, rename={
@@ -60,13 +63,12 @@ class Proposed(Part, frozen=True, rename={
         Bits in closed form beyond what the tests before it tell; of the cause the bounds from below
         and above.
     per_minute, total
-        Bits about everything that was asked for, per minute and in all. They are by Monte Carlo
-        where that was done.
+        Bits about everything that was asked for, per minute and in all.
     evidence
         Expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together
         with the tests before it.
     judged
-        Bits by Monte Carlo of this test alone.
+        Bits expected of this test, with the errors of the closed form.
     """
 
     name: str
@@ -86,7 +88,7 @@ class Proposed(Part, frozen=True, rename={
     cause_most: float
     per_minute: float
     evidence: float
-    judged: Bits | None
+    judged: Bits
     total: float = 0.0
 
 
@@ -125,7 +127,7 @@ class NextTests(Result, frozen=True, kw_only=True):
     considered
         The best tests for the first of the series.
     together
-        Bits by Monte Carlo of all proposed tests.
+        Bits of all proposed tests, with the errors of the closed form.
     widths
         Sds of the constants now and after all tests.
     notices
@@ -148,7 +150,7 @@ class NextTests(Result, frozen=True, kw_only=True):
     missed: float
     tests: tuple[Proposed, ...]
     considered: tuple[Proposed, ...]
-    together: Bits | None
+    together: Bits
     widths: dict[str, Width]
     notices: tuple[str, ...] = ()
     causes: dict[str, float] = msgspec.field(default_factory=dict)

@@ -12,7 +12,6 @@ from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, draw_designs
 from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.montecarlo import MonteCarloBits, monte_carlo_bits
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screen
 from qlvbayes.io.checks import InputError
@@ -22,7 +21,7 @@ Array = NDArray[np.float64]
 SCREENED = 1024
 """Number of designs that are drawn."""
 BEST = 5
-"""Number of designs whose bits are also computed by Monte Carlo."""
+"""Number of the best designs for the first test that are reported."""
 MOST = 5
 """Largest number of tests in a series."""
 _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest test is taken then
@@ -30,7 +29,7 @@ _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest 
 
 @dataclass(frozen=True)
 class Goal:
-    """What the tests are for: to know constants, or the cause, or both.
+    """State what the tests are for: to know constants, or the cause, or both.
 
     Every test makes constants better known, so that bits per minute count. Of a cause all bits
     within the time there is count, as the quickest test tells only a part of the answer.
@@ -46,10 +45,6 @@ class Goal:
     constants: tuple[str, ...]
     cause: bool
 
-    def total(self, constants: Array, cause: Array) -> Array:
-        """Return the bits about everything that is asked for."""
-        return (constants if self.constants else 0.0) + (cause if self.cause else 0.0 * cause)
-
 
 @dataclass(frozen=True, eq=False)
 class Option:
@@ -64,8 +59,6 @@ class Option:
         below and above.
     evidence
         Expected 2 ln(Bayes factor) between the two nearest explanations of two causes.
-    judged
-        Bits by Monte Carlo of this test alone; None where they were not computed.
     """
 
     design: Design
@@ -73,7 +66,20 @@ class Option:
     cause: float
     cause_most: float
     evidence: float
-    judged: MonteCarloBits | None = None
+
+    @property
+    def expected_cause(self) -> float:
+        """The bits about the cause, between the bounds; see `between`."""
+        return between(self.cause, self.cause_most)
+
+
+def between(low: float, high: float) -> float:
+    """Return the expected bits about the cause from their bounds (`Products.bits_for_cause`).
+
+    For two normal predictions that differ little, the bounds are half and twice the information,
+    which is then a third of the way from the lower to the upper one.
+    """
+    return low + (high - low) / 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +94,6 @@ class Series:
         The best options for the first test, the best first.
     screened
         Number of designs that fitted.
-    judged
-        Bits by Monte Carlo of all tests together.
     now, after
         Products of no test and of all tests.
     """
@@ -97,7 +101,6 @@ class Series:
     tests: tuple[Option, ...]
     options: tuple[Option, ...]
     screened: int
-    judged: MonteCarloBits | None
     now: Products
     after: Products
 
@@ -126,13 +129,12 @@ def plan_series(
     clock: float = 0.0,
     seed: int = 0,
     count: int = SCREENED,
-    best: int = BEST,
     report: Callable[[str], None] = lambda text: None,
 ) -> Series:
     """Return the series of tests that tells most within the time there is.
 
-    The first test is the best by Monte Carlo. The others are added one by one by the closed form,
-    given what the tests before them tell. For constants alone, bits per minute count.
+    Tests are added one by one, each the best given what the tests before it tell. For constants
+    alone, bits per minute count.
 
     Parameters
     ----------
@@ -151,9 +153,9 @@ def plan_series(
     clock
         Time (s) on the pad's clock after the tests that were done.
     seed
-        Seed of the designs and of Monte Carlo.
-    count, best
-        Number of designs that are drawn, and of those whose bits are computed by Monte Carlo.
+        Seed of the designs.
+    count
+        Number of designs that are drawn.
     report
         Is called with a line of text before each step that takes a while.
 
@@ -171,22 +173,12 @@ def plan_series(
     if not finite.any():
         raise InputError("no test has a finite force", remedy="give lower limits of the rig")
 
-    def judge(some: Sequence[Option]) -> MonteCarloBits | None:
-        if best == 0:
-            return None
-        own = [one.design for one in some]
-        return monte_carlo_bits(belief, own, rig, errors, goal.constants, clock=clock, seed=seed)
-
     options = _options(belief, designs, products, goal, none)
     plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST))
-    allowed = plan.allowed_first(options)
-    first = [options[k] for k in _best_first(options, goal, allowed)[: max(best, 1)]]
-    report(f"judging the best {len(first)}")
-    first = [replace(one, judged=judge([one])) for one in first]
-    first = [first[k] for k in _best_first(first, goal, np.full(len(first), True))]
-    chosen, after = plan.extend(first[0])
-    report("judging them together")
-    return Series(tuple(chosen), tuple(first), int(finite.sum()), judge(chosen), none, after)
+    order = _best_first(options, goal, plan.allowed_first(options))
+    chosen, after = plan.extend(options[order[0]])
+    best = tuple(options[k] for k in order[:BEST])
+    return Series(tuple(chosen), best, int(finite.sum()), none, after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,12 +254,8 @@ def _no_time(belief: Belief, minutes: float) -> InputError:
 
 
 def bits(one: Option, goal: Goal) -> float:
-    """Return the bits about everything asked for, by Monte Carlo where that was done."""
-    if one.judged is not None:
-        judged = float(goal.total(np.array(one.judged.constants), np.array(one.judged.cause)))
-        if np.isfinite(judged):
-            return judged
-    return float(goal.total(np.array(one.constants), np.array(one.cause)))
+    """Return the bits about everything that is asked for."""
+    return one.constants * bool(goal.constants) + one.expected_cause * goal.cause
 
 
 def rate(one: Option, goal: Goal) -> float:
@@ -293,13 +281,13 @@ def _options(
 def _best_first(
     options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
-    """Return the indices of the options, the best first; those not allowed come last.
+    """Return the indices of the allowed options, the best first.
 
     Where all bits count, the shortest of those that tell nearly the most comes first.
     """
     worth = bits if goal.cause else rate
     values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)
-    order = np.argsort(-values, kind="stable")
+    order = np.argsort(-values, kind="stable")[: int(allowed.sum())]
     if not goal.cause:
         return order
     near = [k for k in order if values[k] >= values[order[0]] - _AS_GOOD]

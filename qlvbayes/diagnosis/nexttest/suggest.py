@@ -1,7 +1,6 @@
 """Suggestions: the best further tests to separate explanations.
 
-The computation is that of ``qlvbayes design`` (`nexttest`), with fewer designs and the closed form
-alone.
+The computation is that of ``qlvbayes design`` (`series`), with fewer designs.
 """
 
 from __future__ import annotations

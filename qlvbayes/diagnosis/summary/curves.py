@@ -39,7 +39,7 @@ class ForceBand:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One test's samples (n,), as measured and by two models.
+    """Hold one test's samples (n,), as measured and by two models.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.summary.work import DiagnosisWork
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What one pad's tests say about the model, and what that was computed from.
+    """State what one pad's tests say about the model, and what that was computed from.
 
     Parameters
     ----------

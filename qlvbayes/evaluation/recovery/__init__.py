@@ -1,4 +1,4 @@
-"""Whether an effect's constants are recovered from simulated tests, at the right rate."""
+"""Count how often an effect's constants are recovered from simulated tests."""
 
 from qlvbayes.evaluation.recovery.rate import Recovery, recovery_rate
 

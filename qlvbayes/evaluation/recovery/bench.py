@@ -37,7 +37,7 @@ _SOONEST = 0.02  # s from the beginning of a hold to its first sample
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class RecoveryBench:
     """Tests whose record holds no force yet, their scales, and the priors of law and noise."""
 
     record: Record
@@ -63,7 +63,7 @@ class Bench:
 
 
 @cache
-def bench() -> Bench:
+def bench() -> RecoveryBench:
     """Return a test at 1 mm/s back to half depth, and one at 10 mm/s with full retraction.
 
     Pads differ from one like the paper's pad B by a factor 1.2 in m and b and 1.5 in the rate (one
@@ -88,7 +88,7 @@ def bench() -> Bench:
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
-    return Bench(record, scales, elastic, relaxation, Correlated.default(scales))
+    return RecoveryBench(record, scales, elastic, relaxation, Correlated.default(scales))
 
 
 def _path(rate: float, back: float) -> Trajectory:

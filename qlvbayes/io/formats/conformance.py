@@ -1,15 +1,17 @@
-"""Check the rules that every format has to keep, by one function that a test can call."""
+"""Check the rules that every format has to keep, one by one or by one function."""
 
 from __future__ import annotations
 
 import inspect
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Recording, Sight
 
@@ -42,26 +44,30 @@ def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Non
     Raises
     ------
     FormatError
-        A rule is broken; the text says which rule.
+        Rules are broken; the text has a line for each of them.
     """
-    _check_declarations(kind)
-    if len(files) < 2:
-        raise FormatError(f"{kind.name}: give two files or more, of different tests or machines")
-    heads = {Path(file): Path(file).read_bytes()[:HEAD] for file in files}
-    for file, head in heads.items():
-        if not kind.sniff(head).whole:
-            missing = ", ".join(kind.sniff(head).missing)
-            raise FormatError(f"{kind.name} does not know its own file {file.name}: no {missing}")
-        _check_alone(kind, file, head)
-        _check_sniff(kind, head)
-        for recording in kind.read(file):
-            _check_recording(kind, file, recording)
-        _check_damage(kind, file)
+    run_checks(format_checks(kind, files), FormatError)
+
+
+def format_checks(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Iterator[Check]:
+    """Yield the name and the function of each check of `check_format`.
+
+    So that each rule is a test of its own:
+    ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
+    """
+    yield "declarations", partial(_check_declarations, kind, files)
+    for name, rule in _RULES.items():
+        for file in map(Path, files):
+            yield f"{name}, {file.name}", partial(rule, kind, file)
+    yield "tidy file", partial(_check_tidy, kind)
+
+
+def _check_tidy(kind: type[AbstractFormat]) -> None:
     if kind.sniff(_TIDY).whole:
         raise FormatError(f"{kind.name} claims a tidy file")
 
 
-def _check_declarations(kind: type[AbstractFormat]) -> None:
+def _check_declarations(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:
     if inspect.isabstract(kind):
         missing = ", ".join(sorted(kind.__abstractmethods__))
         raise FormatError(f"{kind.__name__} lacks {missing}")
@@ -69,16 +75,32 @@ def _check_declarations(kind: type[AbstractFormat]) -> None:
         text = getattr(kind, word, "")
         if not text.strip() or "\n" in text:
             raise FormatError(f"{kind.__name__}: {word} must be one line of text")
+    if len(files) < 2:
+        raise FormatError(f"{kind.name}: give two files or more, of different tests or machines")
 
 
-def _check_alone(kind: type[AbstractFormat], file: Path, head: bytes) -> None:
+def _head(file: Path) -> bytes:
+    with file.open("rb") as opened:
+        return opened.read(HEAD)
+
+
+def _check_known(kind: type[AbstractFormat], file: Path) -> None:
+    sight = kind.sniff(_head(file))
+    if not sight.whole:
+        missing = ", ".join(sight.missing)
+        raise FormatError(f"{kind.name} does not know its own file {file.name}: no {missing}")
+
+
+def _check_alone(kind: type[AbstractFormat], file: Path) -> None:
+    head = _head(file)
     others = [o for o in FORMATS if o is not kind and (kind.general or not o.general)]
     claim = [other.name for other in others if other.sniff(head).whole]
     if claim:
         raise FormatError(f"{kind.name}: {', '.join(claim)} claims {file.name} too")
 
 
-def _check_sniff(kind: type[AbstractFormat], head: bytes) -> None:
+def _check_sniff(kind: type[AbstractFormat], file: Path) -> None:
+    head = _head(file)
     noise = np.random.default_rng(0).bytes(HEAD)
     odd = [head[:size] for size in _HEADS] + [noise, bytes(HEAD), b"\n" * 99, head[::2], head[::-1]]
     for some in odd:
@@ -89,6 +111,11 @@ def _check_sniff(kind: type[AbstractFormat], head: bytes) -> None:
             raise FormatError(f"{kind.name}: sniff fails on some bytes ({what})") from error
         if not isinstance(sight, Sight):
             raise FormatError(f"{kind.name}: sniff must return a Sight")
+
+
+def _check_recordings(kind: type[AbstractFormat], file: Path) -> None:
+    for recording in kind.read(file):
+        _check_recording(kind, file, recording)
 
 
 def _check_recording(kind: type[AbstractFormat], file: Path, recording: Recording) -> None:
@@ -128,3 +155,12 @@ def _damaged(data: bytes) -> Iterator[tuple[str, bytes]]:
     yield "with a byte order mark", b"\xef\xbb\xbf" + data
     yield "as UTF-16", data.decode("latin-1").encode("utf-16")
     yield "with nothing in it", b""
+
+
+_RULES: dict[str, Callable[[type[AbstractFormat], Path], None]] = {
+    "known": _check_known,
+    "alone": _check_alone,
+    "any bytes": _check_sniff,
+    "recordings": _check_recordings,
+    "damaged": _check_damage,
+}

@@ -8,8 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..platen import full_retraction_protocol
 from .effect import CONTACT, FRAME, Effect
 from .mesh import Array, Path, running_max
+from .recipes import Recipe, depth_of, peak_of
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,7 @@ class PermanentSet(Effect):
     """d -> max(d - share dmax, 0), dmax the largest arriving depth so far, also while loading."""
 
     name: ClassVar[str] = "permanent_set"
+    recipe: ClassVar[Recipe] = Recipe("share", 0.05, 0.5)
     order: ClassVar[int] = 40
     shares: ClassVar[tuple[str, ...]] = ("share",)
 
@@ -43,6 +46,7 @@ class ContactOffset(Effect):
     """
 
     name: ClassVar[str] = "contact_offset"
+    recipe: ClassVar[Recipe] = Recipe("gap", 0.03, 0.5, depth_of)
     order: ClassVar[int] = 41
     signed: ClassVar[tuple[str, ...]] = ("gap",)
 
@@ -70,6 +74,7 @@ class Backlash(Effect):
     """
 
     name: ClassVar[str] = "backlash"
+    recipe: ClassVar[Recipe] = Recipe("play", 0.02, 0.5, depth_of)
     order: ClassVar[int] = 42
 
     play: float
@@ -98,6 +103,9 @@ class Adhesion(Effect):
     """
 
     name: ClassVar[str] = "adhesion"
+    recipe: ClassVar[Recipe] = Recipe(
+        "strength", per=peak_of, cap=1.0, protocols=(full_retraction_protocol,)
+    )
     order: ClassVar[int] = CONTACT
 
     strength: float
@@ -120,6 +128,7 @@ class FrameCompliance(Effect):
     """
 
     name: ClassVar[str] = "frame_compliance"
+    recipe: ClassVar[Recipe] = Recipe("compliance", 0.03, 1.0, lambda x: x.depth / x.peak)
     remembers: ClassVar[bool] = True
     order: ClassVar[int] = FRAME
 

@@ -1,4 +1,4 @@
-"""What every hidden effect can do, and the order in which they act."""
+"""Define what every hidden effect can do, and the order in which they act."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 
 from .mesh import Array, Path
+from .recipes import Recipe
 
 CONTACT = 45
 """Effects of lower order act on the pad; here the contact keeps the force from pulling."""
@@ -26,7 +27,8 @@ class Effect:
     `family` names, for another form of the same physics, the effects it stands for, with '/'.
     `positive` and `signed` are the parameters that must be above 0 and may be negative; all
     others must be at least 0; `shares` are at most 1. An effect that `remembers` makes the past
-    of the contact force count, so that the moment at which contact ends must be found.
+    of the contact force count, so that the moment at which contact ends must be found. `recipe`
+    says how its parameters are drawn.
     """
 
     name: ClassVar[str] = ""
@@ -36,6 +38,7 @@ class Effect:
     signed: ClassVar[tuple[str, ...]] = ()
     shares: ClassVar[tuple[str, ...]] = ()
     remembers: ClassVar[bool] = False
+    recipe: ClassVar[Recipe]
 
     def __post_init__(self) -> None:
         for key, value in self.parameters.items():

@@ -10,6 +10,7 @@ import numpy as np
 from .effect import Effect
 from .mesh import Array, Path
 from .pad_effects import film, slack
+from .recipes import Recipe, depth_of, film_of, peak_of, reach_of
 
 _TERMS = 12  # of the series of diffusion: the rest is below 1.5 % of the share, and faster
 _SLICES = 15  # of a tilted platen, each with its own contact
@@ -23,6 +24,12 @@ class CavitatingFilm(Effect):
     """
 
     name: ClassVar[str] = "cavitating_film"
+    recipe: ClassVar[Recipe] = Recipe(
+        "eta",
+        0.001,
+        per=peak_of,
+        shape=lambda x: film_of(x) | {"limit": x.peak * x.even(0.005, 0.03)},
+    )
     order: ClassVar[int] = 32
     family: ClassVar[str] = "squeeze_film/viscous_drag/power_law_drag"
     positive: ClassVar[tuple[str, ...]] = ("h",)
@@ -45,6 +52,7 @@ class PoroelasticDiffusion(Effect):
     """
 
     name: ClassVar[str] = "poroelastic_diffusion"
+    recipe: ClassVar[Recipe] = Recipe("c", 0.1, 0.6, shape=lambda x: {"time": x.spread(0.3, 30.0)})
     order: ClassVar[int] = 10
     shares: ClassVar[tuple[str, ...]] = ("c",)
     family: ClassVar[str] = "extra_relaxation_mode/fluid_pressure"
@@ -69,6 +77,7 @@ class TiltedPlaten(Effect):
     """
 
     name: ClassVar[str] = "tilted_platen"
+    recipe: ClassVar[Recipe] = Recipe("rise", 0.1, 1.0, depth_of)
     order: ClassVar[int] = 36
     family: ClassVar[str] = "contact_offset"
 
@@ -91,6 +100,7 @@ class RootLeak(Effect):
     """F -> F (1 - min(k sqrt(t), 0.95)), t the clock: fluid lost by diffusion; k in 1/sqrt(s)."""
 
     name: ClassVar[str] = "root_leak"
+    recipe: ClassVar[Recipe] = Recipe("k", 0.05, 5.0, lambda x: x.study_s**-0.5)
     order: ClassVar[int] = 21
     family: ClassVar[str] = "fluid_leak"
 
@@ -106,6 +116,7 @@ class OneWayFriction(Effect):
     """F -> F + strength max(z, 0), z Dahl's state of the reach: a guide that drags inwards only."""
 
     name: ClassVar[str] = "one_way_friction"
+    recipe: ClassVar[Recipe] = Recipe("strength", per=peak_of, shape=reach_of)
     order: ClassVar[int] = 34
     family: ClassVar[str] = "friction"
     positive: ClassVar[tuple[str, ...]] = ("reach",)
@@ -123,6 +134,7 @@ class HealingSoftening(Effect):
     """F -> F (1 - s (1 - d/dmax) y), y' = (x - y)/time, x = 1 - d/dmax: softening with delay."""
 
     name: ClassVar[str] = "healing_softening"
+    recipe: ClassVar[Recipe] = Recipe("s", 0.3, 0.9, shape=lambda x: {"time": x.spread(0.3, 10.0)})
     order: ClassVar[int] = 20
     shares: ClassVar[tuple[str, ...]] = ("s",)
     family: ClassVar[str] = "stress_softening"

@@ -9,10 +9,12 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import nnls
 
+from ..platen import full_retraction_protocol
 from .contact_effects import FrameCompliance
 from .effect import Effect
 from .mesh import Array, Path
 from .pad_effects import film, slack
+from .recipes import Recipe, depth_of, film_of, peak_of, per_depth, reach_of, stiffness_of
 
 _NEWTON_ROUNDS = 60  # at most, until the pressure stays within 1e-11 of its scale
 _STRETCHED_DECADES = (-4.0, 4.0)  # of rates (1/s), from slower than a session to a sample
@@ -24,6 +26,9 @@ class GrowingDrag(Effect):
     """F -> F + eta (1 + d / depth) v; eta in N s/mm, depth in mm."""
 
     name: ClassVar[str] = "growing_drag"
+    recipe: ClassVar[Recipe] = Recipe(
+        "eta", 0.002, per=peak_of, shape=lambda x: {"depth": x.depth * x.even(0.2, 1.0)}
+    )
     order: ClassVar[int] = 30
     family: ClassVar[str] = "viscous_drag/squeeze_film/power_law_drag"
     positive: ClassVar[tuple[str, ...]] = ("depth",)
@@ -41,6 +46,7 @@ class SteepSqueezeFilm(Effect):
     """F -> F + eta v / max(1 - d/h, 0.05)^1.5; eta in N s/mm, h in mm."""
 
     name: ClassVar[str] = "steep_squeeze_film"
+    recipe: ClassVar[Recipe] = Recipe("eta", 0.001, per=peak_of, shape=film_of)
     order: ClassVar[int] = 32
     family: ClassVar[str] = "squeeze_film/viscous_drag/power_law_drag"
     positive: ClassVar[tuple[str, ...]] = ("h",)
@@ -58,6 +64,7 @@ class CoulombFriction(Effect):
     """F -> F + mu F z, with Dahl's z of the reach (mm) and F the force beneath."""
 
     name: ClassVar[str] = "coulomb_friction"
+    recipe: ClassVar[Recipe] = Recipe("mu", 0.05, 0.9, shape=reach_of)
     order: ClassVar[int] = 34
     family: ClassVar[str] = "friction"
     positive: ClassVar[tuple[str, ...]] = ("reach",)
@@ -75,6 +82,13 @@ class ExponentialSoftening(Effect):
     """F -> F (1 - s (1 - e^{-k (1 - d/dmax)}) / (1 - e^{-k}))."""
 
     name: ClassVar[str] = "exponential_softening"
+    recipe: ClassVar[Recipe] = Recipe(
+        "s",
+        0.3,
+        0.9,
+        shape=lambda draw: {"k": draw.even(1.0, 5.0)},
+        protocols=(full_retraction_protocol,),
+    )
     order: ClassVar[int] = 20
     shares: ClassVar[tuple[str, ...]] = ("s",)
     family: ClassVar[str] = "stress_softening"
@@ -93,6 +107,9 @@ class SaturatingLeak(Effect):
     """F -> F (1 - share (1 - e^{-t/time})), t the clock; time in s."""
 
     name: ClassVar[str] = "saturating_leak"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share", 0.08, 0.9, shape=lambda x: {"time": x.study_s * x.even(0.05, 0.4)}
+    )
     order: ClassVar[int] = 21
     shares: ClassVar[tuple[str, ...]] = ("share",)
     family: ClassVar[str] = "fluid_leak"
@@ -111,6 +128,9 @@ class SaturatingDrift(Effect):
     """F -> F + offset (1 - e^{-t/time}), t the clock; N of either sign, s."""
 
     name: ClassVar[str] = "saturating_drift"
+    recipe: ClassVar[Recipe] = Recipe(
+        "offset", per=peak_of, shape=lambda x: {"time": x.study_s * x.even(0.05, 0.4)}
+    )
     order: ClassVar[int] = 62
     family: ClassVar[str] = "force_drift"
     positive: ClassVar[tuple[str, ...]] = ("time",)
@@ -129,6 +149,7 @@ class Toe(Effect):
     """F -> F (1 - e^{-d/depth}): the area of contact grows at first; depth in mm."""
 
     name: ClassVar[str] = "toe"
+    recipe: ClassVar[Recipe] = Recipe("depth", 0.1, 1.0, depth_of)
     order: ClassVar[int] = 36
     family: ClassVar[str] = "contact_offset"
 
@@ -146,6 +167,7 @@ class ChannelLowPass(Effect):
     """time y' = F - y: the force channel lags behind at first order; time in s."""
 
     name: ClassVar[str] = "channel_low_pass"
+    recipe: ClassVar[Recipe] = Recipe("time", 1e-3, 0.1)
     remembers: ClassVar[bool] = True
     order: ClassVar[int] = 69
     family: ClassVar[str] = "channel_lag"
@@ -162,6 +184,9 @@ class StretchedRelaxation(Effect):
     """G -> (1 - c) G + c e^{-(t/time)^exponent}, as a sum of Prony modes; time in s."""
 
     name: ClassVar[str] = "stretched_relaxation"
+    recipe: ClassVar[Recipe] = Recipe(
+        "c", 0.1, 0.6, shape=lambda x: {"time": 1.0 / x.rate(), "exponent": x.even(0.3, 0.7)}
+    )
     order: ClassVar[int] = 10
     shares: ClassVar[tuple[str, ...]] = ("c",)
     family: ClassVar[str] = "extra_relaxation_mode"
@@ -196,6 +221,9 @@ class QuadraticPressure(Effect):
     """
 
     name: ClassVar[str] = "quadratic_pressure"
+    recipe: ClassVar[Recipe] = Recipe(
+        "k", 0.05, 5.0, stiffness_of, lambda x: {"drain": x.spread(10.0, 300.0) / x.peak}
+    )
     order: ClassVar[int] = 33
     family: ClassVar[str] = "fluid_pressure"
 
@@ -226,6 +254,7 @@ class LinearRate(Effect):
     """v_i -> v_i max(1 + alpha d, 0.02) for all modes; alpha in 1/mm, either sign."""
 
     name: ClassVar[str] = "linear_rate"
+    recipe: ClassVar[Recipe] = Recipe("alpha", 0.3, 20.0, per_depth)
     order: ClassVar[int] = 11
     family: ClassVar[str] = "strain_dependent_rate"
     signed: ClassVar[tuple[str, ...]] = ("alpha",)
@@ -245,6 +274,13 @@ class BendingFrame(FrameCompliance):
     """
 
     name: ClassVar[str] = "bending_frame"
+    recipe: ClassVar[Recipe] = Recipe(
+        "compliance",
+        0.05,
+        1.0,
+        lambda x: x.depth / x.peak,
+        lambda x: {"force": x.peak * x.even(0.3, 1.5)},
+    )
     family: ClassVar[str] = "frame_compliance"
     positive: ClassVar[tuple[str, ...]] = ("force",)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .effect import Effect
 from .mesh import Array, Path
+from .recipes import Recipe, peak_of
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,12 @@ class ViscousHeating(Effect):
     """
 
     name: ClassVar[str] = "viscous_heating"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share",
+        0.1,
+        0.9,
+        shape=lambda x: {"power": x.peak * x.spread(0.5, 5.0), "time": x.spread(0.5, 20.0)},
+    )
     order: ClassVar[int] = 22
     positive: ClassVar[tuple[str, ...]] = ("power", "time")
 
@@ -39,6 +46,9 @@ class DriveRipple(Effect):
     """F -> F + amplitude sin(2 pi d / pitch) while the platen moves: the motor's current; N, mm."""
 
     name: ClassVar[str] = "drive_ripple"
+    recipe: ClassVar[Recipe] = Recipe(
+        "amplitude", per=peak_of, shape=lambda x: {"pitch": x.depth * x.even(0.1, 0.4)}
+    )
     order: ClassVar[int] = 63
     positive: ClassVar[tuple[str, ...]] = ("pitch",)
 
@@ -61,6 +71,9 @@ class StickSlip(Effect):
     """
 
     name: ClassVar[str] = "stick_slip"
+    recipe: ClassVar[Recipe] = Recipe(
+        "amplitude", per=peak_of, shape=lambda x: {"pitch": x.depth * x.even(0.08, 0.3)}
+    )
     order: ClassVar[int] = 37
     positive: ClassVar[tuple[str, ...]] = ("pitch",)
 
@@ -84,6 +97,9 @@ class SnapThrough(Effect):
     """
 
     name: ClassVar[str] = "snap_through"
+    recipe: ClassVar[Recipe] = Recipe(
+        "drop", per=peak_of, shape=lambda x: {"depth": x.depth * x.even(0.4, 0.8)}
+    )
     order: ClassVar[int] = 38
     positive: ClassVar[tuple[str, ...]] = ("depth",)
 
@@ -107,6 +123,14 @@ class Curing(Effect):
     """F -> F (1 + share / (1 + e^{-(t - middle)/width})), t the clock: the material sets; s."""
 
     name: ClassVar[str] = "curing"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share",
+        0.1,
+        shape=lambda x: {
+            "middle": x.study_s * x.even(0.3, 0.7),
+            "width": x.study_s * x.even(0.03, 0.1),
+        },
+    )
     order: ClassVar[int] = 24
     positive: ClassVar[tuple[str, ...]] = ("width",)
 

@@ -12,6 +12,7 @@ from ..motion import Motion
 from ..platen import PAPER_ACCELERATION
 from .effect import Effect
 from .mesh import Array, Path
+from .recipes import Recipe, peak_of
 
 _LEAST_HOLD_S = 1.0  # a hold shorter than this is a turning point
 _STILL = 1e-3  # mm/s: a hold may creep
@@ -22,6 +23,12 @@ class TemperatureSwing(Effect):
     """F -> F (1 + share sin(2 pi t / period + phase)), t the clock; period in s."""
 
     name: ClassVar[str] = "temperature_swing"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share",
+        0.05,
+        0.9,
+        shape=lambda draw: {"period": draw.spread(40.0, 400.0), "phase": draw.even(-np.pi, np.pi)},
+    )
     order: ClassVar[int] = 55
     positive: ClassVar[tuple[str, ...]] = ("period",)
     signed: ClassVar[tuple[str, ...]] = ("phase",)
@@ -41,6 +48,7 @@ class AmplifierClipping(Effect):
     """F -> min(F, level); N."""
 
     name: ClassVar[str] = "amplifier_clipping"
+    recipe: ClassVar[Recipe] = Recipe("level", per=peak_of)
     order: ClassVar[int] = 66
 
     level: float
@@ -55,6 +63,9 @@ class SensorNonlinearity(Effect):
     """F -> F + amplitude sin(2 pi F / period); both in N."""
 
     name: ClassVar[str] = "sensor_nonlinearity"
+    recipe: ClassVar[Recipe] = Recipe(
+        "amplitude", per=peak_of, shape=lambda x: {"period": x.peak / x.even(1.2, 1.8)}
+    )
     order: ClassVar[int] = 65
     positive: ClassVar[tuple[str, ...]] = ("period",)
     signed: ClassVar[tuple[str, ...]] = ("amplitude",)
@@ -76,6 +87,7 @@ class Slip(Effect):
     """
 
     name: ClassVar[str] = "slip"
+    recipe: ClassVar[Recipe] = Recipe("share", 0.2, 0.9, shape=lambda x: {"seed": x.seed()})
     order: ClassVar[int] = 54
     shares: ClassVar[tuple[str, ...]] = ("share",)
 
@@ -106,6 +118,11 @@ class Ringing(Effect):
     """
 
     name: ClassVar[str] = "ringing"
+    recipe: ClassVar[Recipe] = Recipe(
+        "amplitude",
+        per=peak_of,
+        shape=lambda x: {"frequency": x.spread(5.0, 20.0), "decay": x.spread(0.1, 0.5)},
+    )
     order: ClassVar[int] = 60
     positive: ClassVar[tuple[str, ...]] = ("decay",)
 
@@ -133,6 +150,7 @@ class Rezeroed(Effect):
     """
 
     name: ClassVar[str] = "rezeroed"
+    recipe: ClassVar[Recipe] = Recipe("sd", per=peak_of, shape=lambda x: {"seed": x.seed()})
     order: ClassVar[int] = 61
 
     sd: float
@@ -151,6 +169,14 @@ class SlowCreepJump(Effect):
     """
 
     name: ClassVar[str] = "slow_creep_jump"
+    recipe: ClassVar[Recipe] = Recipe(
+        "offset",
+        per=peak_of,
+        shape=lambda draw: {
+            "begin": draw.even(0.2, 0.7) * draw.study_s,
+            "time": draw.spread(5.0, 100.0),
+        },
+    )
     order: ClassVar[int] = 62
     positive: ClassVar[tuple[str, ...]] = ("time",)
     signed: ClassVar[tuple[str, ...]] = ("offset",)

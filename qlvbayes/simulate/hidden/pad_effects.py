@@ -7,8 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..platen import full_retraction_protocol
 from .effect import Effect
 from .mesh import Array, Path
+from .recipes import Recipe, film_of, peak_of, per_depth, reach_of, stiffness_of
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,7 @@ class ExtraRelaxationMode(Effect):
     """G -> (1 - c) G + c e^{-v t}; v in 1/s."""
 
     name: ClassVar[str] = "extra_relaxation_mode"
+    recipe: ClassVar[Recipe] = Recipe("c", 0.1, 0.6, shape=lambda x: {"v": x.rate()})
     order: ClassVar[int] = 10
     shares: ClassVar[tuple[str, ...]] = ("c",)
     positive: ClassVar[tuple[str, ...]] = ("v",)
@@ -33,6 +36,7 @@ class StrainDependentRate(Effect):
     """v_i -> v_i e^{alpha d} for all modes; alpha in 1/mm."""
 
     name: ClassVar[str] = "strain_dependent_rate"
+    recipe: ClassVar[Recipe] = Recipe("alpha", 0.3, 5.0, per_depth)
     order: ClassVar[int] = 11
     signed: ClassVar[tuple[str, ...]] = ("alpha",)
 
@@ -48,6 +52,7 @@ class StrainDependentStrength(Effect):
     """F -> (1 - s) F + s F_e(d), s = 1 - e^{-beta d}; beta in 1/mm, F_e = m/b (e^{b d} - 1)."""
 
     name: ClassVar[str] = "strain_dependent_strength"
+    recipe: ClassVar[Recipe] = Recipe("beta", 0.1, 2.0, per_depth)
     order: ClassVar[int] = 12
     signed: ClassVar[tuple[str, ...]] = ("beta",)
 
@@ -67,6 +72,7 @@ class StressSoftening(Effect):
     """F -> F (1 - s (1 - d/dmax)), dmax the largest depth so far in the test."""
 
     name: ClassVar[str] = "stress_softening"
+    recipe: ClassVar[Recipe] = Recipe("s", 0.3, 0.9, protocols=(full_retraction_protocol,))
     order: ClassVar[int] = 20
     shares: ClassVar[tuple[str, ...]] = ("s",)
 
@@ -82,6 +88,7 @@ class FluidLeak(Effect):
     """F -> F e^{-rate t}, t the clock since the pad's first test began; rate in 1/s."""
 
     name: ClassVar[str] = "fluid_leak"
+    recipe: ClassVar[Recipe] = Recipe("rate", 0.05, 10.0, lambda x: 1.0 / x.study_s)
     order: ClassVar[int] = 21
 
     rate: float
@@ -99,6 +106,12 @@ class Thixotropy(Effect):
     """
 
     name: ClassVar[str] = "thixotropy"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share",
+        0.1,
+        0.9,
+        shape=lambda x: {"time": x.spread(2.0, 60.0), "way": x.depth * x.even(0.2, 1.0)},
+    )
     order: ClassVar[int] = 23
     shares: ClassVar[tuple[str, ...]] = ("share",)
     positive: ClassVar[tuple[str, ...]] = ("time", "way")
@@ -119,6 +132,9 @@ class Conditioning(Effect):
     """F -> F (1 - share (1 - e^{-n/tests})), n the number of the pad's tests before this one."""
 
     name: ClassVar[str] = "conditioning"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share", 0.08, 0.9, shape=lambda x: {"tests": x.even(0.5, 3.0)}
+    )
     order: ClassVar[int] = 25
     shares: ClassVar[tuple[str, ...]] = ("share",)
     positive: ClassVar[tuple[str, ...]] = ("tests",)
@@ -136,6 +152,7 @@ class ViscousDrag(Effect):
     """F -> F + eta v; eta in N s/mm."""
 
     name: ClassVar[str] = "viscous_drag"
+    recipe: ClassVar[Recipe] = Recipe("eta", 0.002, per=peak_of)
     order: ClassVar[int] = 30
 
     eta: float
@@ -150,6 +167,9 @@ class PowerLawDrag(Effect):
     """F -> F + k |v / (1 mm/s)|^n sgn v; k in N, 0 < n <= 1."""
 
     name: ClassVar[str] = "power_law_drag"
+    recipe: ClassVar[Recipe] = Recipe(
+        "k", 0.01, per=peak_of, shape=lambda x: {"n": x.even(0.3, 0.8)}
+    )
     order: ClassVar[int] = 31
     shares: ClassVar[tuple[str, ...]] = ("n",)
     positive: ClassVar[tuple[str, ...]] = ("n",)
@@ -167,6 +187,7 @@ class SqueezeFilm(Effect):
     """F -> F + eta v / max(1 - d/h, 0.05)^3; eta in N s/mm, h in mm."""
 
     name: ClassVar[str] = "squeeze_film"
+    recipe: ClassVar[Recipe] = Recipe("eta", 0.001, per=peak_of, shape=film_of)
     order: ClassVar[int] = 32
     positive: ClassVar[tuple[str, ...]] = ("h",)
 
@@ -186,6 +207,12 @@ class FluidPressure(Effect):
     """
 
     name: ClassVar[str] = "fluid_pressure"
+    recipe: ClassVar[Recipe] = Recipe(
+        "k",
+        0.05,
+        per=stiffness_of,
+        shape=lambda draw: {"tau": draw.spread(0.1, 10.0), "a": draw.even(0.0, 1.0) / draw.depth},
+    )
     order: ClassVar[int] = 33
     positive: ClassVar[tuple[str, ...]] = ("tau",)
     signed: ClassVar[tuple[str, ...]] = ("a",)
@@ -205,6 +232,7 @@ class Friction(Effect):
     """F -> F + strength z, dz/dt = (v / reach)(1 - z sgn v), z = 0 at first (Dahl); N, mm."""
 
     name: ClassVar[str] = "friction"
+    recipe: ClassVar[Recipe] = Recipe("strength", per=peak_of, shape=reach_of)
     order: ClassVar[int] = 34
     positive: ClassVar[tuple[str, ...]] = ("reach",)
 
@@ -221,6 +249,9 @@ class SecondContact(Effect):
     """F -> F + stiffness max(d - depth, 0); N/mm, mm."""
 
     name: ClassVar[str] = "second_contact"
+    recipe: ClassVar[Recipe] = Recipe(
+        "stiffness", 0.2, per=stiffness_of, shape=lambda x: {"depth": x.depth * x.even(0.4, 0.8)}
+    )
     order: ClassVar[int] = 35
 
     stiffness: float

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from .effect import Effect
 from .mesh import Array, Path
+from .recipes import Recipe, peak_of
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,7 @@ class Inertia(Effect):
     """F -> F + mass a, a the platen's acceleration; mass in N s2/mm."""
 
     name: ClassVar[str] = "inertia"
+    recipe: ClassVar[Recipe] = Recipe("mass", 5e-5, per=peak_of)
     order: ClassVar[int] = 60
 
     mass: float
@@ -28,6 +30,7 @@ class ForceOffset(Effect):
     """F -> F + offset; N, either sign."""
 
     name: ClassVar[str] = "force_offset"
+    recipe: ClassVar[Recipe] = Recipe("offset", per=peak_of)
     order: ClassVar[int] = 61
     signed: ClassVar[tuple[str, ...]] = ("offset",)
 
@@ -43,6 +46,7 @@ class ForceDrift(Effect):
     """F -> F + rate t, t the clock since the pad's first test began; N/s, either sign."""
 
     name: ClassVar[str] = "force_drift"
+    recipe: ClassVar[Recipe] = Recipe("rate", per=lambda x: x.peak / x.study_s)
     order: ClassVar[int] = 62
     signed: ClassVar[tuple[str, ...]] = ("rate",)
 
@@ -58,6 +62,9 @@ class LoadCellCreep(Effect):
     """F -> F + share y, y' = (F - y)/time: the load cell's own after-effect; s."""
 
     name: ClassVar[str] = "load_cell_creep"
+    recipe: ClassVar[Recipe] = Recipe(
+        "share", 0.05, 0.9, shape=lambda x: {"time": x.spread(2.0, 60.0)}
+    )
     order: ClassVar[int] = 67
     positive: ClassVar[tuple[str, ...]] = ("time",)
 
@@ -74,6 +81,7 @@ class ChannelLag(Effect):
     """F(t) -> F(t - delay); before the start the force of the start; delay in s."""
 
     name: ClassVar[str] = "channel_lag"
+    recipe: ClassVar[Recipe] = Recipe("delay", 1e-3, 0.05)
     order: ClassVar[int] = 69
 
     delay: float

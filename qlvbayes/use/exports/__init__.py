@@ -1,4 +1,4 @@
-"""What a fit becomes in other programs. One file, one target; ``catalogue`` lists them.
+"""Write a fit for other programs. One file, one target; ``catalogue`` lists them.
 
 A new target is one class in one file here, under ``target.AbstractTarget``, and its name in
 ``catalogue.TARGETS``; what it writes lies in ``templates/`` where it is longer than a few lines.

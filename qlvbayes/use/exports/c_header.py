@@ -9,12 +9,12 @@ import numpy as np
 from qlvbayes.effects.channel_lag import LINES
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import card, in_comment, template
-from qlvbayes.use.exports.formulas import FORMULAS, Formulas
-from qlvbayes.use.exports.layer_code import MATERIAL, layers_code, library_of
-from qlvbayes.use.exports.layers import LINE, ExportedLayer
+from qlvbayes.use.exports.expressions import TranslationError
+from qlvbayes.use.exports.language import Language
+from qlvbayes.use.exports.layer_code import MATERIAL, elastic_code, layers_code, library_of
+from qlvbayes.use.exports.layers import LINE, ElasticFunction, ExportedLayer, elastic_functions
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
-from qlvbayes.use.exports.translation import Language, functions_of, needs
 
 
 class CHeader(AbstractTarget):
@@ -31,7 +31,7 @@ class CHeader(AbstractTarget):
 
 def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
     """Return the header and the table of draws, with the words of the target that holds them."""
-    law = formulas_of(pad)
+    law = functions_of(pad)
     name = pad.identifier
     language = C(name)
     values = {
@@ -40,8 +40,8 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
         "card": in_comment(card(pad, target)),
         "constants": pad.constants,
         "modes": pad.times.size,
-        "functions": functions_of(law, language),
-        "library": sorted(needs(law) | library_of(pad.pieces) | {"fmin"}),
+        "functions": elastic_code(law, language),
+        "library": sorted(library_of(law, pad.pieces) | {"exp", "fmin"}),  # of every decay
         "units": pad.units,
         **layered(pad, language),
         "middle": rows_of(pad.middle)[0],
@@ -54,15 +54,15 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
     }
 
 
-def formulas_of(pad: ExportedPad) -> Formulas:
-    """Return the elastic law's formulas; raise InputError where it has none."""
-    name = type(pad.elastic).name
-    if name not in FORMULAS:
+def functions_of(pad: ExportedPad) -> list[ElasticFunction]:
+    """Return the elastic law's functions; raise InputError where they cannot be written as code."""
+    try:
+        return elastic_functions(pad.elastic)
+    except TranslationError as reason:
         raise InputError(
-            f"the elastic law {name} cannot be written as code",
-            remedy=f"use --to json, or fit with --elastic {'|'.join(FORMULAS)}",
-        )
-    return FORMULAS[name]
+            f"the elastic law {type(pad.elastic).name} cannot be written as code",
+            remedy="use --to json, or fit with another --elastic",
+        ) from reason
 
 
 def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
@@ -132,17 +132,17 @@ class C(Language):
         name: str,
         summary: str,
         arguments: list[str],
-        body: list[tuple[str, str]],
+        body: list[str],
         result: str,
     ) -> str:
         """Return a static inline function."""
         real = f"{self.prefix}_real"
-        written = " ".join([*(text for _, text in body), result])
+        written = " ".join([*body, result])
         typed = [
             f"const {self.prefix}_constants *k" if x == "k" else f"{real} {x}" for x in arguments
         ]
         lines = [f"    (void){x};" for x in arguments if not _stands_in(x, written)]
-        lines += [f"    const {real} {key} = {text};" for key, text in body]
+        lines += [f"    {line}" for line in body]
         head = f"static inline {real} {name}({', '.join(typed)})"
         return "\n".join([f"/* {summary} */", head, "{", *lines, f"    return {result};", "}", ""])
 

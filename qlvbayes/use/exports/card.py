@@ -1,4 +1,4 @@
-"""What every exported file says of itself: model, units, date, tested range, intervals, limits."""
+"""State in every exported file its model, units, date, tested range and limits."""
 
 from __future__ import annotations
 

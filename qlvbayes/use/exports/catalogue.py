@@ -1,4 +1,4 @@
-"""Every target, in the order in which they are listed."""
+"""List every target, in the order in which they are shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a simulator's own force is from the measured one, test by test and phase by phase."""
+"""State how far a simulator's own force is from the measured one, phase by phase."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that the fit knows of a pad, in JSON."""
+"""Write all that the fit knows of a pad as JSON."""
 
 from __future__ import annotations
 

@@ -1,13 +1,12 @@
-"""Layers as functions of another language: one that begins and one that steps, for each."""
+"""The elastic law and the layers as functions of another language."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 
 from qlvbayes.use.exports.expressions import Expression
-from qlvbayes.use.exports.layers import ExportedLayer, LayerComputation
-from qlvbayes.use.exports.translation import Language
+from qlvbayes.use.exports.language import Language
+from qlvbayes.use.exports.layers import ElasticFunction, ExportedLayer, LayerComputation
 
 _SIGNS = {
     "add": "+",
@@ -41,38 +40,81 @@ _INPUTS = ("constant", "constant_of", "memory", "line", "state", "force_beneath"
 _STATES = ("state", "begin_beneath", "step_beneath")
 
 
-def library_of(pieces: Iterable[ExportedLayer]) -> set[str]:
-    """Return the functions of C's library that the layers call."""
-    works = [work for piece in pieces for work in (piece.begin, piece.step)]
+def library_of(elastic: Iterable[ElasticFunction], pieces: Iterable[ExportedLayer]) -> set[str]:
+    """Return the functions of C's library that the elastic law and the layers call."""
+    works = [one.work for one in elastic]
+    works += [work for piece in pieces for work in (piece.begin, piece.step)]
     return {LIBRARY[x.op] for work in works for x in work.ordered if x.op in LIBRARY}
 
 
-@dataclass
-class LayerStatements:
-    """A function's statements; the language writes them one by one."""
+class Statements:
+    """The statements of a function, in which what is used more than once gets a name."""
 
-    language: Language
-    piece: ExportedLayer
-    below: str
-    work: LayerComputation
-    text: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
+    def __init__(self, language: Language, work: LayerComputation) -> None:
+        self.language, self.work = language, work
+        self.text: list[str] = []
         self._named: dict[int, str] = {}
-        self._locations: dict[int, str] = {}
-        self._slot = _slots(self.work)
-        for x in self.work.ordered:
+        for x in work.ordered:
             self._note(x)
+
+    def _note(self, x: Expression) -> None:
+        if x.op not in _INPUTS and self.work.used[id(x)] > 1:
+            name, written = f"t{len(self._named) + 1}", self.write(x)
+            self._named[id(x)] = name
+            self.text.append(self.language.set(name, written, truth=x.is_true_or_false))
+
+    def write(self, x: Expression) -> str:
+        """Return the expression in one line of text, or the name that it has."""
+        language = self.language
+        if (name := self._named.get(id(x))) is not None:
+            return name
+        if x.op == "constant":
+            if isinstance(x.value, bool):
+                return language.truth(x.value)
+            return language.number(float(x.value))
+        if x.op == "constant_of":
+            return language.constant(x.value)
+        if x.op == "memory":
+            return language.memory(x.value)
+        if x.op == "line":
+            return x.value
+        args = [self.write(y) for y in x.args]
+        if x.op in _SIGNS:
+            return f"({args[0]} {_SIGNS[x.op]} {args[1]})"
+        if x.op == "neg":
+            return f"(-{args[0]})"
+        if x.op == "not":
+            return language.opposite(args[0])
+        if x.op == "ne":
+            return language.opposite(f"({args[0]} == {args[1]})")
+        if x.op == "choose":
+            return language.either(*args)
+        if x.op in LIBRARY:
+            return f"{language.library(LIBRARY[x.op])}({', '.join(args)})"
+        return f"{language.own(x.op)}({', '.join(['k', *args])})"  # of the elastic law
+
+
+class LayerStatements(Statements):
+    """The statements of a layer's ``begin`` or ``step``; the language writes them one by one."""
+
+    def __init__(
+        self, language: Language, piece: ExportedLayer, below: str, work: LayerComputation
+    ) -> None:
+        self.piece, self.below = piece, below
+        self._locations: dict[int, str] = {}
+        self._slot = _slots(work)
+        super().__init__(language, work)
         self._end()
 
     def _note(self, x: Expression) -> None:
         if x.op in _STATES:
             self._state(x)
-        elif x.op not in _INPUTS and self.work.used[id(x)] > 1:
-            name = f"t{len(self._named) + 1}"
-            written = self._write(x)
-            self._named[id(x)] = name
-            self.text.append(self.language.set(name, written, truth=x.is_true_or_false))
+        else:
+            super()._note(x)
+
+    def write(self, x: Expression) -> str:
+        """Return the expression in one line of text, or the name that it has."""
+        return self._named[id(x.args[0])] if x.op == "force_beneath" else super().write(x)
 
     def _state(self, x: Expression) -> None:
         """Write the statements that make a state of the law beneath."""
@@ -82,7 +124,7 @@ class LayerStatements:
             return
         if x.op == "begin_beneath":
             location = self._kept(x)
-            self.text.append(self.language.begin(self.below, location, self._write(x.args[0])))
+            self.text.append(self.language.begin(self.below, location, self.write(x.args[0])))
         else:
             before, *line = x.args
             location = self._locations[id(before)]
@@ -94,7 +136,7 @@ class LayerStatements:
             name = f"f{len(self._locations) + 1}" if wanted else None
             self._named[id(x)] = name or ""
             followed = "followed" if self.work.force else self.language.truth(False)  # of a begin
-            words = [*(self._write(y) for y in line), followed]
+            words = [*(self.write(y) for y in line), followed]
             self.text.append(self.language.step(self.below, name, location, words))
         self._locations[id(x)] = location
 
@@ -111,9 +153,9 @@ class LayerStatements:
         memory = []
         for i, x in enumerate(work.memory):
             if x.op != "memory" or x.value != i:
-                memory.append((i, self._write(x)))
+                memory.append((i, self.write(x)))
         if work.force is not None:
-            self.text.append(language.set("force", self._write(work.force), truth=False))
+            self.text.append(language.set("force", self.write(work.force), truth=False))
         if len(memory) > 1:  # none is set before all are worked out
             self.text += [language.set(f"m{i}", text, truth=False) for i, text in memory]
             memory = [(i, f"m{i}") for i, _ in memory]
@@ -122,38 +164,6 @@ class LayerStatements:
             own = language.beneath(i, self.piece.beneath)
             if self._locations[id(x)] != own:
                 self.text.append(language.keep(own, self._locations[id(x)]))
-
-    def _write(self, x: Expression) -> str:
-        """Return the expression in one line of text, or the name that it has."""
-        language = self.language
-        if (name := self._named.get(id(x))) is not None:
-            return name
-        if x.op == "force_beneath":
-            return self._named[id(x.args[0])]
-        if x.op == "constant":
-            if isinstance(x.value, bool):
-                return language.truth(x.value)
-            return language.number(float(x.value))
-        if x.op == "constant_of":
-            return language.constant(x.value)
-        if x.op == "memory":
-            return language.memory(x.value)
-        if x.op == "line":
-            return x.value
-        args = [self._write(y) for y in x.args]
-        if x.op in _SIGNS:
-            return f"({args[0]} {_SIGNS[x.op]} {args[1]})"
-        if x.op == "neg":
-            return f"(-{args[0]})"
-        if x.op == "not":
-            return language.opposite(args[0])
-        if x.op == "ne":
-            return language.opposite(f"({args[0]} == {args[1]})")
-        if x.op == "choose":
-            return language.either(*args)
-        if x.op in LIBRARY:
-            return f"{language.library(LIBRARY[x.op])}({', '.join(args)})"
-        return f"{language.own(x.op)}({', '.join(['k', *args])})"  # of the elastic law
 
 
 def _slots(work: LayerComputation) -> dict[int, int]:
@@ -170,6 +180,17 @@ def _slots(work: LayerComputation) -> dict[int, int]:
 
 MATERIAL = "material"
 """What lies beneath the innermost layer."""
+
+
+def elastic_code(functions: Iterable[ElasticFunction], language: Language) -> str:
+    """Return the functions of the elastic law."""
+    texts = []
+    for one in functions:
+        body = Statements(language, one.work)
+        assert one.work.force is not None
+        name, value = language.own(one.name), body.write(one.work.force)
+        texts.append(language.function(name, one.summary, ["k", *one.arguments], body.text, value))
+    return "\n".join(texts)
 
 
 def layers_code(pieces: Sequence[ExportedLayer], language: Language) -> str:

@@ -1,18 +1,19 @@
-"""The layers of a model, from the steps that the effects themselves take, for other languages.
+"""The elastic law and the layers of a model as expressions, for other languages.
 
-An effect defines in `begin` and `step` how it continues along each line of a motion. These methods
-themselves are translated, not a second description: each is run once on expressions, in which the
-law beneath it is two calls.
+An effect defines in `begin` and `step` how it continues along each line of a motion, an elastic law
+in `force`, `stiffness` and `relaxed_step`. These methods themselves are translated, not a second
+description: each is run once on expressions, in which the law beneath a layer is two calls.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +22,7 @@ from jax.extend import core
 
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.layered import Contact, Layer
 from qlvbayes.laws.motion import Line
 from qlvbayes.model.model import Model
@@ -81,7 +83,7 @@ class LayerComputation:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLayer:
-    """One layer, as a language writes it.
+    """Hold one layer, as a language writes it.
 
     name: part of an identifier; said: the law in one line; columns: names of the layer's constants
     in a posterior; touch: index in its memory of the flag that the specimen is touched, None where
@@ -112,6 +114,63 @@ class ExportedLayer:
     def beneath(self) -> int:
         """Number of states of the layer beneath that it keeps."""
         return len(self.step.states)
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticFunction:
+    """Hold one function of the elastic law: its name, arguments beside the constants, and value."""
+
+    name: str
+    summary: str
+    arguments: tuple[str, ...]
+    work: LayerComputation
+
+
+_STEP_OF_MODE = ("start", "stop", "at_start", "at_stop", "decay", "left")
+"""Depths and elastic forces at both ends of a step, v h of the mode, and e^{-decay}."""
+
+
+def elastic_functions(law: AbstractElastic) -> list[ElasticFunction]:
+    """Return the elastic force, the stiffness, the step of a relaxing mode and the step's slope.
+
+    The slope is that along the step's end, which Newton's method needs. Raises TranslationError
+    where the law does what no expression does.
+    """
+    make = Expressions({})
+    names = tuple(type(law).units)
+    constants = [make.named("constant_of", name) for name in names]
+    number = jax.ShapeDtypeStruct((), float)
+
+    def of(values: Sequence[Any]) -> Any:
+        return eqx.tree_at(lambda one: [getattr(one, name) for name in names], law, values)
+
+    def step(
+        values: Sequence[Any], start: Any, stop: Any, first: Any, last: Any, decay: Any
+    ) -> Any:
+        return of(values).relaxed_step(start, stop, first, last, decay)
+
+    def slope(values: Sequence[Any], start: Any, stop: Any, first: Any, *rest: Any) -> Any:
+        last, decay = rest
+        along = (jnp.ones_like(stop), of(values).stiffness(stop))
+        return jax.jvp(lambda x, y: step(values, start, x, first, y, decay), (stop, last), along)[1]
+
+    ways = (
+        ("elastic_force", "The elastic force at a depth.", ("depth",),
+         lambda values, depth: of(values).force(depth)),
+        ("stiffness", "Its slope.", ("depth",), lambda values, depth: of(values).stiffness(depth)),
+        ("step", "Integral of e^{-v (h - s)} K d(depth) over a step.", _STEP_OF_MODE, step),
+        ("slope", "Slope of the step along its end.", _STEP_OF_MODE, slope),
+    )  # fmt: skip
+    functions = []
+    for name, summary, arguments, function in ways:
+        traced = [argument for argument in arguments if argument != "left"]
+        program = jax.make_jaxpr(function)([number] * len(names), *[number] * len(traced))
+        given = {argument: make.named("line", argument) for argument in arguments}
+        if "left" in given:
+            make.equate(make.call("exp", make.call("neg", given["decay"])), given["left"])
+        (value,) = make.from_program(program, [*constants, *(given[x] for x in traced)])
+        functions.append(ElasticFunction(name, summary, arguments, LayerComputation((), (), value)))
+    return functions
 
 
 def exported_layers(model: Model) -> tuple[tuple[ExportedLayer, ...], dict[str, str]]:

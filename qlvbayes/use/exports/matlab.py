@@ -1,14 +1,15 @@
-"""A function for MATLAB and GNU Octave, from the same formulas as the C header."""
+"""A function for MATLAB and GNU Octave, from the same expressions as the C header."""
 
 from __future__ import annotations
 
 from qlvbayes.effects.channel_lag import LINES
-from qlvbayes.use.exports.c_header import formulas_of, layered, rows_of
+from qlvbayes.use.exports.c_header import functions_of, layered, rows_of
 from qlvbayes.use.exports.card import ONE_DRAW, card, template
+from qlvbayes.use.exports.language import Language
+from qlvbayes.use.exports.layer_code import elastic_code
 from qlvbayes.use.exports.layers import LINE, ExportedLayer
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
-from qlvbayes.use.exports.translation import Language, functions_of
 
 
 class MatlabFunction(AbstractTarget):
@@ -27,7 +28,7 @@ class MatlabFunction(AbstractTarget):
             card=card(pad, type(self)),
             constants=pad.constants,
             middle=rows_of(pad.middle)[0],
-            functions=functions_of(formulas_of(pad), M()),
+            functions=elastic_code(functions_of(pad), M()),
             units=pad.units,
             **layered(pad, M()),
         )
@@ -62,11 +63,11 @@ class M(Language):
         name: str,
         summary: str,
         arguments: list[str],
-        body: list[tuple[str, str]],
+        body: list[str],
         result: str,
     ) -> str:
         """Return a function that is local to the file."""
-        lines = [f"  {key} = {text};" for key, text in body]
+        lines = [f"  {line}" for line in body]
         head = f"function result_ = {name}({', '.join(arguments)})"
         return "\n".join([head, f"  % {summary}", *lines, f"  result_ = {result};", "end", ""])
 

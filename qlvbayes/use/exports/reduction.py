@@ -36,7 +36,7 @@ Law = Callable[..., Floats]
 
 
 class PhaseLabel(NamedTuple):
-    """One kind of phase of one test; role: fit, validate, or empty where there was no test."""
+    """Hold one kind of phase of one test; role: fit, validate, or empty where there was no test."""
 
     test: str
     role: str
@@ -147,14 +147,14 @@ def pressing(pad: ExportedPad) -> Pressing:
     )
 
 
-class _Run(NamedTuple):
-    """One motion: of each time its cell, and depth, speed, modelled and measured force."""
+class _MotionRun(NamedTuple):
+    """Hold one motion: of each time its cell, and depth, speed, modelled and measured force."""
 
     cells: list[PhaseLabel]
     columns: tuple[Floats, Floats, Floats, Floats]
 
 
-def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
+def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _MotionRun:
     end = reach.depth / rate
     ramp = np.linspace(0.0, end, _RAMP + 1)
     hold = end + reach.hold * np.linspace(0.0, 1.0, _RAMP + 1)[1:]
@@ -166,10 +166,10 @@ def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
     force = np.asarray(pad.model.force(motion))
     name = f"{rate:.3g} {pad.units.speed}"
     cells = [PhaseLabel(name, "", "ramp" if moves else "hold") for moves in rising]
-    return _Run(cells, (depth, speed, force, force))
+    return _MotionRun(cells, (depth, speed, force, force))
 
 
-def _tested(pad: ExportedPad, tests: Experiment) -> list[_Run]:
+def _tested(pad: ExportedPad, tests: Experiment) -> list[_MotionRun]:
     samples = [representative_rows(trial) for trial in tests.trials]
     records = map(partial(single_samples, tests), tests.trials, samples)
     forces = eqx.filter_jit(eqx.filter_vmap(_averages, in_axes=(None, 0)))
@@ -184,7 +184,7 @@ def _tested(pad: ExportedPad, tests: Experiment) -> list[_Run]:
             trial.test.force[rows],
         )
         cells = [PhaseLabel(trial.name, trial.role, str(kind)) for kind in trial.phase_of(time)]
-        runs.append(_Run(cells, columns))
+        runs.append(_MotionRun(cells, columns))
     return runs
 
 

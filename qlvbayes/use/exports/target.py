@@ -18,7 +18,7 @@ class Geometry:
 
 
 class AbstractTarget(ABC):
-    """One program, format or language that a pad goes into.
+    """Define one program, format or language that a pad goes into.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From a folder of results to the files of a target."""
+"""Write the files of a target from a folder of results."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 r"""The expected information of tests by nested Monte Carlo, without linearising the forces.
 
-Readings y are simulated from an explanation, parameters drawn from the belief, and noise. Then
+It is the check of the closed form, by which ``qlvbayes design`` chooses. Readings y are simulated
+from an explanation, parameters drawn from the belief, and noise. Then
 
 .. math:: I(g; y) = E \log_2 \frac{p(y | g)}{p(y)}, \qquad
           I(\phi; y | h) = E \log_2 \frac{p(y | \phi, h)}{p(y | h)}
@@ -8,14 +9,15 @@ Readings y are simulated from an explanation, parameters drawn from the belief, 
 for the cause g, one or more explanations h, and the constants phi that are asked for. Every
 p(y | .) is an average over draws from a normal about the mode of the remaining parameters, with the
 curvature there (Laplace importance sampling; Beck et al. 2018, doi:10.1016/j.cma.2018.01.053), as
-plain averages over the prior underflow where tests tell much. The same readings with linear forces,
-whose mean is known, serve as a control variate.
+plain averages over the prior underflow where tests tell much. The same readings with linear forces
+go the same way; as their mean is known, only the difference has a Monte Carlo error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,18 +39,24 @@ INNER = 12
 """Pairs of draws of the parameters for each of these."""
 _STEPS = 2  # Gauss-Newton steps to the mode
 _FARTHEST = 4.0  # sds of the belief: longest step
-_MANY = 4000  # sets of linear readings from which the control variate's mean is known
+_MANY = 4000  # sets of linear readings, so that the error of their mean does not count
 _LN2 = float(np.log(2.0))
 
 
 @dataclass(frozen=True)
-class MonteCarloBits:
-    """Bits about the constants and about the cause, each with the sd of its Monte Carlo error."""
+class NestedBits:
+    """Bits about constants and cause, each with the sd of its Monte Carlo error."""
 
     constants: float
     constants_error: float
     cause: float
     cause_error: float
+
+
+class Tests(Protocol):
+    """Tests that give the whitened forces (K, n) of any explanation for z (K, F)."""
+
+    def forces(self, one: Explanation, z: Array) -> Array: ...
 
 
 class WhitenedTests:
@@ -90,7 +98,29 @@ class WhitenedTests:
         return np.concatenate(parts, axis=1)
 
 
-def monte_carlo_bits(
+class LinearTests:
+    """The same tests with forces that are linear in z, with their slopes at z = 0."""
+
+    def __init__(self, tests: Tests, belief: Belief) -> None:
+        self._own = {}
+        for one in belief.explanations:
+            rows = STEP * np.concatenate([np.zeros((1, one.size)), np.eye(one.size)])
+            force = tests.forces(one, rows)
+            self._own[id(one)] = force[0], (force[1:] - force[0]) / STEP
+
+    def forces(self, one: Explanation, z: Array) -> Array:
+        """Return the whitened forces (K, n) of an explanation for z (K, F)."""
+        force, slopes = self._own[id(one)]
+        return np.asarray(force + z @ slopes)
+
+    def bits_for(self, one: Explanation, rows: Array) -> float:
+        """Return the expected bits about directions, rows (r, F), of an explanation's z."""
+        slopes = self._own[id(one)][1]
+        left = rows @ np.linalg.solve(np.eye(one.size) + slopes @ slopes.T, rows.T)
+        return float(-0.5 * np.linalg.slogdet(left)[1] / _LN2)
+
+
+def nested_bits(
     belief: Belief,
     designs: Sequence[Design],
     rig: Rig,
@@ -101,7 +131,7 @@ def monte_carlo_bits(
     seed: int = 0,
     outer: int = OUTER,
     inner: int = INNER,
-) -> MonteCarloBits:
+) -> NestedBits:
     """Return the bits that all these tests together are expected to tell.
 
     Parameters
@@ -123,13 +153,29 @@ def monte_carlo_bits(
     outer, inner
         Sets of readings, and pairs of draws for each of them.
     """
-    rng = np.random.default_rng(seed)
     tests = WhitenedTests(belief, designs, rig, errors, clock)
-    linear = LinearTests.from_tests(tests, belief)
+    linear = LinearTests(tests, belief)
+    real = _simulated(tests, belief, names, seed, outer, inner)
+    same = _simulated(linear, belief, names, seed, outer, inner)
+    exact = [linear.bits_for(one, one.directions(names)) for one in belief.explanations]
+    # about the cause there is no closed form; one pair of draws is exact where forces are linear
+    many = [bits.mean() for bits in _simulated(linear, belief, (), seed + 1, _MANY, 1)[1]]
+    means = []
+    for bits, line, known in zip(real, same, (exact, many), strict=True):
+        shift = [a - b + c for a, b, c in zip(bits, line, known, strict=True)]
+        means += _mean(shift, belief.probabilities)
+    return NestedBits(*means)
+
+
+def _simulated(
+    tests: Tests, belief: Belief, names: Sequence[str], seed: int, outer: int, inner: int
+) -> tuple[list[Array], list[Array]]:
+    """Return the bits about constants and cause of readings of each explanation."""
     p = belief.probabilities
     log_p = np.log(np.maximum(p, 1e-300))
     constants, cause = [], []
     for k, one in enumerate(belief.explanations):
+        rng = np.random.default_rng([seed, k])
         count = max(round(outer * p[k]), 4)
         z = rng.standard_normal((count, one.size))
         force = tests.forces(one, z)
@@ -140,106 +186,14 @@ def monte_carlo_bits(
                            np.zeros((count, other.size)), np.eye(other.size), inner, rng)
             for other in belief.explanations
         ]  # fmt: skip
-        own = _own_group(belief, k)
-        bits = _bits_of_group(np.stack(whole), log_p, own)
-        control = linear.cause(k, z, noise, log_p, own)
-        cause.append(bits - control + linear.cause_mean(k, log_p, own, seed))
+        own = list(next(group for group in belief.groups if k in group))
+        joint = np.stack(whole) + log_p[:, None]
+        within = logsumexp(joint[own], axis=0) - logsumexp(log_p[own])
+        cause.append((within - logsumexp(joint, axis=0)) / _LN2)
         rows = one.directions(names)
         known = _log_given_constants(tests, one, rows, z, readings, noise, inner, rng)
-        bits = (known - whole[k]) / _LN2 if len(rows) else np.zeros(count)
-        control = linear.constants(k, rows, z, noise)
-        constants.append(bits - control + linear.constants_mean(k, rows))
-    return MonteCarloBits(*_mean(constants, p), *_mean(cause, p))
-
-
-def _own_group(belief: Belief, k: int) -> list[int]:
-    """Return the indices of all explanations of k's cause."""
-    return list(next(group for group in belief.groups if k in group))
-
-
-def _bits_of_group(logs: Array, log_p: Array, own: list[int]) -> Array:
-    """Return the bits (K,) about a cause, the explanations ``own``, from log p(y | h) (H, K)."""
-    joint = logs + log_p[:, None]
-    within = logsumexp(joint[own], axis=0) - logsumexp(log_p[own])
-    return np.asarray((within - logsumexp(joint, axis=0)) / _LN2)
-
-
-@dataclass(frozen=True, eq=False)
-class LinearTests:
-    """The same tests with forces that are linear in z: a control variate of known mean.
-
-    Parameters
-    ----------
-    forces
-        Whitened forces (n,) of every explanation at z = 0.
-    slopes
-        Their slopes (F, n) along z.
-    """
-
-    forces: tuple[Array, ...]
-    slopes: tuple[Array, ...]
-
-    @classmethod
-    def from_tests(cls, tests: WhitenedTests, belief: Belief) -> LinearTests:
-        """Return the tests linearised about z = 0."""
-        forces, slopes = [], []
-        for one in belief.explanations:
-            zero = np.zeros((1, one.size))
-            left, own = _linearised(tests, one, np.zeros((1, 1)), zero, zero, np.eye(one.size))
-            forces.append(-left[0])
-            slopes.append(own[0])
-        return cls(tuple(forces), tuple(slopes))
-
-    def _log_marginal(self, k: int, readings: Array, axes: Array | None = None) -> Array:
-        """Return log p(y) (K,) of readings (K, n), up to a constant.
-
-        axes (k, F): the directions of z that are integrated over, by default all.
-        """
-        own = self.slopes[k] if axes is None else axes @ self.slopes[k]
-        left = readings - self.forces[k]
-        precision = np.eye(len(own)) + own @ own.T
-        taken = left @ own.T
-        inside = np.einsum("kf,kf->k", taken, np.linalg.solve(precision, taken.T).T)
-        log_det = np.linalg.slogdet(precision)[1]
-        return np.asarray(-0.5 * (np.sum(left**2, axis=1) - inside + log_det))
-
-    def cause(self, k: int, z: Array, noise: Array, log_p: Array, own: list[int]) -> Array:
-        """Return the bits (K,) about the cause, of explanation k with z (K, F) and noise (K, n).
-
-        own: indices of the explanations of k's cause.
-        """
-        if len(log_p) == len(own):
-            return np.zeros(len(z))
-        readings = self.forces[k] + z @ self.slopes[k] + noise
-        logs = np.stack([self._log_marginal(j, readings) for j in range(len(log_p))])
-        return _bits_of_group(logs, log_p, own)
-
-    def cause_mean(self, k: int, log_p: Array, own: list[int], seed: int) -> float:
-        """Return the mean of `cause`, over so many draws that its own error does not count."""
-        if len(log_p) == len(own):
-            return 0.0
-        rng = np.random.default_rng([seed, k])
-        z = rng.standard_normal((_MANY, len(self.slopes[k])))
-        noise = rng.standard_normal((_MANY, len(self.forces[k])))
-        return float(self.cause(k, z, noise, log_p, own).mean())
-
-    def constants(self, k: int, rows: Array, z: Array, noise: Array) -> Array:
-        """Return the bits (K,) about directions, rows (r, F), of explanation k's parameters."""
-        if not len(rows):
-            return np.zeros(len(z))
-        readings = self.forces[k] + z @ self.slopes[k] + noise
-        others = np.linalg.svd(rows)[2][len(rows) :]
-        known = readings - z @ rows.T @ rows @ self.slopes[k]
-        given = self._log_marginal(k, known, others)
-        return np.asarray((given - self._log_marginal(k, readings)) / _LN2)
-
-    def constants_mean(self, k: int, rows: Array) -> float:
-        """Return the mean of `constants`, in closed form."""
-        if not len(rows):
-            return 0.0
-        precision = np.eye(len(self.slopes[k])) + self.slopes[k] @ self.slopes[k].T
-        left = rows @ np.linalg.solve(precision, rows.T)
-        return float(-0.5 * np.linalg.slogdet(left)[1] / _LN2)
+        constants.append((known - whole[k]) / _LN2 if len(rows) else np.zeros(count))
+    return constants, cause
 
 
 def _mean(values: Sequence[Array], p: Array) -> tuple[float, float]:
@@ -256,7 +210,7 @@ def _mean(values: Sequence[Array], p: Array) -> tuple[float, float]:
 
 
 def _log_given_constants(
-    tests: WhitenedTests,
+    tests: Tests,
     one: Explanation,
     rows: Array,
     z: Array,
@@ -274,7 +228,7 @@ def _log_given_constants(
 
 
 def _log_marginals(
-    tests: WhitenedTests,
+    tests: Tests,
     one: Explanation,
     readings: Array,
     fixed: Array,
@@ -312,7 +266,7 @@ def _log_marginals(
 
 
 def _linearised(
-    tests: WhitenedTests,
+    tests: Tests,
     one: Explanation,
     readings: Array,
     fixed: Array,

@@ -1,0 +1,36 @@
+"""Named checks of the rules that a law, an effect or a format keeps; all of them run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+Check = tuple[str, Callable[[], None]]
+"""Name of a rule, and the function that raises an error where the rule is broken."""
+
+
+def run_checks(checks: Iterable[Check], error: type[AssertionError]) -> None:
+    """Run all checks, and raise one error that lists every broken rule, a line each.
+
+    The first check is of the declarations: where they are broken, the others cannot run.
+
+    Parameters
+    ----------
+    checks
+        The named checks.
+    error
+        The error with which a check says that its rule is broken.
+    """
+    broken: list[str] = []
+    for number, (_, check) in enumerate(checks):
+        try:
+            check()
+        except error as problem:
+            broken.append(str(problem))
+            if number == 0:
+                break
+        except Exception:
+            if not broken:
+                raise
+            break  # what is broken already is the reason
+    if broken:
+        raise error("\n".join(broken))
