@@ -4,13 +4,15 @@
 random, and gives each to the reader, to `convert` and to the first look. An answer, or one plain
 refusal, is right; any other exception, more than five seconds of CPU, or the death of the process
 is counted as a failure and its input is kept in build/endurance. `endurance.py kills --count 50`
-kills `fit` and `study` with SIGKILL at random moments, runs the same command again, and compares
-every number with an undisturbed run. Both print their counts.
+kills `fit`, `study` and a run of two processes with SIGKILL at random moments, up to four times in
+a row, runs the same command again, and compares all that is left with what a calm run leaves.
+Both print their counts.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -23,11 +25,13 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
 
+import h5py
 import numpy as np
 from mutations import mutated
 from page import Origin
@@ -184,63 +188,134 @@ def run_inputs(first: int, count: int) -> None:
     print(json.dumps(report, indent=1))
 
 
-def numbers_of(folder: Path) -> dict[str, bytes]:
-    """Return the contents of all tables and JSON files of a run, without what tells the time."""
-    found = {}
-    for path in sorted([*folder.rglob("*.csv"), *folder.rglob("*.json")]):
-        if ".finished" in path.parts:
-            continue
-        text = path.read_text(encoding="utf-8")
-        if path.suffix == ".json":
-            text = json.dumps(_without_time(json.loads(text)), sort_keys=True)
-        found[path.relative_to(folder).as_posix()] = text.encode()
-    return found
+def contents_of(folder: Path) -> dict[str, str]:
+    """Return every file of a run by name: of tables, JSON and draws what they say, without time.
+
+    Pictures and pages count by name alone, as do the notes of what is finished.
+    """
+    return {
+        path.relative_to(folder).as_posix(): _content(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def _content(path: Path) -> str:
+    if ".finished" in path.parts or path.suffix not in {".json", ".csv", ".tex", ".nc"}:
+        return ""
+    if path.suffix == ".nc":
+        return _draws_in(path)
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".json":
+        text = json.dumps(_without_time(json.loads(text)), sort_keys=True)
+    return text
+
+
+def _draws_in(path: Path) -> str:
+    """Return a digest of all arrays and attributes of a results file."""
+    digest = hashlib.sha256()
+
+    def add(name: str, node: h5py.Dataset | h5py.Group) -> None:
+        digest.update(name.encode())
+        if isinstance(node, h5py.Dataset):
+            digest.update(np.ascontiguousarray(node[()]).tobytes())
+
+    with h5py.File(path) as file:
+        facts = {key: str(value) for key, value in file.attrs.items() if key[0] != "_"}
+        digest.update(json.dumps(facts, sort_keys=True).encode())
+        file.visititems(add)
+    return digest.hexdigest()
 
 
 def _without_time(value: object) -> object:
-    """Drop what differs from run to run: durations, dates, folders."""
+    """Drop what differs from run to run: durations and dates."""
     if isinstance(value, dict):
-        drop = ("seconds", "date", "created", "elapsed", "wall", "command", "time_of_run", "s")
+        drop = ("seconds", "date", "created", "elapsed", "wall", "time_of_run", "s")
         return {k: _without_time(v) for k, v in value.items() if k not in drop}
     return [_without_time(v) for v in value] if isinstance(value, list) else value
 
 
+_FIT = ("--seed", "1", "--max-steps", "600", "--modes", "1", "--noise", "white")
+_KILLED = {
+    "fit": (("fit", *_FIT), 3, 0.5),
+    "fit by two processes": (("fit", *_FIT, "--jobs", "2"), 3, 0.3),
+    "study": (("study", *_FIT, "--pads", "A"), 1, 0.2),
+}
+"""Commands that are killed: their words, pads in the file, and their share of all kills."""
+_IN_A_ROW = 4  # kills of one run before it may end: what goes on is killed too
+
+
+def small_file(path: Path, pads: int) -> None:
+    """Write two tests of so many of the bundled pads, every third reading."""
+    lines = (ROOT / "data" / "pads.csv").read_text(encoding="utf-8").splitlines()
+    head, *rows = (line for line in lines if not line.startswith("#"))
+    tests = {f"{pad}-{rate}" for pad in "ABC"[:pads] for rate in (1, 20)}
+    kept = [row for row in rows if row.split(",")[1] in tests]
+    path.write_text("\n".join([head, *kept[::3]]) + "\n", encoding="utf-8")
+
+
 def run_kills(count: int, seed: int) -> None:
-    """Kill `fit` and `study` at random moments, run them again, and compare every number."""
+    """Kill commands at random moments, run them again, and compare all files with a calm run's."""
     rng = random.Random(seed)
-    rows = (ROOT / "data" / "pads.csv").read_text(encoding="utf-8")
+    found = {}
     with TemporaryDirectory() as base:
-        file = Path(base) / "pads.csv"
-        file.write_text(rows, encoding="utf-8")
-        outcomes: Counter[str] = Counter()
-        for command in ("fit", "study"):
-            whole = [sys.executable, "-m", "qlvbayes", command, str(file), "--seed", "1"]
-            if command == "fit":
-                whole += ["--max-steps", "1500"]
-            calm = Path(base) / f"{command}_calm"
-            begun = time.monotonic()
-            _run([*whole, "-o", str(calm)])
-            lasts, expected = time.monotonic() - begun, numbers_of(calm)
-            for k in range(count // 2):
-                out = Path(base) / f"{command}_{k}"
-                own = [*whole, "-o", str(out)]
-                process = subprocess.Popen(own, start_new_session=True, **_QUIET)
-                time.sleep(rng.uniform(0.0, lasts))
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-                code = _run([*whole, "-o", str(out)])
-                same = code == 0 and numbers_of(out) == expected
-                outcomes[f"{command}: {'equal' if same else 'differs'}"] += 1
-                if not same:
-                    mine = numbers_of(out)
-                    off = [n for n in {*mine, *expected} if mine.get(n) != expected.get(n)]
-                    print(f"{command} {k}: exit {code}, differs in {off}", flush=True)
-                shutil.rmtree(out)
-        print(json.dumps({"seed": seed, "count": count, "outcomes": dict(outcomes)}, indent=1))
+        os.environ["QLVBAYES_CACHE"] = str(Path(base) / "cache")  # what a kill leaves in it counts
+        for name, (words, pads, share) in _KILLED.items():
+            folder = Path(base) / name.replace(" ", "_")
+            folder.mkdir()
+            small_file(folder / "pads.csv", pads)
+            found[name] = _killed(folder, words, round(count * share), rng)
+            print(json.dumps({name: found[name]}), flush=True)
+    print(json.dumps({"seed": seed, "outcomes": found}, indent=1))
 
 
-def _run(command: list[str]) -> int:
-    return subprocess.run(command, check=False, **_QUIET).returncode
+def _killed(folder: Path, words: Sequence[str], count: int, rng: random.Random) -> dict[str, int]:
+    """Kill one command so many times, up to four times in a row, and let it end after these."""
+    run = _Command(folder, [words[0], "pads.csv", "-o", "out", *words[1:]])
+    begun = time.monotonic()
+    if (code := run.ended()) != 0:
+        raise SystemExit(f"{run.words}: exit {code} without any kill")
+    lasts, expected = time.monotonic() - begun, contents_of(folder / "out")
+    kills = runs = equal = 0
+    while kills < count:
+        shutil.rmtree(folder / "out")
+        row = 0
+        for _ in range(min(_IN_A_ROW, count - kills)):
+            row += run.killed_after(rng.uniform(0.0, lasts))
+        code, mine = run.ended(), contents_of(folder / "out")
+        kills, runs = kills + row, runs + 1
+        equal += code == 0 and mine == expected
+        if code != 0 or mine != expected:
+            off = sorted(n for n in {*mine, *expected} if mine.get(n) != expected.get(n))
+            print(f"{run.words}: exit {code} after {row} kills, differs in {off}", flush=True)
+            shutil.copytree(folder, KEPT / f"killed_{runs}", dirs_exist_ok=True)
+    return {"seconds": round(lasts), "kills": kills, "runs": runs, "equal": equal}
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A command of the program that runs in a folder, so that it has the same words each time."""
+
+    folder: Path
+    words: list[str]
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        line = [sys.executable, "-m", "qlvbayes", *self.words]
+        env = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.Popen(line, cwd=self.folder, env=env, start_new_session=True, **_QUIET)
+
+    def ended(self) -> int:
+        """Run to the end and return the exit status."""
+        return self._started().wait()
+
+    def killed_after(self, seconds: float) -> bool:
+        """Kill it with all its processes; return False where it had ended before."""
+        process = self._started()
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+        return process.wait() == -signal.SIGKILL
 
 
 def main() -> None:
