@@ -14,6 +14,7 @@ from qlvbayes import read_study, write_report
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
+from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import Processes, engine_of
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.shards import Shard
@@ -94,6 +95,29 @@ def test_a_pad_that_was_mended_is_no_longer_named(tmp_path):
         file.rename(file.with_name("good.json"))
     run(tmp_path, ["good"])
     assert faults_in(tmp_path) == []
+
+
+def test_two_runs_into_one_folder_do_not_mix(tmp_path):
+    with alone_in(tmp_path / "A"):
+        found, notices = run(tmp_path, "AB", MeanStep(1.0))
+    assert found.pads == ("B",)
+    assert notices == ["pad B: done"]
+    (fault,) = found.faults
+    assert fault.of == "pad A"
+    assert fault.mendable
+    assert "another run is writing results here" in fault.text
+    assert not list((tmp_path / "A").iterdir())
+    assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: done", "pad B: there"]
+
+
+def test_what_a_killed_run_left_half_written_is_removed(tmp_path):
+    (tmp_path / "A").mkdir()
+    part = tmp_path / "A" / "mean.json.4711.part"
+    part.write_text("half")
+    (tmp_path / "A" / "mine.part").write_text("a user's own file")
+    run(tmp_path, "A")
+    assert not part.exists()
+    assert (tmp_path / "A" / "mine.part").exists()
 
 
 def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatch):
