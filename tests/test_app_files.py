@@ -1,6 +1,7 @@
 """What is dropped onto the bench: files of any kind, and sessions saved before."""
 
 import json
+import stat
 import zipfile
 
 import pytest
@@ -121,6 +122,48 @@ def test_what_is_no_saved_session_is_told(tmp_path):
     (tmp_path / "cut.zip").write_bytes(whole[:-30])
     with pytest.raises(InputError, match="damaged"):
         opened(tmp_path / "session", tmp_path / "cut.zip")
+
+
+def test_a_damaged_session_leaves_nothing(tmp_path):
+    archive = packed(tmp_path / "saved.zip", **{"bench.json": "{}", "data.csv": TIDY})
+    content = archive.read_bytes()
+    middle = content.index(b"displacement")
+    archive.write_bytes(content[:middle] + b"X" + content[middle + 1 :])
+    with pytest.raises(InputError, match="damaged"):
+        opened(tmp_path / "session", archive)
+    clashing = {"bench.json": "{}", "data.csv": TIDY, "a.csv": "", "a.csv/b.csv": ""}
+    with pytest.raises(InputError, match="damaged"):
+        opened(tmp_path / "session", packed(tmp_path / "clash.zip", **clashing))
+    assert not (tmp_path / "session").exists()
+
+
+def test_a_session_that_would_fill_the_disk_is_refused(tmp_path):
+    bomb = tmp_path / "bomb.zip"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("bench.json", "{}")
+        with archive.open("data.csv", "w") as file:
+            for _ in range(2**29 // 2**20 + 1):
+                file.write(bytes(2**20))
+    assert bomb.stat().st_size < 2**20
+    many = {f"{k}.json": "" for k in range(10_001)} | {"bench.json": "{}", "data.csv": TIDY}
+    for archive in (bomb, packed(tmp_path / "many.zip", **many)):
+        with pytest.raises(InputError, match="too large"):
+            opened(tmp_path / "session", archive)
+    assert not (tmp_path / "session").exists()
+
+
+def test_a_link_in_a_session_is_not_followed(tmp_path):
+    secret = tmp_path / "secret.csv"
+    secret.write_text("mine")
+    archive = packed(tmp_path / "saved.zip", **{"bench.json": "{}", "data.csv": TIDY})
+    link = zipfile.ZipInfo("linked.csv")
+    link.external_attr = (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(archive, "a") as more:
+        more.writestr(link, str(secret))
+    opened(tmp_path / "session", archive)
+    names = {path.name for path in (tmp_path / "session").iterdir()}
+    assert names == {"bench.json", "data.csv"}
+    assert secret.read_text() == "mine"
 
 
 def test_a_dealt_pad_repeats_and_does_not_tell(tmp_path):

@@ -7,14 +7,17 @@ import resource
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
 from typer.testing import CliRunner
 
 from qlvbayes.cli.main import application
-from qlvbayes.io.files import write_json, write_whole
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
 
 QUICK = ("--pads", "B", "--method", "least-squares")
 
@@ -89,6 +92,32 @@ def test_a_file_where_the_results_should_go_is_left_alone(tmp_path, place):
     assert str(taken) in line
     assert "choose another folder with -o" in line
     assert taken.read_text() == "mine"
+
+
+@pytest.fixture
+def read_only():
+    """A folder that this process may read and not write, not even if it is root's."""
+    user = os.geteuid()
+    with tempfile.TemporaryDirectory() as base:
+        Path(base).chmod(0o755)
+        folder = Path(base) / "read-only"
+        folder.mkdir()
+        folder.chmod(0o555)
+        if user == 0:
+            os.seteuid(65534)  # nobody
+        yield folder
+        if user == 0:
+            os.seteuid(user)
+        folder.chmod(0o755)
+
+
+def test_a_folder_that_cannot_be_written_is_named_before_the_work(read_only):
+    with pytest.raises(InputError, match=r"cannot write results here.*another folder") as error:
+        results_folder(read_only / "out")
+    assert str(read_only) in str(error.value)
+    with pytest.raises(InputError, match="cannot write results here"), alone_in(read_only):
+        pass
+    assert list(read_only.iterdir()) == []
 
 
 def test_a_command_of_its_own_process_says_the_same(tmp_path):

@@ -5,18 +5,22 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from operator import attrgetter
+from types import SimpleNamespace
 
 import pytest
 from support.endtoend import PADS, call, one_line, read_json
 from support.work import MeanStep, pads
 
 from qlvbayes import read_study, write_report
+from qlvbayes.cli.compare import _pairs as pairs_of
 from qlvbayes.fitting.runs import RunLog
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import Processes, engine_of
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.comparing import saved_pads
 from qlvbayes.pipeline.drawing import draw_constants
 from qlvbayes.pipeline.finished import FINISHED, faults_in
 from qlvbayes.pipeline.looking import look_into
@@ -94,6 +98,29 @@ def test_a_pad_that_was_mended_is_no_longer_named(tmp_path):
         file.rename(file.with_name("good.json"))
     run(tmp_path, ["good"])
     assert faults_in(tmp_path) == []
+
+
+def test_two_runs_into_one_folder_do_not_mix(tmp_path):
+    with alone_in(tmp_path / "A"):
+        found, notices = run(tmp_path, "AB", MeanStep(1.0))
+    assert found.pads == ("B",)
+    assert notices == ["pad B: done"]
+    (fault,) = found.faults
+    assert fault.of == "pad A"
+    assert fault.mendable
+    assert "another run is writing results here" in fault.text
+    assert not list((tmp_path / "A").iterdir())
+    assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: done", "pad B: there"]
+
+
+def test_what_a_killed_run_left_half_written_is_removed(tmp_path):
+    (tmp_path / "A").mkdir()
+    part = tmp_path / "A" / "mean.json.4711.part"
+    part.write_text("half")
+    (tmp_path / "A" / "mine.part").write_text("a user's own file")
+    run(tmp_path, "A")
+    assert not part.exists()
+    assert (tmp_path / "A" / "mine.part").exists()
 
 
 def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatch):
@@ -270,3 +297,29 @@ def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
         "constants.csv",
         "report.html",
     }
+
+
+def test_of_many_fits_only_the_named_ones_are_read(alone, tmp_path):
+    for k in range(MOST_ON_A_PAGE + 1):
+        (tmp_path / f"pad {k}").mkdir()
+        (tmp_path / f"pad {k}" / "posterior.nc").write_bytes(b"never opened")
+    for name in ("pad 3", "pad 4"):
+        shutil.copy(alone[0] / "B" / "posterior.nc", tmp_path / name)
+    fits = saved_pads(tmp_path, only=["pad 4", "pad 3"])
+    assert [fit.pad for fit in fits] == ["B", "B"]
+    with pytest.raises(InputError, match=r"pad 0/posterior\.nc: not a results file"):
+        saved_pads(tmp_path)
+
+
+def test_many_pads_are_not_compared_with_each_other(monkeypatch, tmp_path):
+    fits = [SimpleNamespace(pad=str(k), fluid=None) for k in range(1000)]
+    with pytest.raises(InputError, match="1000 pads make 499500 pairs; name those that matter"):
+        pairs_of(fits, tmp_path, named=False, fluids=None)
+    assert len(pairs_of(fits[:4], tmp_path, named=True, fluids=None)) == 6
+
+
+def test_a_message_does_not_list_ten_thousand_names():
+    study = SimpleNamespace(pads=[SimpleNamespace(name=f"P{k}") for k in range(10_000)], source="x")
+    with pytest.raises(InputError, match="P19 and 9980 more") as error:
+        Measurements.pad(study, "Q")
+    assert len(str(error.value)) < 300

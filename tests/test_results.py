@@ -235,6 +235,47 @@ def test_a_file_of_another_program_is_refused(tmp_path):
         load(path)
 
 
+def strangers_file(path, add):
+    """A file with a posterior of one constant and what ``add`` puts into it."""
+    with h5py.File(path, "w") as file:
+        group = file.create_group("posterior")
+        group["m"] = np.ones((2, 3))
+        add(group)
+    return path
+
+
+def test_a_strangers_file_takes_no_memory_and_reads_no_other_file(tmp_path):
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file["secret"] = np.ones((2, 3))
+    (tmp_path / "raw").write_bytes(bytes(48))
+    layout = h5py.VirtualLayout((2, 3), "f8")
+    layout[:] = h5py.VirtualSource(str(other), "secret", (2, 3))
+    strangers = {
+        "1e12 numbers on no disk": lambda group: group.create_dataset(
+            "b", (10**6, 10**6), "f8", chunks=(1000, 1000)
+        ),
+        "a link": lambda group: group.__setitem__("b", h5py.ExternalLink("other.h5", "/secret")),
+        "bytes elsewhere": lambda group: group.create_dataset(
+            "b", (2, 3), "f8", external=[(str(tmp_path / "raw"), 0, 48)]
+        ),
+        "a view": lambda group: group.create_virtual_dataset("b", layout),
+    }
+    for number, add in enumerate(strangers.values()):
+        path = strangers_file(tmp_path / f"{number}.nc", add)
+        with pytest.raises(InputError, match="not a results file"):
+            load(path)
+
+
+def test_a_file_of_a_newer_version_names_the_remedy(file, tmp_path):
+    newer = tmp_path / "posterior.nc"
+    newer.write_bytes(file.read_bytes())
+    with h5py.File(newer, "a") as content:
+        content.attrs["schema"] = 2
+    with pytest.raises(InputError, match=r"newer version of qlvbayes .*; update qlvbayes"):
+        load(newer)
+
+
 def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path):
     saved = load(file)
     assert saved.fluid is None

@@ -1,4 +1,8 @@
-"""Compiled functions are dropped before a process runs out of memory mappings."""
+"""Compiled functions: a damaged cache is mended, and many are dropped before memory ends."""
+
+import os
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -26,3 +30,33 @@ def test_compiled_functions_are_dropped_where_they_are_many(tmp_path, monkeypatc
 def test_a_system_without_the_list_needs_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(runtime, "_MAPPINGS", tmp_path / "none")
     runtime.forget_compiled()
+
+
+COMPUTE = "import qlvbayes, jax, jax.numpy as jnp; print(jax.jit(jnp.cumsum)(jnp.ones(3)))"
+
+
+def computed(cache):
+    environment = os.environ | {"QLVBAYES_CACHE": str(cache)}
+    line = [sys.executable, "-c", COMPUTE]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment)
+    return done.stdout, done.stderr, done.returncode
+
+
+def test_damaged_entries_of_the_cache_are_mended_without_a_word(tmp_path):
+    expected = ("[1. 2. 3.]\n", "", 0)
+    assert computed(tmp_path) == expected
+    entries = {path: path.read_bytes() for path in tmp_path.glob("*-cache")}
+    assert len(entries) > 0
+    for path, content in entries.items():
+        path.write_bytes(content[: len(content) // 2])
+    assert computed(tmp_path) == expected
+    assert sorted(tmp_path.iterdir()) == sorted(entries)
+    for path, content in entries.items():
+        assert len(path.read_bytes()) > len(content) // 2
+
+
+def test_a_cache_that_cannot_be_used_costs_nothing_but_time(tmp_path):
+    taken = tmp_path / "a file"
+    taken.write_text("mine")
+    assert computed(taken) == ("[1. 2. 3.]\n", "", 0)
+    assert taken.read_text() == "mine"

@@ -4,13 +4,15 @@
 random, and gives each to the reader, to `convert` and to the first look. An answer, or one plain
 refusal, is right; any other exception, more than five seconds of CPU, or the death of the process
 is counted as a failure and its input is kept in build/endurance. `endurance.py kills --count 50`
-kills `fit` and `study` with SIGKILL at random moments, runs the same command again, and compares
-every number with an undisturbed run. Both print their counts.
+kills `fit`, `study` and a run of two processes with SIGKILL at random moments, up to four times in
+a row, runs the same command again, and compares all that is left with what a calm run leaves.
+Both print their counts.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -23,14 +25,19 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
 
+import h5py
 import numpy as np
 from mutations import mutated
 from page import Origin
+
+from qlvbayes.pipeline.finished import digest_of
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "endurance"
@@ -139,108 +146,175 @@ def results(start: int, stop: int) -> Iterator[dict]:
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                               start_new_session=True) as worker:  # fmt: skip
             assert worker.stdout is not None
-            rest = b""
-            while True:
-                ready, _, _ = select.select([worker.stdout], [], [], _DEAD_S)
-                if not ready:
-                    os.killpg(worker.pid, signal.SIGKILL)
-                    break
-                if not (more := os.read(worker.stdout.fileno(), 1 << 16)):
-                    break
-                *lines, rest = (rest + more).split(b"\n")
-                for line in lines:
+            try:
+                for line in _lines(worker.stdout.fileno()):
                     result = json.loads(line)
                     start = result["number"] + 1
                     yield result
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(worker.pid, signal.SIGKILL)
         if start < stop:
-            yield {
-                "number": start,
-                "name": "",
-                "outcome": "died or hung",
-                "s": _DEAD_S,
-                "detail": "",
-            }
+            died = {"number": start, "name": "", "outcome": "died or hung", "s": _DEAD_S}
+            yield died | {"detail": ""}
             start += 1
 
 
+def _lines(pipe: int) -> Iterator[bytes]:
+    """Yield lines of a pipe until it ends or is silent for too long."""
+    rest = b""
+    while select.select([pipe], [], [], _DEAD_S)[0]:
+        if not (more := os.read(pipe, 1 << 16)):
+            return
+        *lines, rest = (rest + more).split(b"\n")
+        yield from lines
+
+
 def run_inputs(first: int, count: int) -> None:
-    """Try so many inputs and print the counts; keep what failed."""
+    """Try so many inputs and print the counts; keep what failed.
+
+    Where it is stopped (SIGTERM, Ctrl-C) it prints those of the inputs tried until then.
+    """
     counts: Counter[str] = Counter()
     slowest = 0.0
     files = seeds()
-    for result in results(first, first + count):
-        counts[result["outcome"]] += 1
-        slowest = max(slowest, result["s"])
-        if not is_right(result["outcome"]):
-            KEPT.mkdir(parents=True, exist_ok=True)
-            name, data = input_of(result["number"], files)
-            (KEPT / f"{result['number']}_{name}").write_bytes(data)
-            print(f"{result['number']} {name}: {result['outcome']}\n{result['detail']}", flush=True)
-        if sys.stderr.isatty():
-            print(f"\r{counts.total()} of {count}", end="", file=sys.stderr)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with suppress(KeyboardInterrupt):
+        for result in results(first, first + count):
+            counts[result["outcome"]] += 1
+            slowest = max(slowest, result["s"])
+            if not is_right(result["outcome"]):
+                _keep_failed(result, files)
+            if sys.stderr.isatty():
+                print(f"\r{counts.total()} of {count}", end="", file=sys.stderr)
     wrong = sum(n for outcome, n in counts.items() if not is_right(outcome))
     report = {"first": first, "count": counts.total(), "wrong": wrong, "slowest_s": slowest,
               "outcomes": dict(counts.most_common())}  # fmt: skip
     print(json.dumps(report, indent=1))
 
 
-def numbers_of(folder: Path) -> dict[str, bytes]:
-    """Return the contents of all tables and JSON files of a run, without what tells the time."""
-    found = {}
-    for path in sorted([*folder.rglob("*.csv"), *folder.rglob("*.json")]):
-        if ".finished" in path.parts:
-            continue
-        text = path.read_text(encoding="utf-8")
-        if path.suffix == ".json":
-            text = json.dumps(_without_time(json.loads(text)), sort_keys=True)
-        found[path.relative_to(folder).as_posix()] = text.encode()
-    return found
+def _keep_failed(result: dict, files: list[tuple[str, bytes]]) -> None:
+    KEPT.mkdir(parents=True, exist_ok=True)
+    name, data = input_of(result["number"], files)
+    (KEPT / f"{result['number']}_{name}").write_bytes(data)
+    print(f"{result['number']} {name}: {result['outcome']}\n{result['detail']}", flush=True)
 
 
-def _without_time(value: object) -> object:
-    """Drop what differs from run to run: durations, dates, folders."""
-    if isinstance(value, dict):
-        drop = ("seconds", "date", "created", "elapsed", "wall", "command", "time_of_run", "s")
-        return {k: _without_time(v) for k, v in value.items() if k not in drop}
-    return [_without_time(v) for v in value] if isinstance(value, list) else value
+def contents_of(folder: Path) -> dict[str, str]:
+    """Return a digest of every file of a run by name; notes of what is finished by name alone."""
+    return {
+        path.relative_to(folder).as_posix(): _digest(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def _digest(path: Path) -> str:
+    if ".finished" in path.parts:
+        return ""
+    return _draws_in(path) if path.suffix == ".nc" else digest_of(path)
+
+
+def _draws_in(path: Path) -> str:
+    """Return a digest of all arrays and attributes of a results file."""
+    digest = hashlib.sha256()
+
+    def add(name: str, node: h5py.Dataset | h5py.Group) -> None:
+        digest.update(name.encode())
+        if isinstance(node, h5py.Dataset):
+            values = np.asarray(node[()])
+            text = values.dtype.kind == "O"
+            digest.update(repr(values.tolist()).encode() if text else values.tobytes())
+
+    with h5py.File(path) as file:
+        facts = {key: str(value) for key, value in file.attrs.items() if key[0] != "_"}
+        digest.update(json.dumps(facts, sort_keys=True).encode())
+        file.visititems(add)
+    return digest.hexdigest()
+
+
+_FIT = ("--seed", "1", "--max-steps", "600", "--modes", "1", "--noise", "white")
+_KILLED = {
+    "fit": (("fit", *_FIT), 1, 0.5),
+    "fit by two processes": (("fit", *_FIT, "--jobs", "2"), 2, 0.3),
+    "study": (("study", *_FIT), 1, 0.2),
+}
+"""Commands that are killed: their words, pads in the file, and their share of all kills."""
+_IN_A_ROW = 4  # kills of one run before it may end: what goes on is killed too
+
+
+def small_file(path: Path, pads: int) -> None:
+    """Write two tests of so many of the bundled pads, every third reading."""
+    lines = (ROOT / "data" / "pads.csv").read_text(encoding="utf-8").splitlines()
+    head, *rows = (line for line in lines if not line.startswith("#"))
+    tests = {f"{pad}-{rate}" for pad in "ABC"[:pads] for rate in (1, 20)}
+    kept = [row for row in rows if row.split(",")[1] in tests]
+    path.write_text("\n".join([head, *kept[::3]]) + "\n", encoding="utf-8")
 
 
 def run_kills(count: int, seed: int) -> None:
-    """Kill `fit` and `study` at random moments, run them again, and compare every number."""
+    """Kill commands at random moments, run them again, and compare all files with a calm run's."""
     rng = random.Random(seed)
-    rows = (ROOT / "data" / "pads.csv").read_text(encoding="utf-8")
+    found = {}
     with TemporaryDirectory() as base:
-        file = Path(base) / "pads.csv"
-        file.write_text(rows, encoding="utf-8")
-        outcomes: Counter[str] = Counter()
-        for command in ("fit", "study"):
-            whole = [sys.executable, "-m", "qlvbayes", command, str(file), "--seed", "1"]
-            if command == "fit":
-                whole += ["--max-steps", "1500"]
-            calm = Path(base) / f"{command}_calm"
-            begun = time.monotonic()
-            _run([*whole, "-o", str(calm)])
-            lasts, expected = time.monotonic() - begun, numbers_of(calm)
-            for k in range(count // 2):
-                out = Path(base) / f"{command}_{k}"
-                own = [*whole, "-o", str(out)]
-                process = subprocess.Popen(own, start_new_session=True, **_QUIET)
-                time.sleep(rng.uniform(0.0, lasts))
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-                code = _run([*whole, "-o", str(out)])
-                same = code == 0 and numbers_of(out) == expected
-                outcomes[f"{command}: {'equal' if same else 'differs'}"] += 1
-                if not same:
-                    mine = numbers_of(out)
-                    off = [n for n in {*mine, *expected} if mine.get(n) != expected.get(n)]
-                    print(f"{command} {k}: exit {code}, differs in {off}", flush=True)
-                shutil.rmtree(out)
-        print(json.dumps({"seed": seed, "count": count, "outcomes": dict(outcomes)}, indent=1))
+        os.environ["QLVBAYES_CACHE"] = str(Path(base) / "cache")  # what a kill leaves in it counts
+        for name, (words, pads, share) in _KILLED.items():
+            folder = Path(base) / name.replace(" ", "_")
+            folder.mkdir()
+            small_file(folder / "pads.csv", pads)
+            found[name] = _killed(folder, words, round(count * share), rng)
+            print(json.dumps({name: found[name]}), flush=True)
+    print(json.dumps({"seed": seed, "outcomes": found}, indent=1))
 
 
-def _run(command: list[str]) -> int:
-    return subprocess.run(command, check=False, **_QUIET).returncode
+def _killed(folder: Path, words: Sequence[str], count: int, rng: random.Random) -> dict[str, int]:
+    """Kill one command so many times, up to four times in a row, and let it end after these."""
+    run = _Command(folder, [words[0], "pads.csv", "-o", "out", *words[1:]])
+    begun = time.monotonic()
+    if (code := run.ended()) != 0:
+        raise SystemExit(f"{run.words}: exit {code} without any kill")
+    lasts, expected = time.monotonic() - begun, contents_of(folder / "out")
+    kills = runs = equal = 0
+    while kills < count:
+        shutil.rmtree(folder / "out")
+        row = 0
+        for _ in range(min(_IN_A_ROW, count - kills)):
+            row += run.killed_after(rng.uniform(0.0, lasts))
+        code, mine = run.ended(), contents_of(folder / "out")
+        kills, runs = kills + row, runs + 1
+        print(f"{run.words[0]}: {kills} kills in {runs} runs", file=sys.stderr, flush=True)
+        equal += code == 0 and mine == expected
+        if code != 0 or mine != expected:
+            off = sorted(n for n in {*mine, *expected} if mine.get(n) != expected.get(n))
+            print(f"{run.words}: exit {code} after {row} kills, differs in {off}", flush=True)
+            shutil.copytree(folder, KEPT / f"killed_{runs}", dirs_exist_ok=True)
+    return {"seconds": round(lasts), "kills": kills, "runs": runs, "equal": equal}
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A command of the program that runs in a folder, so that it has the same words each time."""
+
+    folder: Path
+    words: list[str]
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        line = [sys.executable, "-m", "qlvbayes", *self.words]
+        env = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.Popen(line, cwd=self.folder, env=env, start_new_session=True, **_QUIET)
+
+    def ended(self) -> int:
+        """Run to the end and return the exit status."""
+        return self._started().wait()
+
+    def killed_after(self, seconds: float) -> bool:
+        """Kill it with all its processes; return False where it had ended before."""
+        process = self._started()
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+        return process.wait() == -signal.SIGKILL
 
 
 def main() -> None:

@@ -25,7 +25,10 @@ from calibration import (
 )
 from simulated_fits import MOST_STEPS, Setting
 
-_BAD_READINGS = "## Bad readings\n"
+_OF_OTHERS = (
+    "## Calibrated by simulation",
+    "## Bad readings",
+)  # sections of ranks.py, bad_readings.py
 _PHASES = ("ramp", "hold", "unload", "recovery")
 
 _HEAD = """# Validation: do the intervals hold the truth?
@@ -140,23 +143,24 @@ def write_page(path: Path, results: Mapping[Setting, Sequence[dict]], origin: Or
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
     text = page(results, origin) + away(path.parent)
-    if path.is_file() and (section := _section_of(path.read_text(encoding="utf-8"))):
-        text = with_section(text, section)
+    for heading in _OF_OTHERS if path.is_file() else ():
+        if section := _section_of(path.read_text(encoding="utf-8"), heading):
+            text = with_section(text, section)
     part.write_text(text, encoding="utf-8")
     os.replace(part, path)
 
 
 def with_section(text: str, section: str) -> str:
-    """The page with its section on bad readings (of bad_readings.py), in place of an older one."""
-    older = _section_of(text)
+    """The page with a section of another script at its end, in place of an older one."""
+    older = _section_of(text, section.splitlines()[0])
     rest = text.replace(older, "") if older else text
     return f"{rest.rstrip()}\n\n{section.strip()}\n"
 
 
-def _section_of(text: str) -> str:
-    """The section on bad readings, which stands last; empty if there is none."""
-    _, heading, section = text.partition(_BAD_READINGS)
-    return heading + section
+def _section_of(text: str, heading: str) -> str:
+    """The section under a heading, up to the next one; empty if there is none."""
+    _, found, section = text.partition(f"{heading}\n")
+    return found + section.partition("\n## ")[0] if found else ""
 
 
 def page(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> str:

@@ -10,6 +10,7 @@ import io
 import shutil
 import stat
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -29,6 +30,11 @@ from qlvbayes.io.units import column_name
 DATA = "data.csv"
 BENCH = "bench.json"
 _UNPACKED = 2**29  # most bytes of a saved session: half a GB of chains and figures
+_DAMAGED = (
+    zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError,
+)  # fmt: skip
+_MOST_FILES = 10_000  # of a saved session: a pad has about forty
+_AT_ONCE = 2**20  # bytes
 _KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
 """Suffixes of files that the commands leave in a folder; other files in an archive are ignored."""
 
@@ -180,17 +186,26 @@ def opened(folder: Path, archive: Path) -> Answer:
     try:
         with zipfile.ZipFile(archive) as zipped:
             members = [one for one in zipped.infolist() if _is_ours(one)]
-            if sum(one.file_size for one in members) > _UNPACKED:
+            size = sum(one.file_size for one in members)
+            if size > _UNPACKED or len(members) > _MOST_FILES:
                 raise InputError("the session is too large", file=archive.name, remedy=remedy)
             if BENCH not in {one.filename for one in members}:
                 raise InputError("this is no saved session", file=archive.name, remedy=remedy)
+            _check_whole(zipped, members)
             results_folder(folder)
             for one in members:
                 target = folder.joinpath(*PurePosixPath(one.filename).parts)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with zipped.open(one) as source, target.open("wb") as sink:
                     shutil.copyfileobj(source, sink)
-    except (zipfile.BadZipFile, EOFError, OSError, RuntimeError, NotImplementedError) as error:
+    except (
+        zipfile.BadZipFile,
+        EOFError,
+        OSError,
+        RuntimeError,
+        NotImplementedError,
+        zlib.error,
+    ) as error:
         raise InputError(
             "the archive is damaged", file=archive.name, remedy="save the session again"
         ) from error
@@ -198,6 +213,17 @@ def opened(folder: Path, archive: Path) -> Answer:
     if data is None:
         raise InputError("the session has no measurements", file=archive.name, remedy=remedy)
     return {"data": str(data)}
+
+
+def _check_whole(zipped: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo]) -> None:
+    """Raise BadZipFile where an entry is damaged or a file is a folder too; nothing is written."""
+    names = {one.filename for one in members}
+    for one in members:
+        if names & {str(above) for above in PurePosixPath(one.filename).parents}:
+            raise zipfile.BadZipFile(one.filename)
+        with zipped.open(one) as source:
+            while source.read(_AT_ONCE):
+                pass
 
 
 def _is_ours(entry: zipfile.ZipInfo) -> bool:

@@ -65,9 +65,10 @@ def benchmark(
     from qlvbayes.evaluation.report import Report
     from qlvbayes.plots.benchmark import plot_benchmark
     from qlvbayes.plots.files import save_figure
+    from qlvbayes.simulate import HIDDEN
 
-    names = {"effects": tuple(split_names(effects))} if effects else {}
-    simulated = Population(seed, paper=population == "paper", noise=noise, **names)
+    hidden = tuple(split_names(effects)) if effects else tuple(HIDDEN)
+    simulated = Population(seed, paper=population == "paper", noise=noise, effects=hidden)
     folder = results_folder(output)
     cases = _run(simulated, folder, studies, work)
     if cases is None:

@@ -19,10 +19,12 @@ from qlvbayes.pipeline.comparing import (
     FOLDER,
     Group,
     compare_into,
+    fitted_pads,
     fluid_pairs,
     pad_pairs,
     saved_pads,
 )
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 if TYPE_CHECKING:
     from qlvbayes.fitting.results import Saved
@@ -68,7 +70,8 @@ def compare_command(
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
     """
-    pairs = _pairs(saved_pads(folder, data), folder, pads, fluids)
+    names = list(dict.fromkeys(known_names(pads, fitted_pads(folder), folder)))
+    pairs = _pairs(saved_pads(folder, data, only=names), folder, bool(names), fluids)
     watcher = Terminal(quiet=as_json)
     contents, figures = [], []
     for first, second in pairs:
@@ -98,14 +101,17 @@ def compare_command(
 
 
 def _pairs(
-    fits: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
+    fits: Sequence[Saved], folder: Path, named: bool, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
-    """Return what is compared; raise InputError where there are no two of it."""
-    known = {saved.pad: saved for saved in fits}
-    if names := known_names(pads, known, folder):
-        fits = [known[name] for name in dict.fromkeys(names)]
+    """Return what is compared; raise InputError where there are no two of it, or too many."""
     if fluids is None:
-        fluids = not names and bool(fluid_pairs(fits))
+        fluids = not named and bool(fluid_pairs(fits))
+    if not (fluids or named) and len(fits) > MOST_ON_A_PAGE:
+        raise InputError(
+            f"{len(fits)} pads make {math.comb(len(fits), 2)} pairs",
+            file=folder,
+            remedy="name those that matter, as --pads A,B",
+        )
     pairs = fluid_pairs(fits) if fluids else pad_pairs(fits)
     if pairs:
         return pairs

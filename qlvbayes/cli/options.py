@@ -24,6 +24,7 @@ from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.runtime import cores
+from qlvbayes.io.wording import listed
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
@@ -255,7 +256,7 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
     for name in (selected := among(names, known)):
         if name not in known:
             raise InputError(
-                f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
+                f"no {what} of pad '{name}'", file=folder, remedy=f"name of {listed(known)}"
             )
     return selected
 

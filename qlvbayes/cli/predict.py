@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +15,7 @@ from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.checks import InputError
-from qlvbayes.pipeline.comparing import saved_pads
+from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
 
 if TYPE_CHECKING:
     from qlvbayes.fitting.results import Saved
@@ -63,7 +63,7 @@ def predict_command(
         raise InputError(f"no way {hypotheses!r}", remedy=f"use one of {', '.join(_WHICH)}")
     watcher = Terminal(quiet=as_json)
     forecasts, figures = [], []
-    for source in _selected(_sources(folder, hypotheses, watcher), folder, pad):
+    for source in _sources(folder, pad, hypotheses, watcher):
         with watcher.doing(f"pad {source.pad}"):
             forecast = predict_program(source, program)
             pad_folder = folder / source.pad
@@ -81,20 +81,24 @@ def predict_command(
     show_figures(figures)
 
 
-def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypotheses]:
-    """Return each pad's fit or hypotheses; raise InputError where there is neither."""
+def _sources(
+    folder: Path, pads: str, which: str, watcher: Terminal
+) -> Iterator[Saved | Hypotheses]:
+    """Yield each named pad's fit or hypotheses, one after the other, by default of all pads.
+
+    Raises InputError where there is neither.
+    """
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
-    files = sorted(folder.glob(f"*/{FILE}")) if which == "averaged" else []
-    hypotheses = {one.pad: one for one in map(Hypotheses.read, files)}
-    if not hypotheses or any(folder.glob("*/posterior.nc")):
-        fits = {saved.pad: saved for saved in saved_pads(folder)}
-    else:
-        fits = {}
-    return [
-        _source(folder / pad, fits.get(pad), hypotheses.get(pad), which, watcher)
-        for pad in sorted({*fits, *hypotheses})
-    ]
+    averaged = which == "averaged"
+    diagnosed = {file.parent.name for file in folder.glob(f"*/{FILE}") if averaged}
+    alone = diagnosed and not any(folder.glob("*/posterior.nc"))
+    fitted = set() if alone else set(fitted_pads(folder))
+    known = sorted(fitted | diagnosed)
+    for name in known_names(pads, known, folder) or known:
+        fit = saved_pads(folder, only=[name])[0] if name in fitted else None
+        hypotheses = Hypotheses.read(folder / name / FILE) if name in diagnosed else None
+        yield _source(folder / name, fit, hypotheses, which, watcher)
 
 
 def _source(
@@ -132,14 +136,6 @@ def _averaging_words(forecast: Forecast) -> str:
         f"pad {forecast.pad}: averaged over {count} of the diagnosis, {share:.0f} % of the "
         f"probability: {'; '.join(map(str, several))}"
     )
-
-
-def _selected(
-    sources: Sequence[Saved | Hypotheses], folder: Path, pads: str
-) -> list[Saved | Hypotheses]:
-    known = {source.pad: source for source in sources}
-    names = known_names(pads, known, folder)
-    return [known[name] for name in names] if names else list(sources)
 
 
 def _table(forecasts: Sequence[Forecast]) -> Table:

@@ -32,6 +32,8 @@ from qlvbayes.model.elsewhere import (
 from qlvbayes.model.parameters import all_fields, described
 from qlvbayes.motion.covered import Covered, covered
 
+_SCHEMA = 1  # version of the attributes of a file
+_LARGEST = 2**31  # bytes of all arrays together: a fit of long records takes some 100 MB
 _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 
@@ -217,7 +219,7 @@ def _provenance(
     """Return the attributes that say how the fit was made."""
     units = fit.experiment.units
     return {
-        "schema": 1,
+        "schema": _SCHEMA,
         "pad": fit.pad,
         "method": fit.method,
         "converged": int(summary.converged),
@@ -269,11 +271,17 @@ def load(path: Path) -> Saved:
         The file is neither of these; the error names what is missing.
     """
     try:
-        # h5netcdf, given another file than HDF5, prints a traceback when it is garbage-collected
-        h5py.File(path).close()
+        _check_arrays(path)
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
         here = "choices" in tree.attrs
+        if here and int(tree.attrs.get("schema", _SCHEMA)) > _SCHEMA:
+            raise InputError(
+                f"written by a newer version of qlvbayes (schema {tree.attrs['schema']}, known is "
+                f"{_SCHEMA})",
+                file=path,
+                remedy="update qlvbayes, or run qlvbayes fit again",
+            )
         saved = _ours(tree, posterior) if here else _from_elsewhere(posterior, tree.attrs, path)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
         raise InputError(
@@ -285,6 +293,31 @@ def load(path: Path) -> Saved:
         if name is not None and (fault := folder_fault(name)) is not None:
             raise InputError(f"the {what}'s name '{name}' {fault[0]}", file=path, remedy=fault[1])
     return saved
+
+
+def _check_arrays(path: Path) -> None:
+    """Open a stranger's file without reading its arrays; raise ValueError where that is no use.
+
+    Arrays may state any size (of a few bytes on disk), and links may lead to other files. A file of
+    another kind than HDF5 raises OSError here, as h5netcdf would print a traceback about it.
+    """
+    sizes = [0]
+
+    def look(name: str, node: h5py.Dataset | h5py.Group) -> str | None:
+        if not isinstance(node, h5py.Dataset):
+            return None
+        sizes.append(node.size * node.dtype.itemsize)
+        return name if node.external or node.is_virtual else None
+
+    def follow(name: str, link: object) -> str | None:
+        return name if isinstance(link, h5py.ExternalLink) else None
+
+    with h5py.File(path) as file:
+        elsewhere = file.visititems_links(follow) or file.visititems(look)
+    if elsewhere is not None:
+        raise ValueError(f"{elsewhere} is in another file")
+    if sum(sizes) > _LARGEST:
+        raise ValueError(f"its arrays need {sum(sizes)} bytes")
 
 
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:

@@ -27,6 +27,7 @@ from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import listed
 
 Floats = NDArray[np.float64]
 Role = Literal["fit", "validate"]
@@ -152,7 +153,7 @@ class Measurements:
         for pad in self.pads:
             if pad.name == name:
                 return pad
-        known = ", ".join(pad.name for pad in self.pads)
+        known = listed([pad.name for pad in self.pads])
         raise InputError(f"no pad '{name}'", file=self.source, remedy=f"name one of: {known}")
 
 

@@ -6,10 +6,17 @@ import json
 import os
 import re
 import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import prints
+
+try:
+    import fcntl
+except ImportError:  # absent on some systems: folders are not locked there
+    fcntl = None  # type: ignore[assignment]
 
 _IN_RESULTS = (
     *(f"constants.{kind}" for kind in ("csv", "tex", "png", "pdf")),
@@ -19,6 +26,7 @@ _IN_RESULTS = (
 )
 """Names in a folder of results that are not those of pads' folders."""
 _PICTURE = re.compile(r"look_.*\.png")  # the picture of a pad's first look
+_HALF_WRITTEN = re.compile(r"\.\d+\.part$")  # temporary names of `write_whole`
 _LONGEST = 120  # bytes of a name: two of them fit into the 255 of a comparison's folder
 
 
@@ -57,6 +65,48 @@ def results_folder(path: Path) -> Path:
             remedy="choose another folder with -o",
         ) from error
     return path
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Lock a folder of results, made if necessary, and remove what a killed run left half-written.
+
+    The lock ends with the process. Where the disk cannot lock folders, nothing is locked or
+    removed. Raises InputError where another run has locked it.
+    """
+    results_folder(folder)
+    number = _locked(folder)
+    try:
+        for path in folder.rglob("*.part") if number is not None else ():
+            if _HALF_WRITTEN.search(path.name):
+                path.unlink(missing_ok=True)
+        yield
+    finally:
+        if number is not None:
+            os.close(number)
+
+
+def _locked(folder: Path) -> int | None:
+    """Return the open folder, locked, or None where it cannot be locked."""
+    if fcntl is None:
+        return None
+    try:
+        number = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(number)
+        raise InputError(
+            "another run is writing results here",
+            file=folder,
+            remedy="give the same command again when it has ended, or choose another folder",
+        ) from None
+    except OSError:
+        os.close(number)
+        return None
+    return number
 
 
 def write_whole(path: Path, content: bytes | memoryview) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
-from contextlib import AbstractContextManager
+import warnings
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
+from typing import Any
 
 from threadpoolctl import threadpool_limits
+
+from qlvbayes.io.files import write_whole
 
 THREADS = "QLVBAYES_THREADS"  # environment variable: how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
@@ -44,6 +48,29 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+    _mend_damaged_entries()
+
+
+def _mend_damaged_entries() -> None:
+    """Let JAX write each entry of its cache whole, in place of a damaged one, and without a word.
+
+    By itself it writes in place, so that a kill or a full disk leaves half an entry, which it then
+    keeps: every later process would warn and compile the function again. What cannot be read or
+    written only costs time.
+    """
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
+    with suppress(ImportError, AttributeError):  # another JAX: entries are as it writes them
+        from jax._src.lru_cache import _CACHE_SUFFIX, LRUCache
+
+        put = LRUCache.put
+
+        def put_whole(cache: Any, key: str, value: bytes) -> None:
+            if cache.eviction_enabled:  # a size limit of the user's: JAX counts the sizes itself
+                put(cache, key, value)
+            else:
+                write_whole(Path(cache.path) / f"{key}{_CACHE_SUFFIX}", value)
+
+        LRUCache.put = put_whole  # type: ignore[assignment,method-assign]
 
 
 def cores() -> int:

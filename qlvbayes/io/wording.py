@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import floor, isfinite, log10
 
 DASH = "–"  # for what is not known
@@ -40,6 +41,12 @@ def percent(share: float) -> str:
 def joined(words: list[str], last: str = "and") -> str:
     """Return words as 'a, b and c'."""
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def listed(words: Collection[str], most: int = 20) -> str:
+    """Return words as 'a, b, c', of very many the first ones and how many more there are."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(list(words)[:most]) + more
 
 
 def capitalized(text: str) -> str:

@@ -11,8 +11,7 @@ from typing import Any
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import visible
-
-_NAMED = 20  # pads that failed alike, by name
+from qlvbayes.io.wording import listed
 
 
 @dataclass(frozen=True)
@@ -73,14 +72,9 @@ class FailedError(InputError):
             reasons.setdefault(fault.text, []).append(fault.of)
         if len(reasons) == 1 and len(self.faults) == self.total:
             return list(reasons)
-        lines = [f"{_listed(names)}: {text}" for text, names in reasons.items()]
+        lines = [f"{listed(names)}: {text}" for text, names in reasons.items()]
         rest = self.total - len(self.faults)
         return [*lines, f"{len(self.faults)} of {self.total} failed; {rest} are done"]
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
 
 
 def _plain(error: OSError) -> str:

@@ -23,15 +23,14 @@ _MOST_PAIRS = 6  # most pairs that a study compares; beyond that the user names 
 Group = tuple[str, Sequence[Saved]]
 
 
-def saved_pads(out: Path, data: Path | None = None) -> list[Saved]:
-    """Return every fit in a folder; raise InputError where there is none.
+def saved_pads(out: Path, data: Path | None = None, *, only: Sequence[str] = ()) -> list[Saved]:
+    """Return the fits of the named pads in a folder, by default all; InputError if there are none.
 
     Where a fit does not state what its tests cover and which fluid is in the pad, both are read
     from the measurements: from ``data``, or from the file that the fit names, if it exists.
     """
-    files = sorted(out.glob("*/posterior.nc"))
-    if not files:
-        raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
+    names = only or fitted_pads(out)  # of many pads no others are read
+    files = [out / name / "posterior.nc" for name in names]
     studies: dict[Path, Measurements] = {}
     return [_with_coverage(load(file), data, studies) for file in files]
 
@@ -46,6 +45,14 @@ def _with_coverage(saved: Saved, data: Path | None, studies: dict[Path, Measurem
     chosen = saved.choices
     experiment = prepare(pad, keep_all_readings=chosen.keep_all_readings, use=chosen.use)
     return replace(saved, covered=covered(experiment), fluid=saved.fluid or pad.fluid)
+
+
+def fitted_pads(out: Path) -> list[str]:
+    """Return the names of the pads whose fits are in a folder; InputError if there are none."""
+    names = sorted(file.parent.name for file in out.glob("*/posterior.nc"))
+    if not names:
+        raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
+    return names
 
 
 def pad_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:

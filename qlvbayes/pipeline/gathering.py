@@ -16,6 +16,7 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import Fault, fault_of
+from qlvbayes.pipeline.comparing import fitted_pads
 from qlvbayes.pipeline.drawing import find_references
 from qlvbayes.pipeline.finished import faults_in
 from qlvbayes.pipeline.many import Tally
@@ -47,9 +48,7 @@ def gather(
     late: tuple[Fault, ...] = ()
     if "study" in run:
         late = _finals(out, run["study"], engine, watcher).faults
-    pads = [file.parent.name for file in sorted(out.glob("*/posterior.nc"))]
-    if not pads:
-        raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
+    pads = fitted_pads(out)
     seed = max((one.seed for one in run.values()), default=0)
     finish(out, pads, find_references(_data_folder(out, pads), references), seed, watcher, engine)
     faults = {fault.of: fault for fault in (*faults_in(out), *late)}

@@ -15,7 +15,7 @@ from uuid import uuid4
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad
-from qlvbayes.io.files import results_folder, same_folder, write_whole
+from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.running import Outcome, package_digest, run_all
@@ -293,9 +293,10 @@ def _done_elsewhere(work: Work) -> Done:
 
 def _files_written(work: Work, folder: Path, watcher: Watcher) -> dict[str, str]:
     """Do the step and return the digests of the files that it wrote, by name."""
-    before = _stamps(folder)
-    work.step.run(folder, work.study, watcher)
-    after = _stamps(folder)
+    with alone_in(folder):
+        before = _stamps(folder)
+        work.step.run(folder, work.study, watcher)
+        after = _stamps(folder)
     return {
         path.relative_to(folder).as_posix(): digest_of(path)
         for path, stamp in after.items()

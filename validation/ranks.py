@@ -1,0 +1,340 @@
+"""Simulation-based calibration: is the truth's rank among the posterior's draws uniform?
+
+Constants of a pad and its noise are drawn from the priors that the fit is given, a test is
+simulated by differential equations, written to a CSV file, read and fitted. Over many pads the rank
+of each true constant among independent draws of its posterior is uniform if file, reader, motion,
+reduction, force, likelihood, priors and sampler are right together (Talts et al. 2018,
+arXiv:1804.06788). The noise is a tenth of the peak force and more, so that priors count.
+
+`--broken jacobian` fits without the log-Jacobians of the priors' coordinates, `--broken noise` as
+if noise were forgotten from one block mean to the next: either must fail. Interrupted, the same
+command goes on where it was: finished fits lie in build/validation. `--part 0` and `--part 1` run
+in two processes; `-o docs/validation.md` publishes all series that are there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from coverage import progress
+from numpy.typing import NDArray
+from page import Origin, with_section
+from scipy.stats import binom, chi2
+
+from qlvbayes.evaluation.store import Store, code_digest
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import Fit, fit_pad
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.files import write_whole
+from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.simulate import Constants, Noise, simulate_study, write_csv
+
+ROOT = Path(__file__).resolve().parents[1]
+RATE = 20.0  # mm/s, of the one test
+ROWS = {"floor": 120, "correlated": 60}  # a test; a noise floor is measured in its rests
+DRAWS = 99  # of a posterior, among which the truth has one of a hundred ranks
+BINS = 10
+MOST_STEPS = 6000  # fewer than the default, as a fit that needs more would take minutes
+LEVEL = 0.01  # of the test of uniform ranks, over all constants of a kind of noise together
+_PARTS = 2
+_SHARES = (6.0, 10.0, 3.0)
+_LOGNORMAL = {
+    "m": (log(0.5), 0.4),  # N/mm
+    "b": (log(0.7), 0.4),  # 1/mm
+    "v[1]": (log(5.0), 0.4),  # 1/s
+    "v[2]": (log(0.15), 0.4),
+}
+_NOISE = {
+    "noise.white": (log(0.1), 0.2),  # N, of a peak force of about 1.5 N
+    "noise.ou": (log(0.1), 0.3),
+    "noise.tau": (log(2.0), 0.3),  # s
+}
+"""Median's logarithm and log sd of each prior; the simulation draws from these."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a series of pads is fitted with: the noise model, and what is broken on purpose."""
+
+    noise: str
+    broken: str = ""
+
+    @property
+    def name(self) -> str:
+        """A name for files."""
+        return f"ranks-{self.noise}" + (f"-broken-{self.broken}" if self.broken else "")
+
+    @property
+    def choices(self) -> Choices:
+        """The model under the priors that the truth is drawn from."""
+        stated = _LOGNORMAL | (_NOISE if self.noise == "correlated" else {})
+        priors = [f"{name}=lognormal({a!r},{b!r})" for name, (a, b) in stated.items()]
+        return Choices(noise=self.noise, priors=(*priors, f"c=dirichlet{_SHARES}"))
+
+
+def drawn(rng: np.random.Generator) -> tuple[Constants, Noise]:
+    """Draw a pad and its noise, by numpy alone."""
+    while True:
+        own = {name: rng.lognormal(*prior) for name, prior in (_LOGNORMAL | _NOISE).items()}
+        if own["v[1]"] > own["v[2]"]:
+            break
+    shares = tuple(rng.dirichlet(_SHARES).tolist())
+    pad = Constants(own["m"], own["b"], shares, (own["v[1]"], own["v[2]"]))
+    return pad, Noise(own["noise.white"], own["noise.ou"], own["noise.tau"])
+
+
+def run(kind: Kind, seed: int, index: int) -> dict[str, Any]:
+    """Return the ranks of a pad's constants; the pad depends on seed and index only."""
+    rng = np.random.default_rng([seed, index])
+    truth, noise = drawn(rng)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "pad.csv"
+        simulated = int(rng.integers(2**32))
+        tests = simulate_study({"pad": truth}, [RATE], noise, simulated, ROWS[kind.noise])
+        write_csv(file, tests, ["ranks"])
+        pad = read_measurements(file).pad("pad")
+        fit = fit_pad(
+            prepare(pad), kind.choices, settings=Settings(seed=index, max_steps=MOST_STEPS)
+        )
+    values = {"m": truth.m, "b": truth.b}
+    values |= {f"c[{k}]": c for k, c in enumerate(truth.c)}
+    values |= {f"v[{k}]": v for k, v in enumerate(truth.v, start=1)}
+    if kind.noise == "correlated":
+        values |= {"noise.white": noise.white, "noise.ou": noise.correlated}
+        values["noise.tau"] = noise.correlation_time
+    return {"index": index, "converged": bool(fit.enough), "ranks": _ranks(fit, values, rng)}
+
+
+def _ranks(fit: Fit, truth: dict[str, float], rng: np.random.Generator) -> dict[str, int]:
+    """Number of draws below the truth, of draws so few among many that they are independent."""
+    draws = fit.every.reshape(-1, fit.every.shape[-1])
+    some = draws[rng.choice(len(draws), DRAWS, replace=False)]
+    below = dict(zip(fit.names, map(int, _below(some, fit.names, truth)), strict=False))
+    return {name: below[name] for name in truth}
+
+
+def _below(
+    draws: NDArray[np.float64], names: Sequence[str], truth: dict[str, float]
+) -> NDArray[np.int64]:
+    own = np.array([truth.get(name, np.nan) for name in names])
+    return np.asarray((draws < own).sum(axis=0))
+
+
+def break_jacobian() -> None:
+    """Let the maps from unconstrained numbers lose their log-Jacobians."""
+    from qlvbayes.priors import distributions, joint
+
+    whole, simplex, between = distributions.to_positive, joint.to_simplex, joint.to_between
+    distributions.to_positive = lambda y: (whole(y)[0], 0.0 * y)  # type: ignore[assignment]
+    joint.to_simplex = lambda y: (simplex(y)[0], 0.0)  # type: ignore[assignment,return-value]
+
+    def lost(y: Any, low: Any, high: Any) -> tuple[Any, Any]:
+        x, _ = between(y, low, high)
+        return x, -x  # takes away that of the logarithm too
+
+    joint.to_between = lost
+
+
+def break_noise() -> None:
+    """Let the correlated noise start anew at each block mean."""
+    from qlvbayes.model import noise
+
+    links = noise._links
+    noise._links = lambda blocks, tau: links(blocks, tau)._replace(gap=0.0 * blocks.first)
+
+
+BROKEN = {"jacobian": break_jacobian, "noise": break_noise}
+
+
+def p_of_uniform(ranks: Sequence[int]) -> float:
+    """P-value of the chi-square test that ranks from 0 to 99 are uniform, in ten bins."""
+    counts = np.bincount(np.asarray(ranks) * BINS // (DRAWS + 1), minlength=BINS)
+    expected = len(ranks) / BINS
+    return float(chi2.sf(np.sum((counts - expected) ** 2) / expected, BINS - 1))
+
+
+def columns(fits: Sequence[dict]) -> dict[str, list[int]]:
+    """Ranks of all fits by constant."""
+    return {name: [fit["ranks"][name] for fit in fits] for name in fits[0]["ranks"]}
+
+
+def passes(fits: Sequence[dict]) -> bool:
+    """Whether no constant's ranks are other than uniform, at 1 % for all together (Bonferroni)."""
+    ps = [p_of_uniform(ranks) for ranks in columns(fits).values()]
+    return min(ps) * len(ps) >= LEVEL
+
+
+def band(count: int, share: float) -> tuple[float, float]:
+    """The shares between which 99 of 100 binomial shares of so many fits lie."""
+    low, high = binom.interval(0.99, count, share) if count else (0.0, 0.0)
+    return float(low) / max(count, 1), float(high) / max(count, 1)
+
+
+def inside(ranks: Sequence[int], share: float) -> float:
+    """Share of the truths in the central interval that holds this share of the ranks."""
+    tail = (1.0 - share) / 2.0 * (DRAWS + 1)
+    return float(np.mean([tail <= rank < DRAWS + 1 - tail for rank in ranks]))
+
+
+def section(found: dict[Kind, list[dict]], origin: Origin) -> str:
+    """Markdown of the section in docs/validation.md."""
+    parts = [
+        _HEAD.format(
+            origin=origin,
+            rows=ROWS["floor"],
+            few=ROWS["correlated"],
+            rate=RATE,
+            draws=DRAWS,
+            bins=BINS,
+        )
+    ]
+    for kind, fits in found.items():
+        if fits:
+            parts.append(_table(kind, fits))
+    return "\n".join(parts)
+
+
+_TITLES = {
+    "": "{noise} noise",
+    "jacobian": "{noise} noise, log-Jacobians left out on purpose",
+    "noise": "{noise} noise, forgotten between block means on purpose",
+}
+
+
+def _table(kind: Kind, fits: Sequence[dict]) -> str:
+    title = _TITLES[kind.broken].format(noise=kind.noise.capitalize())
+    n, verdict = len(fits), "uniform" if passes(fits) else "**not uniform**"
+    sound = sum(fit["converged"] for fit in fits)
+    half, most = (band(n, share) for share in (0.5, 0.9))
+    lines = [
+        f"**{title}**: {n} pads, {sound} of them converged; ranks are {verdict}.\n",
+        f"| constant | in 50 % ({half[0]:.0%} to {half[1]:.0%}) | in 90 % ({most[0]:.0%} to "
+        f"{most[1]:.0%}) | mean rank | p of uniform |",
+        "|---|---|---|---|---|",
+    ]
+    for name, ranks in columns(fits).items():
+        lines.append(
+            f"| {name} | {inside(ranks, 0.5):.0%} | {inside(ranks, 0.9):.0%} | "
+            f"{np.mean(ranks):.1f} | {p_of_uniform(ranks):.2g} |"
+        )
+    return "\n".join([*lines, ""])
+
+
+_HEAD = """## Calibrated by simulation
+
+Constants and noise drawn from the very priors that the fit is given (`validation/ranks.py` lists
+them), one test at {rate:g} mm/s of {rows} rows ({few} with correlated noise, for the time that it
+takes) with noise of about a tenth of the peak force, by the simulator, through a CSV file, the
+reader and `fit`. If all of that is right, the true constant has each of the {draws} + 1 ranks among
+{draws} draws of its posterior equally often (simulation-based calibration). In brackets: where 99
+of 100 such shares lie by chance (binomial). *p of uniform*: of a chi-square test in {bins} bins; a
+series fails where it is below 1 % over the number of constants. With measured noise (*floor*) the
+fit allows for a discrepancy that these pads do not have, and takes the noise from the rests of one
+test, so that its ranks need not be uniform; with *correlated* noise all that is unknown has its
+prior. The last series show what the test can see.
+
+| | |
+|---|---|
+| command | `{origin.command}` |
+| date | {origin.date} |
+| commit | {origin.commit} |
+| machine | {origin.machine} |
+
+![Ranks of the true constants](pictures/ranks.png)
+"""
+
+
+def draw_picture(found: dict[Kind, list[dict]], path: Path) -> None:
+    """Draw a histogram of ranks for each constant and series, with the binomial band."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    series = {kind: columns(fits) for kind, fits in found.items() if fits}
+    names = max(series.values(), key=len)
+    figure, axes = plt.subplots(
+        len(series), len(names), figsize=(1.15 * len(names), 1.15 * len(series)), squeeze=False,
+        sharex=True, layout="constrained",
+    )  # fmt: skip
+    for row, (kind, ranks) in zip(axes, series.items(), strict=True):
+        row[0].set_ylabel(kind.name.removeprefix("ranks-").replace("-broken-", "\nbroken "), size=6)
+        for axis, name in zip(row, names, strict=True):
+            axis.set_yticks([])
+            axis.set_xticks([])
+            if name not in ranks:
+                axis.set_axis_off()
+                continue
+            low, high = binom.interval(0.99, len(ranks[name]), 1.0 / BINS)
+            axis.axhspan(low, high, color="0.85")
+            axis.hist(ranks[name], bins=BINS, range=(0, DRAWS + 1), color="C0", rwidth=0.9)
+            axis.set_title(name, size=6)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    options = _options()
+    folder = ROOT / "build" / "validation" / code_digest()
+    kinds = [Kind(noise, options.broken) for noise in options.noise.split(",")]
+    if options.broken:
+        BROKEN[options.broken]()
+    for kind in kinds:
+        _run(kind, options, folder)
+    if options.part is None and options.output:
+        _publish(options, folder)
+
+
+def _run(kind: Kind, options: argparse.Namespace, folder: Path) -> None:
+    """Fit the pads that are not stored, and print what the ranks of all say."""
+    store = Store(_file(folder, kind, options.seed), part=options.part)
+    step = 1 if options.part is None else _PARTS
+    missing = [k for k in range(options.part or 0, options.fits, step) if k not in store.cases]
+    with progress() as bar:
+        task = bar.add_task(kind.name, total=len(missing))
+        for index in missing:
+            store.add(run(kind, options.seed, index))
+            bar.advance(task)
+    fits = store.first(options.fits)
+    if fits:
+        print(_table(kind, fits), flush=True)
+
+
+def _file(folder: Path, kind: Kind, seed: int) -> Path:
+    return folder / f"{kind.name}-seed{seed}.jsonl"
+
+
+def _publish(options: argparse.Namespace, folder: Path) -> None:
+    """Write section and picture of all series that are stored, broken ones last."""
+    kinds = [Kind("floor"), Kind("correlated"), *(Kind("correlated", one) for one in BROKEN)]
+    found = {kind: Store(_file(folder, kind, options.seed)).first(options.fits) for kind in kinds}
+    name = os.path.relpath(sys.argv[0], ROOT)
+    origin = Origin.now(f".venv/bin/python {shlex.join([name, *sys.argv[1:]])}", ROOT)
+    draw_picture(found, options.output.parent / "pictures" / "ranks.png")
+    text = options.output.read_text(encoding="utf-8")
+    write_whole(options.output, with_section(text, section(found, origin)).encode())
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fits", type=int, default=200, help="pads of each kind of noise")
+    parser.add_argument("--noise", default="floor,correlated", help="noise models of the fits")
+    parser.add_argument("--broken", choices=BROKEN, default="", help="fit with a mistake")
+    parser.add_argument("--seed", type=int, default=1, help="decides all pads")
+    parser.add_argument("--part", type=int, choices=range(_PARTS), help="every second pad")
+    parser.add_argument("-o", "--output", type=Path, help="page whose section is written")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()
