@@ -1,6 +1,7 @@
 """Control that changes within a test: detected, stated by a column, and fitted as what it is."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def test_phases_have_the_control_that_they_had(program, kinds, closed_loop):
     inside = (test.time >= held.start) & (test.time <= held.stop)
     # the ends are known as well as the force tells them from its noise
     assert np.mean(inside == loaded) > 0.98
-    assert all(one.stop == two.start for one, two in zip(phases, phases[1:], strict=False))
+    assert all(one.stop == two.start for one, two in pairwise(phases))
     assert (phases[0].start, phases[-1].stop) == (test.time[0], test.time[-1])
 
 
