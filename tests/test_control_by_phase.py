@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.posteriors import from_truth
 
 from qlvbayes import InputError
 from qlvbayes.io.data import Control, Pad, Prescribed, Test, read_measurements
@@ -47,6 +49,16 @@ def recorded(program, seed=0, constants=B, noise=CORRELATED, closed_loop=False):
 
 def prepared(*tests):
     return prepare(Pad("B", tests, PAD), all_tests=True)
+
+
+def clocked(*tests):
+    """Tests at rest before each, by their clock."""
+    return prepared(
+        *(
+            replace(test, name=f"t-{k}", start_s=500.0 * k, start_known=True)
+            for k, test in enumerate(tests)
+        )
+    )
 
 
 def phases_of(test):
@@ -258,3 +270,42 @@ def test_a_first_look_names_the_phase():
     assert "the force is prescribed in hold (" in line
     assert line.endswith("of test t; the displacement elsewhere")
     assert "taken as a prescribed force there" in found.notices[0]
+
+
+# constants
+
+
+def pressed_and_recovered(seed, constants, closed_loop):
+    """Two presses to a force, and one recovery at no force."""
+    peak = float(constants.force(np.array([1.2]))[0])
+    programs = press_and_pause(peak, 1.0, 10.0), press_and_pause(0.5 * peak, 5.0, 10.0), RECOVER
+    return [
+        recorded(program, [seed, k], constants, closed_loop=closed_loop)[0]
+        for k, program in enumerate(programs)
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed_loop", [False, True])
+def test_intervals_hold_the_truth(closed_loop):
+    count = 6
+    inside = []
+    for seed in range(count):
+        constants = draw_constants(np.random.default_rng([77, seed]))
+        tests = pressed_and_recovered(seed, constants, closed_loop)
+        inside.append([abs(z) < 1.645 for z in from_truth(constants, clocked(*tests)).values()])
+    # 90 % of pads by 7 constants that hang together: at least as many as these pads hold by chance
+    assert np.mean(inside) > 0.9 - 3.0 * np.sqrt(0.09 / count)
+
+
+# records of machines
+
+
+def test_the_kept_pause_under_a_force():
+    file = Path(__file__).parents[2] / "shared" / "records" / "press_pause_back_tidy.csv"
+    if not file.exists():
+        pytest.skip(f"{file.name} is not kept here")
+    (trial,) = prepare(read_measurements(file).pads[0]).trials
+    assert described(trial.phases) == PRESSED
+    held = trial.phases[1]
+    assert (held.start, held.stop) == pytest.approx((1.8, 3.8), abs=0.04)

@@ -7,17 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.posteriors import from_truth
 
 from qlvbayes import InputError, Model, Motion
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import names
 from qlvbayes.motion.control import controls_of
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.loadcontrol import force_phases
@@ -252,21 +248,6 @@ def test_a_notice_says_which_tests_were_taken_so():
 # constants
 
 
-def zs(constants, tests, seed=0):
-    """Where the truth lies in the posterior about its top, in its sds."""
-    found = prepared(*tests)
-    posterior = build_posterior(found, Choices(), found.trials)
-    top = starting_point(posterior, found.floor, np.random.default_rng(seed))
-    theta = top.normal.draw(2000, np.random.default_rng(seed))
-    drawn = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
-    order = names(posterior)
-    truth = {"m": constants.m, "b": constants.b}
-    truth |= {f"c[{k}]": x for k, x in enumerate(constants.c)}
-    truth |= {f"v[{k}]": x for k, x in enumerate(constants.v, start=1)}
-    columns = {name: np.asarray(drawn[:, order.index(name)]) for name in truth}
-    return {k: (x - columns[k].mean()) / columns[k].std() for k, x in truth.items()}
-
-
 def creeps(constants, seed, closed_loop):
     peak = float(constants.force(np.array([1.2]))[0])
     return [
@@ -283,7 +264,7 @@ def creeps(constants, seed, closed_loop):
 @pytest.mark.slow
 def test_creep_alone_tells_the_constants():
     # four sds of seven constants fail by chance once in two thousand
-    assert max(map(abs, zs(B, creeps(B, 0, closed_loop=False)).values())) < 4.0
+    assert max(map(abs, from_truth(B, prepared(*creeps(B, 0, closed_loop=False))).values())) < 4.0
 
 
 @pytest.mark.slow
@@ -296,6 +277,6 @@ def test_intervals_of_creep_tests_hold_the_truth(kind):
         tests = creeps(constants, seed, kind == "closed loop")
         if kind == "with a relaxation test":
             tests.append(pressed(paper_protocol(20.0), seed, constants))
-        inside.append([abs(z) < 1.645 for z in zs(constants, tests).values()])
+        inside.append([abs(z) < 1.645 for z in from_truth(constants, prepared(*tests)).values()])
     # 90 % of pads by 7 constants that hang together: at least as many as 10 pads hold by chance
     assert np.mean(inside) > 0.9 - 3.0 * np.sqrt(0.09 / count)

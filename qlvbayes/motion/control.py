@@ -36,6 +36,7 @@ _FADES = 1.05  # times as long as its second quarter the third takes; once at ev
 _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
 _EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
 _MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
+_SHOWN = 6  # readings there, that show how even a movement is
 _RESTS = 0.3  # of the time between two holds, for which one quantity rests there
 
 
@@ -213,7 +214,7 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
         return Control.DISPLACEMENT
     low, high = (start + share * (stop - start) for share in _MIDDLE)
     inside = inside[(test.time[inside] >= low) & (test.time[inside] <= high)]
-    if inside.size < _FEWEST:
+    if inside.size < _SHOWN:
         return Control.FORCE
     time = test.time[inside]
     uneven = [_uneven(time, values[inside]) for values in (test.displacement, test.force)]

@@ -151,17 +151,15 @@ class Experiment:
                 "which is taken as a prescribed force; a column control (displacement or force) "
                 "says otherwise"
             )
-        for trial in detected:
-            if trial.control is None:
-                spans = [
-                    f"{plain(phase.start)} to {plain(phase.stop)} s"
-                    for phase in trial.phases_under(Control.FORCE)
-                ]
-                sentences.append(
-                    f"pad {self.pad}: in test {trial.name} from {joined(spans)} the force is held "
-                    "while the displacement creeps, which is taken as a prescribed force there; a "
-                    "column control (displacement or force in each row) says otherwise"
-                )
+        parts = [
+            f"{trial.name} ({_loaded_times(trial)})" for trial in detected if trial.control is None
+        ]
+        if parts:
+            sentences.append(
+                f"pad {self.pad}: in a part of test{'s' if len(parts) > 1 else ''} {joined(parts)} "
+                "the force is held while the displacement creeps, which is taken as a prescribed "
+                "force there; a column control (displacement or force in each row) says otherwise"
+            )
         return tuple(sentences)
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
@@ -299,6 +297,17 @@ def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None
     trajectory = crept_path(trajectory, test, phases)
     rate = test.rate if test.rate is not None else _rate(trajectory, phases)
     return Trial(test, trajectory, phases, rate, test.role or "", left_out)
+
+
+def _loaded_times(trial: Trial) -> str:
+    """Return when the force was prescribed, as '1.8 to 3.8 s and 5 to 7 s'."""
+    spans: list[tuple[float, float]] = []
+    for phase in trial.phases_under(Control.FORCE):
+        if spans and spans[-1][1] == phase.start:
+            spans[-1] = (spans[-1][0], phase.stop)
+        else:
+            spans.append((phase.start, phase.stop))
+    return joined([f"{plain(start)} to {plain(stop)} s" for start, stop in spans])
 
 
 def _rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
