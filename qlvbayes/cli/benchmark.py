@@ -66,7 +66,7 @@ def benchmark(
     from qlvbayes.plots.benchmark import plot_benchmark
     from qlvbayes.plots.files import save_figure
 
-    names = {"effects": tuple(split_names(effects))} if effects else {}
+    names: dict[str, Any] = {"effects": tuple(split_names(effects))} if effects else {}
     simulated = Population(seed, paper=population == "paper", noise=noise, **names)
     folder = results_folder(output)
     cases = _run(simulated, folder, studies, work)
