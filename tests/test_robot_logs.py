@@ -10,9 +10,8 @@ from qlvbayes.io.formats import namedarrays
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.rosbag import RosBag
-from qlvbayes.io.formats.roschannels import RosChannel, meaning, test_of
+from qlvbayes.io.formats.roschannels import RosChannel, meaning, recording_of
 
-test_of.__test__ = False  # a function of the package
 TEST = pressed()
 MCAP = b"\x89MCAP0\r\n"
 
@@ -62,13 +61,13 @@ def test_the_axis_that_moves_is_taken_and_a_second_one_as_large_is_refused(tmp_p
         channel("/tool.pose.position.y", 1e-3 * rise),
         channel("/joints.position[a]", rise),  # a point is preferred to a joint
     ]
-    found = test_of(channels, tmp_path, 0.0)
+    found = recording_of(channels, tmp_path, 0.0)
     assert (found.load.name, found.way.name) == ("/ft.wrench.force.z", "/tool.pose.position.y")
     assert found.way.values[-1] == pytest.approx(1.0)  # mm
     with pytest.raises(InputError, match=r"/ft.wrench.force.z \(1\) and /ft.wrench.force.y"):
-        test_of([*channels, channel("/ft.wrench.force.y", 0.9 * rise)], tmp_path, 0.0)
+        recording_of([*channels, channel("/ft.wrench.force.y", 0.9 * rise)], tmp_path, 0.0)
     with pytest.raises(InputError, match="no force that changes"):
-        test_of(channels[2:], tmp_path, 0.0)
+        recording_of(channels[2:], tmp_path, 0.0)
 
 
 def test_each_topic_keeps_its_own_stamps(tmp_path):
@@ -76,12 +75,12 @@ def test_each_topic_keeps_its_own_stamps(tmp_path):
     time = np.arange(0.0, 2.0, 0.01)
     force = RosChannel("/a.wrench.force.z", time, time.copy())
     place = RosChannel("/b.pose.position.z", time + 0.02, 1e-3 * (time + 0.02))
-    found = test_of([force, place], tmp_path, 0.0)
+    found = recording_of([force, place], tmp_path, 0.0)
     assert np.allclose(found.way.values, found.load.values)
     assert found.dropped == {"rows of the force outside the displacement's clock": 2}
     swapped = np.r_[1, 0, 2 : len(time)]
     late = RosChannel(force.name, force.time[swapped], force.values[swapped])
-    again = test_of([late, place], tmp_path, 0.0)
+    again = recording_of([late, place], tmp_path, 0.0)
     assert np.array_equal(again.load.values, found.load.values)
 
 

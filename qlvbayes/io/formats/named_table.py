@@ -64,7 +64,8 @@ class NamedTable(AbstractFormat):
         separator = separator_of(lines.texts[number])
         picked = chosen(columns, path, number + 1)
         names = lines.texts[number].encode() + b"\n"
-        parts = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
+        *before, last = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
+        parts = [*(part + b"\n" for part in before), last]
         recordings = []
         for k, part in enumerate(parts, 1):
             rows = cells_at(part, separator, [named.index for named in picked.values()])

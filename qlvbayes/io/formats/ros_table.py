@@ -12,7 +12,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
-from qlvbayes.io.formats.roschannels import RosChannel, meaning, test_of
+from qlvbayes.io.formats.roschannels import RosChannel, meaning, recording_of
 from qlvbayes.io.formats.textfile import (
     Lines,
     cells_at,
@@ -81,7 +81,7 @@ class RosTable(AbstractFormat):
             raise InputError("no row of names with stamps", file=path, remedy="export it again")
         separator = separator_of(lines.texts[number])
         names = cells_of(lines.texts[number], separator)
-        rows = data[lines.starts[number + 1] :]
+        rows, _, cut = data[lines.starts[number + 1] :].rpartition(b"\n")  # a line without an end
         clocks = _clocks(names)
         channels, origins = [], []
         for index, name in enumerate(names):
@@ -89,7 +89,7 @@ class RosTable(AbstractFormat):
                 continue
             wanted = [*_clock_of(index, name, clocks).columns, index]
             try:
-                block = cells_at(rows, separator, wanted)
+                block = cells_at(rows + b"\n", separator, wanted)
                 *stamps, values = read_rows(block, separator, range(len(wanted)), path).columns
             except InputError:  # a column without numbers
                 continue
@@ -97,7 +97,8 @@ class RosTable(AbstractFormat):
             channels.append((name, _seconds(stamps, origin), values, origin * _unit(origin)))
             origins.append(origin * _unit(origin))
         zero = min(origins, default=0.0)
-        return (test_of([RosChannel(n, t + (o - zero), v) for n, t, v, o in channels], path, zero),)
+        found = [RosChannel(n, t + (o - zero), v) for n, t, v, o in channels]
+        return (recording_of(found, path, zero, {"cut last line": 1} if cut.strip() else {}),)
 
 
 def _candidates(lines: Lines) -> list[list[str]]:

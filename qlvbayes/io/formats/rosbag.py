@@ -11,7 +11,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.isolation import TIME_S, ApartError, read_apart
 from qlvbayes.io.formats.namedarrays import needed
-from qlvbayes.io.formats.roschannels import RosChannel, test_of
+from qlvbayes.io.formats.roschannels import RosChannel, recording_of
 
 _MCAP, _BAG_1, _SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"SQLite format 3\0"
 _PER_MB_S = 4.0  # processor time for 1 MB: 16 000 messages of a wrench take 2 s, one by one
@@ -55,4 +55,4 @@ class RosBag(AbstractFormat):
             if name and (there := np.isfinite(values)).any():
                 time = seconds[topic][there]
                 channels.append(RosChannel(f"{topic}.{name}", time, values[there]))
-        return (test_of(channels, path, origin * _NS),)
+        return (recording_of(channels, path, origin * _NS),)

@@ -76,11 +76,13 @@ def meaning(name: str) -> RosField | None:
     return None
 
 
-def test_of(channels: Sequence[RosChannel], path: Path, origin: float) -> Recording:
+def recording_of(
+    channels: Sequence[RosChannel], path: Path, origin: float, dropped: dict[str, int] | None = None
+) -> Recording:
     """Return the test of a log: its force, and the displacement at the force's stamps.
 
     Of all forces and of all positions the one that changes most is taken. ``origin`` is the date
-    of the stamps' zero (s since 1970).
+    of the stamps' zero (s since 1970); ``dropped`` counts rows that were no messages.
 
     Raises
     ------
@@ -90,7 +92,7 @@ def test_of(channels: Sequence[RosChannel], path: Path, origin: float) -> Record
     """
     load, of_load = _chosen(channels, "force", path)
     way, of_way = _chosen(channels, "displacement", path)
-    dropped: dict[str, int] = {}
+    dropped = dict(dropped or {})
     try:
         load_time, (force,) = rising(load.time, [load.values], dropped)
         way_time, (depth,) = rising(way.time, [way.values], {})

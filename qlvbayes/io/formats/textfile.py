@@ -90,7 +90,10 @@ def separator_of(line: str) -> str:
 
 
 def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
-    """Return only the cells at these indices, as text in other cells is no number."""
+    """Return only the cells at these indices, as text in other cells is no number.
+
+    A last line without an end stays without one, so that ``read_rows`` sees whether it is cut off.
+    """
     mark = separator.encode()
     kept = []
     for line in rows.split(b"\n"):
@@ -100,7 +103,7 @@ def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
             cells = line.split(mark)
         if len(cells) > max(indices):
             kept.append(mark.join(cells[index] for index in indices))
-    return b"\n".join(kept) + b"\n"
+    return b"\n".join(kept) + (b"\n" if rows.endswith(b"\n") else b"")
 
 
 @dataclass(frozen=True)
