@@ -62,7 +62,7 @@ class Rate:
 
 
 def is_named(case: Case) -> bool:
-    """Return whether just the hidden effects are named, or none is and the verdict is `adequate`.
+    """Return whether exactly the hidden effects are named, or none and the verdict is `adequate`.
 
     Together with an unlisted effect the listed one is to be named; alone it leaves nothing to name.
     """
