@@ -7,7 +7,7 @@ of the worst constant (bulk, as ArviZ counts them), over all the time from the s
 draw, burn-in and warm-up included. The other packages are looked for in $PYTHONPATH:
 
     pip install --target DIR --no-deps pints==0.6.0 cma numpyro multipledispatch tqdm lmfit \\
-        asteval uncertainties dill dynesty nautilus-sampler
+        asteval uncertainties dill tabulate dynesty nautilus-sampler
     PYTHONPATH=DIR python benchmarks/others.py            # prints the section; --short tries it
 """
 
@@ -68,6 +68,9 @@ class Problem:
         return float(np.nanmin(diagnose_chain(free).ess_bulk))
 
 
+_WARM, _KEPT = 300, 500  # steps of each of four chains of NUTS
+
+
 def ours(p):
     chain = sample(p.posterior, p.optimum.normal, Settings(seed=p.seed))
     return np.swapaxes(chain.theta, 0, 1)
@@ -103,7 +106,7 @@ def numpyro_nuts(p):
     from numpyro.infer import MCMC, NUTS
 
     nuts = NUTS(potential_fn=lambda theta: -p.posterior.log_density(theta))
-    warm, kept = p.steps(500), p.steps(1000)
+    warm, kept = p.steps(_WARM), p.steps(_KEPT)
     mcmc = MCMC(nuts, num_warmup=warm, num_samples=kept, num_chains=4, progress_bar=False,
                 chain_method="vectorized")  # fmt: skip
     mcmc.run(jax.random.key(p.seed), init_params=jnp.asarray(p.starts[:4]))
@@ -116,7 +119,7 @@ def blackjax_nuts(p):
     def density(theta):
         return p.posterior.log_density(theta)
 
-    warm, kept = p.steps(500), p.steps(1000)
+    warm, kept = p.steps(_WARM), p.steps(_KEPT)
 
     @jax.jit
     def chain(key, start):
@@ -201,10 +204,10 @@ likelihoods = jax.jit(jax.vmap(lambda posterior, theta: posterior.log_likelihood
 
 
 def likelihood_of(p):
-    """The log likelihood of thetas (n, D), padded to one compiled size."""
+    """The log likelihood of thetas (n, D), one by one or padded to one compiled size."""
 
     def of(thetas):
-        count, size = len(thetas), 64
+        count, size = len(thetas), 64 if len(thetas) > 1 else 1
         found = []
         for k in range(0, count, size):
             part = thetas[k : k + size]

@@ -278,14 +278,11 @@ def _killed(folder: Path, words: Sequence[str], count: int, rng: random.Random) 
     kills = runs = equal = 0
     while kills < count:
         shutil.rmtree(folder / "out", ignore_errors=True)
-        row = 0
-        while row < min(_IN_A_ROW, count - kills) and (after := rng.uniform(0.0, lasts)):
-            begun = time.monotonic()
-            if not run.killed_after(after):
-                if not row:  # the first run had to compile, and took longer than others do
-                    lasts = min(lasts, time.monotonic() - begun)
-                break
+        begun, row = time.monotonic(), 0
+        while row < min(_IN_A_ROW, count - kills) and run.killed_after(rng.uniform(0.0, lasts)):
             row += 1
+        if row == 0:  # the first run of all had to compile, and took longer than others do
+            lasts = min(lasts, time.monotonic() - begun)
         code, mine = run.ended(), contents_of(folder / "out")
         kills, runs = kills + row, runs + 1
         print(f"{run.words[0]}: {kills} kills in {runs} runs", file=sys.stderr, flush=True)
