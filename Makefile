@@ -37,6 +37,11 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/quoted.py
 	$(BIN)/python validation/exported.py data/hidden.csv -o docs/exports.md
 	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
+	$(BIN)/python validation/ranks.py --fits 200 --broken jacobian --noise correlated
+	$(BIN)/python validation/ranks.py --fits 200 --broken noise --noise correlated
+	$(BIN)/python validation/ranks.py --fits 200 -o docs/validation.md
+	$(BIN)/python validation/endurance.py kills --count 50
+	$(BIN)/python validation/endurance.py inputs --count 100000
 	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
 	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md

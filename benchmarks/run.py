@@ -15,8 +15,8 @@ import c_steps
 import density
 import diagnosis
 import force
+import others
 import pieces
-import sampling
 import shell
 import stepping
 from timing import in_new_process
@@ -30,7 +30,7 @@ def main():
         stepping_section,
         c_section,
         density_section,
-        sampling_section,
+        others.section,
         shell_section,
         diagnosis_section,
     ):
@@ -164,18 +164,6 @@ Correlated noise takes {ratio:.1f} times as long as white noise at 32 walkers.
 | noise | walkers | log density ms | gradients ms |
 |---|---:|---:|---:|
 {table}
-"""
-
-
-def sampling_section():
-    ours, rival, difference = sampling.compare()
-    return f"""## Effective samples a second
-
-The 20 mm/s test of pad B, same reduced record, priors and correlated noise (the log densities
-differ by {difference:.0e} at most, up to their constant: the script knows straight lines only):
-**{ours:.0f} a second**, against
-{rival:.1f} for a plain numpy and emcee script (`benchmarks/rivals.py`): {ours / rival:.0f} times as
-many.
 """
 
 
