@@ -19,7 +19,7 @@ from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.contact import find_contact, is_dead
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.naming import is_mean
-from qlvbayes.io.units import PAD
+from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.cutting import cut, refuse_unknown
@@ -440,6 +440,30 @@ def test_a_fit_heeds_the_error_of_contact():
     assert found[0.0, 0.01][1] > 1.5 * found[0.0, None][1]
     assert abs(found[0.01, None][0] - true) > 4.0 * found[0.01, None][1]
     assert abs(found[0.01, 0.01][0] - true) < 2.0 * found[0.01, 0.01][1]
+
+
+# noise
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_ends_at_once_is_known_where_it_is(seed):
+    """A step of stress of 0.06 held for 60 s, under noise of 3, 0.1 and 0.001 one after another."""
+    time = np.geomspace(0.01, 60.0, 150)
+    strain = np.minimum(time / 0.09, 1.0) * 1e-3
+    true = np.select([time < 0.3, time < 3.0], [3.0, 0.1], 0.001)
+    stress = 60.0 * strain + true * np.random.default_rng(seed).standard_normal(time.size)
+    units = UnitSystem("1", "Pa")
+    experiment = prepare(Pad("gel", (Test("r", "gel", time, strain, stress),), units))
+    (trial,) = experiment.trials
+    found = trial.test.force_sd
+    steps = np.searchsorted(time, [0.3, 3.0])
+    # windows of 21 readings that hold no step; a third are independent: 2.5 is three sds and more
+    away = np.all(np.abs(np.arange(time.size)[:, None] - steps) > 12, axis=1)
+    assert np.all(np.abs(np.log(found / true))[away] < np.log(2.5))
+    assert 0.05 < experiment.peak < 0.5  # and not the 8 of the largest noise
+    late = time > 3.5
+    weights = 1.0 / found[late] ** 2
+    assert weights @ stress[late] / weights.sum() == pytest.approx(0.06, rel=0.01)
 
 
 # those kept elsewhere

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from qlvbayes.io.data import Test
 
 _LAST = 0.25  # of the way to the largest force, where the slope is taken
-_CLEAR = 5.0  # of a reading's own sd, above which a force is no noise
+_CLEAR = 5.0  # of the sds of readings around it, above which a force is no noise
+_AROUND = 21  # readings
 
 
 def largest_force(test: Test) -> float:
@@ -27,7 +29,8 @@ def _clear(test: Test) -> NDArray[np.bool_]:
     every = np.ones(test.force.size, dtype=bool)
     if test.force_sd is None:
         return every
-    clear = np.abs(test.force) > _CLEAR * test.force_sd
+    around = maximum_filter1d(test.force_sd, _AROUND)  # where noise ends its sd is not sharp
+    clear = np.abs(test.force) > _CLEAR * around
     return clear if clear.any() else every
 
 

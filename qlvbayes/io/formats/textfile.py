@@ -92,10 +92,11 @@ def separator_of(line: str) -> str:
 def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
     """Return only the cells at these indices, as text in other cells is no number.
 
-    A last line without an end stays without one, so that ``read_rows`` sees whether it is cut off.
+    A last line without an end stays so, unless another cell follows those: ``read_rows`` then sees
+    whether it is cut off.
     """
     mark = separator.encode()
-    kept = []
+    kept, cells = [], []
     for line in rows.split(b"\n"):
         if b'"' in line:
             cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
@@ -103,7 +104,8 @@ def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
             cells = line.split(mark)
         if len(cells) > max(indices):
             kept.append(mark.join(cells[index] for index in indices))
-    return b"\n".join(kept) + (b"\n" if rows.endswith(b"\n") else b"")
+    whole = rows.endswith(b"\n") or len(cells) > max(indices) + 1
+    return b"\n".join(kept) + b"\n" * whole
 
 
 @dataclass(frozen=True)
