@@ -32,9 +32,10 @@ from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.plots.diagnosis_files import FIGURES, save_diagnosis_figures
+from qlvbayes.pipeline.diagnosing import FIGURES
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
+from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
 from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study
@@ -440,7 +441,7 @@ def test_curves_are_repeatable(real):
 
 @pytest.mark.slow
 def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
-    images = save_diagnosis_figures(real, tmp_path / "figures")
+    images = [save_figure(draw(real), tmp_path / name) for name, draw in FIGURES.items()]
     assert [image.stem for image in images] == list(FIGURES)
     assert {p.name for p in images[0].parent.iterdir()} == {
         f"{name}.{suffix}" for name in FIGURES for suffix in ("pdf", "png")

@@ -4,9 +4,12 @@ The folder offers a class for each effect, lists of them, and what a user's own 
 and checked by.
 """
 
+# first, so that a file of one's own, moved into this folder, finds it before the catalogue is read
+from qlvbayes.effects.effect import AbstractEffect, Level
+
+# isort: split
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE
 from qlvbayes.effects.conformance import check_effect, effect_checks
-from qlvbayes.effects.effect import AbstractEffect, Level
 
 _KINDS = {kind.__name__: kind for kind in EVERY}
 globals().update(_KINDS)

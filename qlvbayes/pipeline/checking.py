@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from qlvbayes import plots
 from qlvbayes.fitting.pad_check import CheckedPad, check_pad, curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.watcher import Watcher
 
-FIGURES = ("forces", "hysteresis", "residual_map")
+FIGURES: dict[str, Callable[[CheckedPad], Any]] = {
+    "forces": lambda one: plots.plot_forces(one.predictions, one.experiment.units),
+    "hysteresis": lambda one: plots.plot_hysteresis(one.predictions, one.experiment.units),
+    "residual_map": lambda one: plots.plot_residual_map(one.check, one.experiment.units),
+}
+"""Figures of a check, and how each is drawn."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +60,9 @@ def check_into(
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
         checked.check.write(folder / "check.json")
         curves(checked).write(folder / "curves.json")
-        _draw(checked, folder)
+        for name, draw in FIGURES.items():
+            plots.save_figure(draw(checked), folder / name)
     for text in checked.check.notices:
         watcher.notice(text)
     watcher.checked(checked.check)
     return checked
-
-
-def _draw(checked: CheckedPad, folder: Path) -> None:
-    # imported here, so that the other steps do not wait for matplotlib
-    from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.forces import plot_forces
-    from qlvbayes.plots.hysteresis import plot_hysteresis
-    from qlvbayes.plots.residual_map import plot_residual_map
-
-    units = checked.experiment.units
-    drawn: tuple[Any, ...] = (
-        plot_forces(checked.predictions, units),
-        plot_hysteresis(checked.predictions, units),
-        plot_residual_map(checked.check, units),
-    )
-    for axes, name in zip(drawn, FIGURES, strict=True):
-        save_figure(axes, folder / name)

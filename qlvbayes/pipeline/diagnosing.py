@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from qlvbayes import plots
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
@@ -18,6 +20,14 @@ from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
+
+FIGURES: dict[str, Callable[[Diagnosis], Any]] = {
+    "residuals_before_after": lambda one: plots.plot_residuals_before_after(one.result),
+    "forces_before_after": lambda one: plots.plot_forces_before_after(one),
+    "evidence": lambda one: plots.plot_evidence(one.result),
+    "error_staircase": lambda one: plots.plot_error_staircase(one.result),
+}
+"""Figures of a diagnosis, and how each is drawn."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +56,6 @@ class DiagnoseStep:
 
     def report_saved(self, folder: Path, watcher: Watcher) -> None:
         """Report the saved verdict."""
-        from qlvbayes.plots.diagnosis_files import FIGURES
-
         result = DiagnosisResult.read(folder / "diagnosis.json")
         for text in result.notices:
             watcher.notice(text)
@@ -94,7 +102,9 @@ def diagnose_into(
         diagnosis.result.write(folder / "diagnosis.json")
         drawn_hypotheses(diagnosis, choices, seed=seed).write(folder / HYPOTHESES)
         write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
-        figures = _figures(diagnosis, folder)
+        figures = [
+            plots.save_figure(draw(diagnosis), folder / name) for name, draw in FIGURES.items()
+        ]
     for text in diagnosis.result.notices:
         watcher.notice(text)
     watcher.diagnosed(diagnosis.result, diagnosis.paragraphs(), figures)
@@ -111,10 +121,3 @@ def _write_discrepancy(diagnosis: Diagnosis, folder: Path) -> None:
         values = zip(trial.test.time[rows], band.mean, band.sd, strict=True)
         lines += [f"{trial.name},{t:.6g},{mean:.6g},{sd:.6g}" for t, mean, sd in values]
     write_whole(folder / "discrepancy.csv", ("\n".join(lines) + "\n").encode())
-
-
-def _figures(diagnosis: Diagnosis, folder: Path) -> list[Path]:
-    # imported here, so that the other steps do not wait for matplotlib
-    from qlvbayes.plots.diagnosis_files import save_diagnosis_figures
-
-    return save_diagnosis_figures(diagnosis, folder)

@@ -8,59 +8,40 @@ user's own look. Nothing here is imported before it is used, nor is Matplotlib.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from qlvbayes.plots.benchmark import plot_benchmark
-    from qlvbayes.plots.constants import plot_constants
-    from qlvbayes.plots.contrasts import plot_contrasts
-    from qlvbayes.plots.conversion import plot_conversion
-    from qlvbayes.plots.error_staircase import plot_error_staircase
-    from qlvbayes.plots.evidence import plot_evidence
-    from qlvbayes.plots.files import figure_of, save_figure
-    from qlvbayes.plots.forces import plot_forces
-    from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
-    from qlvbayes.plots.forces_before_after import plot_forces_before_after
-    from qlvbayes.plots.hysteresis import plot_hysteresis
-    from qlvbayes.plots.look import plot_look
-    from qlvbayes.plots.pairs import plot_pairs
-    from qlvbayes.plots.prediction import plot_prediction
-    from qlvbayes.plots.programme import plot_programme
-    from qlvbayes.plots.residual_map import plot_residual_map
-    from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
-    from qlvbayes.plots.style import using
+_FIGURES = (
+    "benchmark",
+    "constants",
+    "contrasts",
+    "conversion",
+    "error_staircase",
+    "evidence",
+    "forces",
+    "forces_at_rates",
+    "forces_before_after",
+    "hysteresis",
+    "look",
+    "pairs",
+    "prediction",
+    "programme",
+    "residual_map",
+    "residuals_before_after",
+)
+_MODULES = {f"plot_{name}": name for name in _FIGURES} | {
+    "figure_of": "files",
+    "save_figure": "files",
+    "using": "style",
+}
 
-__all__ = [
-    "figure_of",
-    "plot_benchmark",
-    "plot_constants",
-    "plot_contrasts",
-    "plot_conversion",
-    "plot_error_staircase",
-    "plot_evidence",
-    "plot_forces",
-    "plot_forces_at_rates",
-    "plot_forces_before_after",
-    "plot_hysteresis",
-    "plot_look",
-    "plot_pairs",
-    "plot_prediction",
-    "plot_programme",
-    "plot_residual_map",
-    "plot_residuals_before_after",
-    "save_figure",
-    "using",
-]
-
-_MODULES = {"figure_of": "files", "save_figure": "files", "using": "style"}
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
     """Import the name that is asked for; a figure's module is called like its function."""
-    if name not in __all__:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = _MODULES.get(name) or name.removeprefix("plot_")
-    return getattr(import_module(f"{__name__}.{module}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

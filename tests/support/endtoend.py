@@ -19,7 +19,6 @@ from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.plots import diagnosis_files
 from qlvbayes.plots import files as plots_files
 from qlvbayes.simulate import TABLE_1
 
@@ -82,10 +81,7 @@ def undrawn():
         path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
         return image
 
-    with (
-        mock.patch.object(plots_files, "save_figure", save),
-        mock.patch.object(diagnosis_files, "save_figure", save),
-    ):
+    with mock.patch.object(plots_files, "save_figure", save):
         yield
 
 

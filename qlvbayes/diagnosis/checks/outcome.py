@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,7 +216,7 @@ class SearchOutcome:
         """Return the entry of one effect, which the hypotheses in a mask (H,) contain."""
         index = int(np.argmax(np.where(inside, self._log_posteriors, -np.inf)))
         best, form = self.candidates[index], self.weights[index].forms.get(name, name)
-        own = self.estimates(best, partial(_starts, f"{form}."))
+        own = self.estimates(best, lambda name: name.startswith(f"{form}."))
         counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
         share = self._share_of(inside)
         return Ranked(
@@ -246,7 +246,7 @@ class SearchOutcome:
         same = [k for k, weight in enumerate(self.weights) if weight.base == base]
         least = max(self.weights[k].log_posterior for k in same) - _NEGLIGIBLE
         near = [k for k in same if self.weights[k].log_posterior > least]
-        estimates = [self.estimates(self.candidates[k], _is_of_a_law) for k in near]
+        estimates = [self.estimates(self.candidates[k], lambda name: "." not in name) for k in near]
         return averaged([self.weights[k].log_posterior for k in near], estimates)
 
     def sets(self) -> tuple[NotRuledOut, ...]:
@@ -282,15 +282,6 @@ def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _is_of_a_law(name: str) -> bool:
-    """Return whether a constant belongs to a base law, not to an effect or the noise."""
-    return "." not in name
-
-
-def _starts(prefix: str, name: str) -> bool:
-    return name.startswith(prefix)
 
 
 def averaged(

@@ -38,7 +38,7 @@ def parse(text: str, units: UnitSystem) -> Program:
     phrases = [phrase.strip() for phrase in re.split(r"[,;\n]", text) if phrase.strip()]
     if not phrases:
         raise InputError("the program is empty", remedy=f"write {_FORMS}")
-    course, quantity = _rest(), None
+    course, quantity = Course(np.zeros(1), np.zeros(1), np.zeros(1)), None
     for phrase in phrases:
         words = _Words(phrase, units, quantity)
         part = _part(words, float(course.time[-1]), float(course.depth[-1]))
@@ -52,10 +52,6 @@ def parse(text: str, units: UnitSystem) -> Program:
         raise InputError("the program only holds", remedy=f"write {_FORMS}")
     time, value, rate = (x[1:] for x in (course.time, course.depth, course.velocity))
     return Program(text, quantity, time, value, rate)
-
-
-def _rest() -> Course:
-    return Course(np.zeros(1), np.zeros(1), np.zeros(1))
 
 
 def _part(words: _Words, start: float, position: float) -> Course:
