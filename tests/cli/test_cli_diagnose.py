@@ -1,0 +1,222 @@
+"""diagnose, study and effects as a user calls them, on the bundled hidden case."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+
+from qlvbayes import read_study
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.result import Base, DiagnosisResult
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.effects import check_effect
+from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
+from qlvbayes.fitting.pad_check import Curves
+from qlvbayes.fitting.relaxation import RelaxationReport
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.runs import RunLog
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.firstlook import FirstLook
+from qlvbayes.pipeline.run import _on_laws
+from qlvbayes.use.prescribed.hypotheses import Hypotheses
+
+ROOT = Path(__file__).parents[2]
+HIDDEN = ROOT / "data" / "hidden.csv"
+KINDS = {
+    "summary": FitSummary,
+    "check": CheckResult,
+    "diagnosis": DiagnosisResult,
+    "curves": Curves,
+    "run": RunLog,
+}
+FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return read_json(ROOT / "data" / "hidden.answer.json")
+
+
+@pytest.fixture(scope="module")
+def own_effects(tmp_path_factory):
+    """The worked example of CONTRIBUTING.md, as a file."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    path = tmp_path_factory.mktemp("own") / "my_effects.py"
+    path.write_text(next(block for block in blocks if "class QuadraticDrag" in block))
+    return path
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The whole loop, with a short chain."""
+    folder = tmp_path_factory.mktemp("study")
+    status, out, _ = call("study", HIDDEN, "-o", folder, "--max-steps", "60", drawn=True)
+    assert status == 0
+    return folder / "C", out
+
+
+def test_the_bundled_case_is_solved(study, answer):
+    found = read_json(study[0] / "diagnosis.json")
+    hidden = answer["effects"][0]
+    assert found["verdict"] == "missing_effect"
+    assert found["effects"] == [hidden["effect"]]
+    best = found["ranking"][0]
+    for name, value in hidden["parameters"].items():
+        estimate = best["parameters"][name]
+        assert abs(estimate["mean"] - value) < 4.0 * estimate["sd"]
+
+
+def test_the_data_do_not_tell_the_answer(answer):
+    heading = [line for line in HIDDEN.read_text().splitlines() if line.startswith("#")]
+    assert answer["effects"][0]["effect"] not in " ".join(heading)
+
+
+def test_study_leaves_every_file(study):
+    folder, _ = study
+    for name in FIGURES:
+        for kind in ("png", "pdf"):
+            assert (folder / f"{name}.{kind}").stat().st_size > 5000
+    assert "missing effect" in (folder / "diagnosis.txt").read_text()
+    for place in (folder, folder / "plain"):
+        keeps_summary_contract(read_json(place / "summary.json"))
+        keeps_check_contract(read_json(place / "check.json"))
+        assert (
+            read_json(place / "curves.json")["effects"]
+            == read_json(place / "check.json")["effects"]
+        )
+
+
+def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
+    out = study[0].parent
+    files = [file for file in sorted(out.rglob("*.json")) if ".finished" not in file.parts]
+    kinds = KINDS | {"hypotheses": Hypotheses, "look": FirstLook, "relaxation": RelaxationReport}
+    assert {file.stem for file in files} == set(kinds) - {"compare"}
+    for file in files:
+        found = kinds[file.stem].read(file)
+        assert found.to_json().encode() == file.read_bytes()
+        if file.stem != "hypotheses":  # holds arrays, which have no equality of their own
+            assert kinds[file.stem].from_json(found.to_json()) == found
+
+
+def test_what_was_tried_travels_in_the_verdict(study):
+    used = DiagnosisResult.read(study[0] / "diagnosis.json").settings
+    assert used.thresholds == DiagnosisSettings()
+    assert {"exponential", "hertz"} <= set(used.elastic)
+    assert "prony:2" in used.relaxation
+    assert set(used.effects) == {kind.name for kind in EVERY}
+    assert (used.seed, used.evidence) == (0, "laplace")
+
+
+def test_study_ends_with_the_report(study, answer):
+    folder, out = study
+    report = folder.parent / "report.html"
+    assert f"open {report} in a browser" in out
+    text = report.read_text(encoding="utf-8")
+    assert answer["effects"][0]["effect"] in text
+    # priors actually used, from the fit; the command that repeats it, from the study
+    assert "squeeze_film.h</th><td><code>loguniform(" in text
+    run = read_json(folder.parent / "run.json")["runs"]["study"]
+    assert run["command"].startswith(f"qlvbayes study {HIDDEN} -o ")
+    assert run["command"].endswith("--max-steps 60")
+    assert run["command"] in text
+
+
+def test_study_refits_with_the_named_effect(study, answer):
+    folder, out = study
+    name = answer["effects"][0]["effect"]
+    after = read_json(folder / "summary.json")
+    assert after["effects"] == read_json(folder / "check.json")["effects"] == [name]
+    assert read_json(folder / "plain" / "summary.json")["effects"] == []
+    for constant in answer["effects"][0]["parameters"]:
+        assert f"{name}.{constant}" in after["parameters"]
+    assert f"pad C: missing effect: {name}" in out
+
+
+def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
+    said = ("m=lognormal(-1,1)", "v[1]=lognormal(2,1)", "noise.white=lognormal(-5,1)")
+    mine = Choices(priors=said, fixed=("b=1.2", "c[0]=0.3", "friction.f=0.1"))
+    base = Base("hertz", "prony:2", 0.99)
+    moved = _on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
+    assert (moved.law, moved.relaxing) == ("hertz", "prony:2")
+    assert (moved.priors, moved.fixed) == (said[1:], ("c[0]=0.3", "friction.f=0.1"))
+    assert _on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
+    usual = Base("exponential", "prony:2", 0.99)
+    assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=usual)) == mine
+
+
+def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
+    """What it found, and nothing else; what is asked for reaches what looks for it."""
+    found = DiagnosisResult.read(study[0] / "diagnosis.json")
+    asked = {}
+
+    def told(folder, pad, choices, **others):
+        folder.mkdir(parents=True)
+        found.write(folder / "diagnosis.json")
+        asked.update(others, folder=folder, pad=pad.name, choices=choices)
+
+    monkeypatch.setattr("qlvbayes.pipeline.diagnosing.diagnose_into", told)
+    words = ("--elastic", "hertz", "--tolerance", "2%", "--seed", "5", "--json")
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
+    assert (status, err) == (0, "")
+    assert json.loads(out) == [read_json(study[0] / "diagnosis.json")]
+    assert (asked["folder"], asked["pad"]) == (tmp_path / "out" / "C", "C")
+    assert (asked["choices"].law, asked["seed"]) == ("hertz", 5)
+    assert (asked["thresholds"].tolerance, asked["evidence"]) == (0.02, "laplace")
+
+
+@pytest.mark.slow
+def test_diagnose_says_what_study_says(tmp_path, answer):
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", "--json", drawn=True)
+    assert (status, err) == (0, "")
+    assert json.loads(out)[0]["effects"] == [answer["effects"][0]["effect"]]
+
+
+def test_an_unknown_effect_is_refused_before_anything_is_written(tmp_path):
+    for command in ("fit", "diagnose", "study"):
+        status, _, err = call(command, HIDDEN, "-o", tmp_path / "out", "--add", "magic")
+        assert status == 2
+        assert "no effect 'magic'; use one of viscous_drag" in err
+        assert not (tmp_path / "out").exists()
+
+
+def test_effects_lists_all_by_family():
+    status, out, err = call("effects", "--json")
+    assert (status, err) == (0, "")
+    listed = json.loads(out)
+    assert all(entry["law"] and entry["seen"] and entry["parameters"] for entry in listed)
+    outside = [entry["outside"] for entry in listed]
+    assert outside == sorted(outside)
+    families = [entry["family"] for entry in listed]
+    assert len(set(families) - {e["effect"] for e in listed if e["outside"]}) == len(EFFECTS)
+    for place, entry in enumerate(listed):  # a form comes right after its family's others
+        if entry["effect"] != entry["family"]:
+            assert families[place - 1] == entry["family"]
+
+
+def test_the_worked_example_keeps_the_rules_and_competes(own_effects):
+    """Beside the effect that is hidden in the bundled case, in four of its tests."""
+    own = Choices(effects_file=str(own_effects)).candidates[-1]
+    check_effect(own)
+    (pad,) = read_study(HIDDEN).pads
+    some = replace(pad, tests=pad.tests[::2] + pad.tests[-1:])
+    found = diagnose(prepare(some), kinds=(own, find("squeeze_film"))).result
+    ranked = {one.effect: one for one in found.ranking}
+    assert ranked["quadratic_drag"].log_bayes_factor < ranked["squeeze_film"].log_bayes_factor
+    assert found.effects == ("squeeze_film",)
+
+
+@pytest.mark.slow
+def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
+    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "60")
+    status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)
+    assert status == 0, err
+    summary = read_json(tmp_path / "out" / "C" / "summary.json")
+    assert summary["effects"] == ["quadratic_drag"]
+    assert "quadratic_drag.k" in summary["parameters"]

@@ -1,0 +1,256 @@
+"""What is no reading, or no number: refused or left out and counted, never a verdict or a crash."""
+
+import math
+import random
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support.machine_files import FIXTURES, pressed
+
+from qlvbayes.diagnosis.decision import Weight, decide
+from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.formats import isolation
+from qlvbayes.io.formats.answers import Answers
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.isolation import ApartError, read_apart
+from qlvbayes.io.reading.noreading import no_readings
+from qlvbayes.laws.motion import Motion
+from qlvbayes.motion.freeknots import Joints, _merged
+
+BROKEN = Path(__file__).parents[3] / "shared" / "records" / "broken"
+RECORD = np.concatenate([np.linspace(0.0, 1.2, 40), np.full(40, 1.2)])
+SHORT = pressed(hold=0.4, rate=50.0)
+TEXTS = [one for one in FIXTURES if not one.needs and one.name.endswith((".csv", ".txt", ".tra"))]
+ANSWERS = Answers(sign="none", contact="file")
+ENDLESS = 200_000  # cells of a line
+
+
+def with_values(rows, value, record=RECORD):
+    changed = record.copy()
+    changed[rows] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    "code",
+    [-999.0, -9999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, 9.99e37, -1e30, 1e160],
+)
+def test_codes_of_loggers_are_no_readings(code):
+    found = no_readings(with_values([3, 20, 21], code))
+    assert np.flatnonzero(found.rows).tolist() == [3, 20, 21]
+    assert found.codes == (code,)
+
+
+def test_two_codes_and_what_is_not_finite_are_found_together():
+    record = with_values([3], -999.0, with_values([9], 9999.0, with_values([12], math.nan)))
+    assert np.flatnonzero(no_readings(record).rows).tolist() == [3, 9, 12]
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        np.linspace(0.0, -1200.0, 1201),  # passes -999 on its way
+        with_values([5], 5.0),  # a spike is no code
+        with_values(slice(10, 80), 99.0, np.zeros(80)),  # a step of 99, held
+        RECORD,
+    ],
+)
+def test_readings_stay(record):
+    assert not no_readings(record).rows.any()
+
+
+def test_a_clock_has_no_codes():
+    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()
+
+
+def tidy(folder, displacement, force):
+    time = np.arange(len(force)) / 50.0
+    lines = ["pad,test,time_s,displacement_mm,force_N"]
+    rows = zip(time, displacement, force, strict=True)
+    lines += [f"A,s,{t:.5f},{d:.9g},{f:.9g}" for t, d, f in rows]
+    (folder / "data.csv").write_text("\n".join(lines) + "\n")
+    return folder / "data.csv"
+
+
+@pytest.mark.parametrize("channel", ["displacement_mm", "force_N"])
+def test_a_tidy_file_with_a_code_is_refused_with_test_time_and_count(tmp_path, channel):
+    columns = {"displacement_mm": RECORD, "force_N": 0.5 * RECORD}
+    columns[channel] = with_values([10, 11], -999.0, columns[channel])
+    with pytest.raises(InputError) as caught:
+        read_measurements(tidy(tmp_path, *columns.values()))
+    assert caught.value.line == 12
+    said = f"{channel} is -999, a code for no reading, in 2 rows, the first at 0.2 s"
+    assert said in caught.value.message
+    assert "test 's' of pad 'A'" in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [(1e-40, "which no rig measures"), (1e30, "a code for no reading")]
+)
+def test_numbers_that_no_rig_measures_are_refused(tmp_path, scale, said):
+    with pytest.raises(InputError, match=said) as caught:
+        read_measurements(tidy(tmp_path, RECORD, scale * RECORD))
+    assert caught.value.line == (2 if scale < 1.0 else 3)
+
+
+def test_machine_files_lose_rows_with_a_code_and_count_them(tmp_path):
+    fixture = next(one for one in FIXTURES if one.format == "bluehill-universal")
+    lines = fixture.make(SHORT).decode().split("\n")
+    whole = convert_text(tmp_path, fixture.name, lines)
+    for k in (-12, -9):
+        cells = lines[k].split(",")
+        lines[k] = ",".join([*cells[:-1], '"-9999.0"' if '"' in cells[-1] else "-9999.0"])
+    found = convert_text(tmp_path, fixture.name, lines)
+    assert len(found.force) == len(whole.force) - 2
+    (why,) = set(found.dropped) - set(whole.dropped)
+    assert why.startswith("rows with a code for no reading (-9999) in ")
+    assert found.dropped[why] == 2
+
+
+def convert_text(folder, name, lines):
+    file = folder / name
+    file.write_text("\n".join(lines))
+    (test,) = convert([file]).tests
+    return test
+
+
+def test_a_reader_that_does_not_end_is_ended(tmp_path):
+    file = tmp_path / "a.h5"
+    file.write_bytes(next(one for one in FIXTURES if one.format == "hdf5").make(SHORT))
+    with pytest.raises(ApartError, match="did not end within 0 s"):
+        read_apart("hdf5", file, limit=1e-3)
+
+
+def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
+    file = tmp_path / "a.mat"
+    file.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
+    with pytest.raises(InputError, match="cut off or damaged") as caught:
+        convert([file])
+    assert caught.value.file == str(file)
+
+
+def test_an_endless_line_takes_no_memory(tmp_path):
+    fixture = next(one for one in FIXTURES if one.format == "cellscale")
+    lines = fixture.make(SHORT).decode().splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([*lines[:5], "," * ENDLESS, *lines[5:]]) + "\n")
+    tracemalloc.start()
+    (test,) = convert([tmp_path / "a.csv"]).tests
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 50 * ENDLESS  # bytes
+    assert test.dropped["lines of too many cells"] == 1
+
+
+def test_a_field_too_long_to_be_read_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        f"pad,time_s,displacement_mm,force_N\n{'x' * 140_000},0,0,0\nB,1,1,1\n"
+    )
+    with pytest.raises(InputError, match="too long to be read") as caught:
+        read_measurements(tmp_path / "a.csv")
+    assert caught.value.line == 2
+
+
+def refusal(read, file):
+    """What an InputError says; any other error ends the test."""
+    try:
+        read(file)
+    except InputError as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.skipif(not BROKEN.is_dir(), reason="the broken records are not here")
+@pytest.mark.parametrize("file", sorted(BROKEN.glob("*.*")), ids=lambda file: file.name)
+def test_broken_files_are_read_or_refused(file, monkeypatch):
+    monkeypatch.setattr(isolation, "TIME_S", 4.0)
+    if file.suffix == ".md":
+        return
+    for read in (read_measurements, lambda one: convert([one])):
+        assert (refusal(read, file) or str(file)).startswith(str(file))
+
+
+INSERTED = [
+    b",", b";", b"\t", b"\n", b'"', b"nan", b"inf", b"1e999", b"-999", b"1e308", b"1e-320", b"",
+    b"(mm)", b"[N]", b"\0", b"\xff", b"time", b"1,5", b"=1+1", b"\x1b[2J", b"#",
+]  # fmt: skip
+
+
+def hurt(data, chance):
+    """A file with one to four things wrong with it."""
+    changed = bytearray(data)
+    for _ in range(chance.randrange(1, 5)):
+        begin = chance.randrange(len(changed))
+        end = min(begin + chance.randrange(0, 30), len(changed))
+        what = chance.choice([*INSERTED, bytes(changed[begin:end]) * 5])
+        changed[begin:end] = what
+        if not changed:
+            return b""
+    return bytes(changed)
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(fixture=st.sampled_from(TEXTS), seed=st.integers(0, 2**32))
+def test_a_hurt_file_is_read_or_refused(tmp_path, fixture, seed):
+    chance = random.Random(seed)
+    file = tmp_path / fixture.name
+    file.write_bytes(hurt(fixture.make(SHORT), chance))
+    found = []
+    said = refusal(lambda one: found.append(convert([one], ANSWERS)), file)
+    assert said is None or said.startswith(str(tmp_path))
+    assert "cannot be read as" not in (said or "")  # the last resort of `convert`
+    for test in (test for one in found for test in one.tests):
+        assert np.isfinite(test.displacement).all()
+        assert np.isfinite(test.force).all()
+
+
+class Pulled:
+    """A force law below adhesion that pulls."""
+
+    def force(self, motion):
+        return jnp.asarray([-5.0, -1e-3, -1e-300, 0.0, 2.0])
+
+
+@pytest.mark.parametrize("strength", [0.0, 5e-324, 1e-310, 1e-300, 1e-160, 1e-20, 1e-3, 1.0])
+def test_adhesion_of_any_strength_is_a_number(strength, monkeypatch):
+    monkeypatch.setattr("qlvbayes.effects.adhesion.touching", lambda motion: motion)
+    force = np.asarray(Adhesion(strength).force(Pulled(), Motion))
+    assert np.isfinite(force).all()
+    assert force[-1] == 2.0
+    assert (force[:-1] <= 0.0).all()
+
+
+LAWS = ("exponential", "prony:2")
+NAMED = Weight(LAWS, frozenset({"friction"}), 0.0, 0.01)
+PLAIN = Weight(LAWS, frozenset(), -9.0, 0.01)
+
+
+@pytest.mark.parametrize("log", [math.nan, math.inf, -math.inf])
+def test_a_hypothesis_without_a_number_takes_no_part_in_the_decision(log):
+    lost = Weight(LAWS, frozenset({"inertia"}), log, math.nan, error=math.inf).made_finite()
+    with_it, without = decide([NAMED, PLAIN, lost]), decide([NAMED, PLAIN])
+    assert not lost.counts
+    assert with_it.inclusion.pop("inertia") == 0.0
+    assert replace(with_it, base={}) == replace(without, base={})
+
+
+def test_the_ends_of_a_movement_stay_however_close():
+    ends = np.array([0.0100, 0.0101])
+    found = _merged(
+        Joints(ends, np.array([True, True]), None, None),
+        ends,
+        np.array([True, True]),
+        np.array([0.0, 0.0099, 0.2, 0.3]),
+    )
+    assert found.knots.tolist() == ends.tolist()

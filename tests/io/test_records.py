@@ -1,0 +1,527 @@
+"""Records of kinds on which something went wrong: our own of each, and those kept elsewhere."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.endtoend import call, one_line
+from support.exported_pad import exported
+from support.machine_files import Pressed, _workbook, pressed
+
+from qlvbayes.comparison.side import Side, unheld_times
+from qlvbayes.fitting.fit import separated_start
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad, Test, read_measurements
+from qlvbayes.io.formats.answers import Answers, UnsureError
+from qlvbayes.io.formats.contact import find_contact, is_dead
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.naming import is_mean
+from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.model.choices import Choices
+from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.cutting import cut, refuse_unknown
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.use.exports.card import card
+from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.pad import PosteriorInterval
+from qlvbayes.use.prescribed.forecast import predict_program
+from qlvbayes.use.prescribed.table import read_table
+
+SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
+
+
+def shared(name):
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip(f"{name} is not here")
+    return path
+
+
+def bluehill(test, zero=0.0):
+    rows = zip(test.time, test.way + zero, test.load, strict=True)
+    return "Time,Extension,Load\n(s),(mm),(N)\n" + "".join(
+        f"{t:.5f},{d:.6f},{f:.6f}\n" for t, d, f in rows
+    )
+
+
+def written(folder, name, test, zero=0.0):
+    path = folder / f"{name}.csv"
+    path.write_text(bluehill(test, zero))
+    return path
+
+
+# contact
+
+
+def rise(power, seed, *, speed=2.0, rate=200.0, noise=0.003):
+    """A press of 1.2 mm whose force is a power of the depth and relaxes by a third as it rises."""
+    rng = np.random.default_rng(seed)
+    approach = rng.uniform(0.2, 0.8)
+    time = np.arange(int(rate * ((approach + 1.2) / speed + 0.5))) / rate
+    way = np.minimum(time * speed - approach, 1.2)
+    elastic = np.maximum(way, 0.0) ** power
+    memory, load = 0.0, []
+    for step, now in zip(np.diff(elastic, prepend=0.0), elastic, strict=True):
+        memory = (memory + step) * np.exp(-3.0 / rate)
+        load.append(0.4 * now + 0.6 * memory)
+    return way, np.array(load) + noise * max(load) * rng.standard_normal(len(load))
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.03])
+@pytest.mark.parametrize("power", [1.0, 1.5, 2.0, 2.5])
+def test_contact_is_found_within_its_error_for_every_power(power, noise):
+    """Of 20 tests 18 are meant to lie within 90 %; fewer than 15 have a chance of 1 %."""
+    hits = 0
+    for seed in range(20):
+        way, load = rise(power, seed, noise=noise)
+        found = find_contact(way + 5.0, load)
+        hits += found is not None and abs(found.place - 5.0) < 1.645 * found.sd
+    assert hits >= 15
+
+
+def stage(folder):
+    """Four presses of one pad on one stage that touches at 7 mm, one that begins 0.3 mm beyond."""
+    files = [
+        written(folder, f"p{k}", pressed(approach, speed=speed, seed=k), 7.0)
+        for k, (approach, speed) in enumerate([(0.4, 1.0), (0.5, 2.0), (0.3, 3.0)])
+    ]
+    late = pressed(0.0, speed=1.0, seed=9)
+    still = np.arange(40) / 200.0
+    touched = late.way >= 0.3
+    begun = float(late.load[touched][0])
+    beyond = Pressed(
+        np.append(still, late.time[touched] - late.time[touched][0] + 0.2),
+        np.append(np.full(40, 0.3), late.way[touched]),
+        np.append(begun + 0.002 * np.random.default_rng(1).standard_normal(40), late.load[touched]),
+    )
+    return files, written(folder, "late", beyond, 7.0)
+
+
+def test_a_late_start_has_the_zero_of_the_others_on_its_stage(tmp_path):
+    files, late = stage(tmp_path)
+    found = convert([*files, late], Answers.of(pads=("P",)))
+    for test in found.tests:
+        assert abs(test.zero - 7.0) < 2.0 * test.zero_sd
+    assert "3 other files agree: this one begins beyond it" in " ".join(found.tests[-1].findings)
+    with pytest.raises(UnsureError, match="begins in contact, with"):
+        convert([late])
+
+
+def test_a_contact_apart_from_all_others_is_a_doubt(tmp_path):
+    files, _ = stage(tmp_path)
+    other = written(tmp_path, "moved", pressed(0.4, speed=2.0, seed=5), 7.6)
+    found = convert([*files, other])
+    assert abs(found.tests[-1].zero - 7.6) < 3.0 * found.tests[-1].zero_sd
+    said = " ".join(found.tests[-1].findings)
+    others = re.search(r"doubt: the pad's 3 other files have it at (\S+) \+- (\S+) mm", said)
+    assert others is not None
+    place, sd = map(float, others.groups())
+    assert abs(place - 7.0) < 3.0 * sd
+    assert not any("doubt" in line for test in found.tests[:-1] for line in test.findings)
+
+
+def test_a_dead_cell_is_named_and_the_rest_is_read(tmp_path):
+    files, _ = stage(tmp_path)
+    good = pressed(0.4, seed=3)
+    noise = 0.002 * np.random.default_rng(2).standard_normal(good.load.size)
+    dead = written(tmp_path, "dead", Pressed(good.time, good.way, noise + 0.025), 7.0)
+    out = tmp_path / "tidy.csv"
+    status, _, err = call("convert", files[0], dead, *files[1:], "-o", out)
+    said = err.strip().splitlines()
+    assert status == 2
+    assert "dead.csv: the force does not answer to the displacement" in said[-2]
+    assert "1 of 4 files is left out" in said[-1]
+    assert "without: qlvbayes convert" in said[-1]
+    assert "dead.csv -o" not in said[-1].split("without:")[1]
+    assert [test.name for test in read_measurements(out).pads[0].tests] == ["p0", "p1", "p2"]
+    assert not is_dead(good.way, good.load)
+
+
+def test_files_that_are_all_faulty_write_nothing(tmp_path):
+    out = tmp_path / "tidy.csv"
+    for name in "ab":
+        (tmp_path / name).write_text("a,b\n1,2\n")
+    status, _, err = call("convert", tmp_path / "a", tmp_path / "b", "-o", out)
+    assert status == 2
+    assert one_line(err).startswith(f"{tmp_path / 'a'}: no known layout")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("digits", [5, 1])
+def test_a_file_that_begins_at_its_zero_and_moves_at_once_keeps_it(digits, tmp_path):
+    time = np.arange(200) * 0.15
+    way = np.minimum(time * 0.5, 2.0)
+    test = Pressed(time, way, np.round(6.0 * np.expm1(0.3 * way), digits))
+    (found,) = convert([written(tmp_path, "a", test)]).tests
+    assert found.zero == 0.0
+    assert found.force[0] == 0.0
+    assert "the file's own zero" in " ".join(found.findings)
+
+
+def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path):
+    machine = written(tmp_path, "a", pressed(0.4), 7.0)
+    tidy = tmp_path / "tidy.csv"
+    assert call("convert", machine, "-o", tidy)[0] == 0
+    (one,), (other,) = (read_measurements(path).pads[0].tests for path in (machine, tidy))
+    assert one.contact_sd == pytest.approx(other.contact_sd, rel=1e-2)
+    text = "contact_sd_um,time_s,displacement_mm,force_N\n"
+    rows = "".join(f"5,{k},{k},{k}\n" for k in range(12))
+    tidy.write_text(text + rows)
+    assert read_measurements(tidy).pads[0].tests[0].contact_sd == pytest.approx(0.005)
+    tidy.write_text(text + rows.replace("5,", "-5,", 1).replace("\n5,", "\n-5,"))
+    with pytest.raises(InputError, match="contact_sd_um is negative"):
+        read_measurements(tidy)
+
+
+# files
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [
+        ("Temps d'essai;Allongement;Force standard", "s;mm;N"),
+        ("Versuchszeit [s];Verlängerung [mm];Prüfkraft [N]", ""),
+        ("Tempo (s);Spostamento (mm);Forza (N)", ""),
+        ("Tiempo;Desplazamiento axial;Fuerza", "(s);(mm);(N)"),
+        ("Temps;Déplacement de la traverse;Charge", "s;mm;N"),
+        ("Durata;Allungamento;Carico", "s;mm;N"),
+        ("Zeit;Dehnung;Kraft", "s;mm;N"),
+        ("Time;Displacement;Force", "[s];[mm];[N]"),
+    ],
+)
+def test_names_of_five_languages_are_read(names, units, tmp_path):
+    test = pressed()
+    rows = "".join(
+        f"{t:.5f};{d:.6f};{f:.6f}\n".replace(".", ",")
+        for t, d, f in zip(test.time, test.way, test.load, strict=True)
+    )
+    path = tmp_path / "a.csv"
+    path.write_text(f"{names}\n" + (f"{units}\n" if units else "") + rows, encoding="cp1252")
+    (found,) = convert([path], Answers.of(contact="file")).tests
+    np.testing.assert_allclose(found.displacement, test.way, atol=1e-6)
+    np.testing.assert_allclose(found.force, test.load, atol=1e-6)
+
+
+def test_a_strain_in_per_cent_is_no_displacement(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit [s];Dehnung [%];Spannung [kPa]\n" + "".join(
+        f"{k};{k};{2 * k}\n" for k in range(1, 40)
+    ))  # fmt: skip
+    (found,) = convert([path]).tests
+    assert found.units.dimensionless
+    assert found.displacement[-1] == pytest.approx(0.39)
+
+
+SHEETS = ("Temps d'essai", "Allongement", "Force standard")
+
+
+def workbook(path, titles, above=()):
+    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
+    head = [list(SHEETS), ["s", "mm", "N"]]
+    path.write_bytes(
+        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
+                   for title in titles})
+    )  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    "mean", ["Eprouvette moyenne", "Mittelwert", "media", "Probeta media", "Mean 2"]
+)
+def test_the_mean_specimen_is_no_test_wherever_the_word_stands(mean, tmp_path):
+    pytest.importorskip("openpyxl")
+    found = convert([workbook(tmp_path / "a.xlsx", ["Eprouvette 1", mean, "Eprouvette 2"])])
+    assert [test.test for test in found.tests] == ["Eprouvette 1", "Eprouvette 2"]
+    assert any("mean specimen" in why for why in found.tests[0].dropped)
+
+
+def test_words_that_only_look_like_a_mean_are_specimens():
+    assert not any(map(is_mean, ("Specimen 1", "medium", "meander", "Probe", "Mediane 3")))
+
+
+def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
+    pytest.importorskip("openpyxl")
+    path = workbook(tmp_path / "a.xlsx", ["AA1", "AA2", "BB1"])
+    found = convert([path], Answers.of(pad_from="^[A-Z]+"))
+    assert [(t.pad, t.test) for t in found.tests] == [("AA", "AA1"), ("AA", "AA2"), ("BB", "BB1")]
+    assert not found.remarks
+    assert "--pad-from" in convert([path]).remarks[0]
+    with pytest.raises(InputError, match="finds nothing in the name 'AA1'"):
+        convert([path], Answers.of(pad_from="x+"))
+    with pytest.raises(InputError, match="is no pattern"):
+        Answers.of(pad_from="(")
+
+
+def rheometer(intervals=1):
+    """Two intervals begin with the same names; cells of text beside the numbers."""
+    head = (
+        "Interval data:\tPoint No.\tTime\tShear Strain\tShear Stress\tStatus\n"
+        "\n\t\t[s]\t[%]\t[Pa]\t\n"
+    )
+    rows = "".join(
+        f"\t{k}\t{0.1 * k:.3f}\t{1.0:.2f}\t{60 + 20 * np.exp(-k):.3f}\tDy_auto\n".replace(".", ",")
+        if k > 1
+        else f"\t{k}\t0,1\t0,5\t30\tDy_auto\n"
+        for k in range(1, 40)
+    )
+    return ("Test:\tT\n" + (head + rows) * intervals).encode("utf-16")
+
+
+def test_a_rheometer_s_table_is_read(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_bytes(rheometer())
+    (found,) = convert([path]).tests
+    assert (found.units.displacement, found.units.force) == ("1", "Pa")
+    assert found.displacement[5] == pytest.approx(0.01)
+    assert found.force[-1] == pytest.approx(60.0)
+    assert read_measurements(path).pads[0].tests[0].force.size == 39
+    path.write_bytes(rheometer(intervals=2))
+    assert [test.test for test in convert([path]).tests] == ["1", "2"]
+
+
+@pytest.mark.parametrize(
+    ("header", "what"),
+    [
+        ("t,G_relax,T", "'G_relax' is a relaxation modulus"),
+        ("Time [s],E(t) [MPa],Temp", "is a relaxation modulus"),
+        ("Zeit,Relaxationsmodul,T", "is a relaxation modulus"),
+        ("time,J(t)", "is a creep compliance"),
+        ("Time [s],Creep compliance [1/Pa]", "is a creep compliance"),
+        ("Frequency [Hz],Storage Modulus [Pa],Loss Modulus [Pa]", "storage and loss moduli"),
+    ],
+)
+def test_what_was_computed_of_measurements_is_refused_by_name(header, what, tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(header + "\n" + "".join(f"{k},{k},{k}\n" for k in range(1, 30)))
+    for read in (lambda: convert([path]), lambda: read_measurements(path)):
+        with pytest.raises(InputError, match="readings, strain and stress over time") as caught:
+            read()
+        assert what in str(caught.value)
+        assert "rename" not in str(caught.value)
+
+
+# comparing, cutting, exporting, programmes
+
+
+def side(name, rates, hold, quickest=0.5):
+    draws = {"m": 1.0, "b": 0.5, "c[0]": 0.4, "c[1]": 0.3, "c[2]": 0.3}
+    draws |= {f"v[{k}]": v for k, v in enumerate(rates, 1)}
+    table = np.array([list(draws.values())] * 20)
+    reach = Covered(1.0, 1.0, 2.0, quickest, hold, 1)
+    return Side(name, tuple(draws), table, Choices(), PAD, reach)
+
+
+def test_times_that_a_test_does_not_hold_are_told():
+    long, short = side("long", (1.0, 0.03), 180.0), side("short", (2.0, 0.3), 7.0)
+    (told,) = unheld_times([long, short])
+    assert told == "1/v[2] of long is 33 s, and short was held for 7 s"
+    assert not unheld_times([side("a", (1.0, 0.3), 180.0), short])  # both hold all times
+    assert not unheld_times([long, side("b", (1.0, 0.03), 170.0)])
+    quick = side("quick", (100.0, 0.3), 7.0, quickest=0.05)
+    assert "the quickest ramp of short took" in unheld_times([quick, short])[0]
+
+
+@pytest.mark.slow
+def test_one_material_held_long_and_short_is_not_called_different(tmp_path):
+    """180 s and 7 s of one record, of a material of three times."""
+    time = np.arange(0.0, 190.0, 0.1)
+    way = np.minimum(time / 12.0, 0.75)
+    memory, load = np.zeros(3), []
+    shares, rates = np.array([0.2, 0.2, 0.2]), np.array([2.0, 0.2, 0.02])
+    elastic = 5.0 / 0.2 * np.expm1(0.2 * way)
+    for step, now in zip(np.diff(elastic, prepend=0.0), elastic, strict=True):
+        memory = (memory + step) * np.exp(-0.1 * rates)
+        load.append(0.4 * now + shares @ memory)
+    force = np.array(load) + 0.004 * np.random.default_rng(3).standard_normal(time.size)
+    rows = ["pad,test,time_s,displacement_mm,force_N"]
+    for pad, last in (("long", 190.0), ("short", 16.0)):
+        kept = time < last
+        rows += [
+            f"{pad},1,{t:.2f},{d:.5f},{f:.5f}"
+            for t, d, f in zip(time[kept], way[kept], force[kept], strict=True)
+        ]
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join(rows) + "\n")
+    assert call("fit", path, "-o", tmp_path / "out", "--max-steps", "3000")[0] == 0
+    status, out, _ = call("compare", tmp_path / "out", "--json")
+    (found,) = json.loads(out)
+    assert status == 0
+    assert found["differ"] is not True
+    assert not [c for c in found["contrasts"] if c["group"] == "constants"]
+    assert found["omnibus"]["over"] == "shown"
+
+
+def pulled():
+    time = np.arange(0.0, 40.0, 0.1)
+    return Pad("strip", (Test("pull", "strip", time, 1.0 * time, np.sqrt(time)),), PAD)
+
+
+def test_a_part_of_a_test_is_used_and_told():
+    pad, told = cut(pulled(), ["pull:0..18mm"])
+    (test,) = pad.tests
+    assert test.displacement[-1] == pytest.approx(18.0)
+    assert test.time[0] == 0.0
+    assert told == (
+        "pad strip: of test pull 181 rows are used, as said by pull:0..18mm, and 219 left out",
+    )
+    (late,) = cut(pulled(), ["strip/pull:5..9 s"])[0].tests
+    assert (late.time[0], late.displacement[0], late.start_s) == (0.0, 5.0, 5.0)
+    (short,) = cut(pulled(), ["pull:..2000um"])[0].tests
+    assert short.displacement[-1] == pytest.approx(2.0)
+    assert cut(pulled(), [])[1] == ()
+    with pytest.raises(InputError, match="leaves fewer than 10 rows"):
+        cut(pulled(), ["pull:0..0.5mm"])
+    with pytest.raises(InputError, match="is no part of a test"):
+        cut(pulled(), ["pull 0 to 18"])
+    with pytest.raises(InputError, match="no test 'push'; name one of pull"):
+        refuse_unknown([pulled()], ["push:0..1s"])
+
+
+def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
+    path = tmp_path / "a.csv"
+    test = pressed()
+    path.write_text(
+        "time_s,displacement_mm,force_N\n"
+        + "".join(
+            f"{t:.4f},{d:.6f},{f:.6f}\n"
+            for t, d, f in zip(test.time, test.way, test.load, strict=True)
+        )
+    )
+    words = ("fit", path, "-o", tmp_path / "out", "--max-steps", "60", "--use", "test:0..1.5s")
+    assert call(*words)[0] == 0
+    status, out, _ = call("check", tmp_path / "out", "--json")
+    assert status == 0
+    (found,) = json.loads(out)
+    assert sum(cell["n"] for cell in found["cells"]) == 301
+    assert "301 rows are used, as said by test:0..1.5s" in " ".join(
+        json.loads((tmp_path / "out" / "pad" / "check.json").read_text())["notices"]
+    )
+
+
+def test_a_share_with_an_upper_bound_alone_is_told_in_exports(tmp_path):
+    pad = exported(tmp_path)
+    told = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
+            for x in pad.intervals]  # fmt: skip
+    for one in (card(replace(pad, intervals=tuple(told)), JsonFile),):
+        assert any("long-term modulus is NOT DETERMINED: c[0], 1e-07 to 0.0003" in x for x in one)
+    assert not any("NOT DETERMINED" in line for line in card(pad, JsonFile))
+
+
+def test_two_rows_of_one_time_are_a_jump(tmp_path):
+    path = tmp_path / "jump.csv"
+    path.write_text("time_s,displacement_mm\n0,0\n0.1,0\n0.1,0.5\n1,0.5\n")
+    found = read_table(path, PAD)
+    assert found.jumps == (0.1,)
+    assert found.value.tolist() == [0.0, 0.0, 0.5, 0.5]
+    assert found.time.tolist() == [0.0, 0.1, 0.1, 1.0]
+    assert not found.rate.any()
+    constants = {"m": 1.0, "b": 0.0001, "c[0]": 0.5, "c[1]": 0.5, "v[1]": 2.0}
+    forces = predict_program({k: np.full(100, v) for k, v in constants.items()}, path, draws=2)
+    assert forces.median[1] == pytest.approx(0.0, abs=1e-9)
+    # at once 1 N/mm over 0.5 mm, of which half relaxes at 2/s for 0.9 s
+    assert forces.median[2] == pytest.approx(0.5, rel=1e-3)
+    assert forces.median[3] == pytest.approx(0.25 + 0.25 * np.exp(-1.8), rel=1e-3)
+
+
+def test_a_fit_heeds_the_error_of_contact():
+    """A zero that is 0.01 mm off moves m by far more than readings alone say, not than both do."""
+    test, found = pressed(approach=0.0, seed=2), {}
+    for off, sd in ((0.0, None), (0.01, None), (0.0, 0.01), (0.01, 0.01)):
+        one = Test("a", "P", test.time, test.way + off, test.load, contact_sd=sd)
+        experiment = prepare(Pad("P", (one,), PAD))
+        _, normal, _ = separated_start(
+            experiment, Choices(modes=1), experiment.trials, np.random.default_rng(0)
+        )
+        found[off, sd] = normal.mean[0], float(np.sqrt(normal.covariance[0, 0]))
+    true = found[0.0, None][0]
+    assert found[0.0, 0.01][1] > 1.5 * found[0.0, None][1]
+    assert abs(found[0.01, None][0] - true) > 4.0 * found[0.01, None][1]
+    assert abs(found[0.01, 0.01][0] - true) < 2.0 * found[0.01, 0.01][1]
+
+
+# noise
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_ends_at_once_is_known_where_it_is(seed):
+    """A step of stress of 0.06 held for 60 s, under noise of 3, 0.1 and 0.001 one after another."""
+    time = np.geomspace(0.01, 60.0, 150)
+    strain = np.minimum(time / 0.09, 1.0) * 1e-3
+    true = np.select([time < 0.3, time < 3.0], [3.0, 0.1], 0.001)
+    stress = 60.0 * strain + true * np.random.default_rng(seed).standard_normal(time.size)
+    units = UnitSystem("1", "Pa")
+    experiment = prepare(Pad("gel", (Test("r", "gel", time, strain, stress),), units))
+    (trial,) = experiment.trials
+    found = trial.test.force_sd
+    steps = np.searchsorted(time, [0.3, 3.0])
+    # windows of 21 readings that hold no step; a third are independent: 2.5 is three sds and more
+    away = np.all(np.abs(np.arange(time.size)[:, None] - steps) > 12, axis=1)
+    assert np.all(np.abs(np.log(found / true))[away] < np.log(2.5))
+    assert 0.05 < experiment.peak < 0.5  # and not the 8 of the largest noise
+    late = time > 3.5
+    weights = 1.0 / found[late] ** 2
+    assert weights @ stress[late] / weights.sum() == pytest.approx(0.06, rel=0.01)
+
+
+# those kept elsewhere
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("sphere.csv", 2.9, 3.1),
+        ("one_stage/p1.csv", 6.96, 7.04),
+        ("one_stage/p2.csv", 6.96, 7.04),
+        ("one_stage/p5.csv", 6.94, 7.06),
+        ("one_stage/p6_quick.csv", 6.96, 7.08),
+    ],
+)
+def test_contact_of_the_kept_records(name, low, high):
+    (found,) = convert([shared(name)]).tests
+    true = 3.0 if name == "sphere.csv" else 7.0
+    assert low < found.zero < high
+    assert abs(found.zero - true) < 2.0 * found.zero_sd
+
+
+def test_the_kept_stage_as_a_whole(tmp_path):
+    files = sorted(shared("one_stage").glob("*.csv"))
+    found = convert(files, Answers.of(pads=("P",)), without_faulty=True)
+    assert [Path(fault.file).name for fault in found.faults] == ["p4_dead.csv"]
+    assert len(found.tests) == 5
+    for test in found.tests:
+        assert abs(test.zero - 7.0) < 2.0 * test.zero_sd
+    late = found.tests[2]
+    assert late.test == "p3_late"
+    # 0.112 N of which 25 mN are the cell's own
+    assert late.force[0] == pytest.approx(0.112 - 0.025, abs=0.004)
+
+
+@pytest.mark.parametrize("name", ["moves_at_once.csv", "coarse.csv"])
+def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
+    (found,) = convert([shared(name)]).tests
+    assert found.zero == 0.0
+
+
+def test_the_kept_workbooks():
+    pytest.importorskip("openpyxl")
+    found = convert([shared("allongement.xlsx")], Answers.of(pad_from="[A-Z]+"))
+    assert [test.pad for test in found.tests] == ["AA", "AA", "BB", "BB"]
+    assert len(convert([shared("mean_named_last.xlsx")]).tests) == 2
+    with pytest.raises(InputError, match=r"old kind \(.xls\); open it and save it as .xlsx"):
+        convert([shared("old.xls")])
+
+
+def test_the_kept_rheometer_and_modulus():
+    (found,) = convert([shared("rheometer.csv")]).tests
+    assert found.force.size == 150
+    with pytest.raises(InputError, match="'G_relax' is a relaxation modulus"):
+        read_measurements(shared("modulus.csv"))
+
+
+def test_the_kept_curve_of_an_afm_asks_nothing():
+    pytest.importorskip("afmformats")
+    (found,) = convert([shared("press_pause_back.tab")]).tests
+    assert (found.signs.way, found.signs.load) == (1, 1)

@@ -1,0 +1,343 @@
+"""Bad readings are found, told and left out; whatever the other channel shows stays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support.endtoend import call, one_line
+from support.figures import prediction, protocol
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad, read_measurements
+from qlvbayes.io.data import Test as Record
+from qlvbayes.io.units import PAD
+from qlvbayes.model.choices import Choices
+from qlvbayes.motion.badreadings import BadReadings, left_out_notice, outlying, sound_tests
+from qlvbayes.motion.badreadings.result import Bad
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.plots.forces import plot_forces
+from qlvbayes.plots.panels import LABEL
+
+SHARED = Path(__file__).parents[3] / "shared"  # measurements of others
+TIME = np.arange(4000) * 0.01
+HOLD, RAMP, END = 1000, 80, TIME.size - 1
+
+
+def relaxing(time, depth):
+    """Force of a pad of one Prony mode that leaves a quarter of 2 N/mm e^0.5d, exact by steps."""
+    elastic = 4.0 * np.expm1(0.5 * depth)
+    decay = np.exp(-0.4 * np.diff(time))
+    memory = [0.0]
+    for rise, left in zip(np.diff(elastic), decay, strict=True):
+        memory.append(left * (memory[-1] + rise))
+    return 0.25 * elastic + 0.75 * np.array(memory)
+
+
+def noise(size, seed=0, white=0.004, ou=0.006, tau=0.5, step=0.01):
+    rng = np.random.default_rng(seed)
+    keep = np.exp(-step / tau)
+    kicks = ou * np.sqrt(1.0 - keep**2) * rng.normal(size=size)
+    return white * rng.normal(size=size) + lfilter([1.0], [1.0, -keep], kicks)
+
+
+def recorded(time, depth, force=None, seed=0, encoder=0.001, name="1mm/s"):
+    read = np.round(depth / encoder) * encoder + 0.0
+    true = relaxing(time, depth) if force is None else force
+    return Record(name, "P", time, read, true + noise(time.size, seed))
+
+
+def pressed(**options):
+    """To 1.6 mm at 1 mm/s, held, back to 0.8 mm after 25 s, held."""
+    depth = np.interp(TIME, [0.2, 1.8, 25.0, 25.8], [0.0, 1.6, 1.6, 0.8])
+    return recorded(TIME, depth, **options)
+
+
+def spoiled(test, channel, places, values):
+    column = getattr(test, channel).copy()
+    column[places] = values
+    return replace(test, **{channel: column})
+
+
+def found(*tests):
+    return [bad for _, bad in sound_tests(tests)]
+
+
+def left_out(test):
+    (bad,) = found(test)
+    return [] if bad is None else np.flatnonzero(bad.mask).tolist()
+
+
+def begun_amid_a_hold():
+    depth = np.interp(TIME, [25.0, 25.8], [1.6, 0.8])
+    return recorded(TIME, depth, force=depth * (0.6 + 0.3 * np.exp(-0.1 * TIME)))
+
+
+SPOILED = {
+    "lost amid a hold": ("displacement", [HOLD], 0.0, "lost"),
+    "lost amid a ramp": ("displacement", [RAMP], 0.0, "lost"),
+    "two in a row": ("displacement", [HOLD, HOLD + 1], 0.0, "lost"),
+    "twelve in a row": ("displacement", list(range(HOLD, HOLD + 12)), 0.0, "lost"),
+    "a sound one between": ("displacement", [HOLD, HOLD + 2], 0.0, "lost"),
+    "at the end": ("displacement", [END], 0.0, "lost"),
+    "too deep": ("displacement", [HOLD], 2.4, "spike"),
+    "force lost amid a hold": ("force", [HOLD], 0.0, "lost"),
+    "force lost amid a ramp": ("force", [RAMP + 40], 0.0, "lost"),
+    "spike": ("force", [HOLD], 9.99, "spike"),
+    "spike amid a ramp": ("force", [RAMP + 20], 9.99, "spike"),
+    "small spike in correlated noise": ("force", [HOLD], 1.9, "spike"),
+    "three of several sizes": ("force", [HOLD, HOLD + 1, HOLD + 2], [3.0, 5.0, 6.0], "spike"),
+    "both ways": ("force", [HOLD, HOLD + 1], [5.0, -5.0], "spike"),
+    "force that sticks": ("force", list(range(HOLD + 1, HOLD + 20)), None, "stuck"),
+    "motion that sticks": ("displacement", list(range(RAMP + 1, RAMP + 9)), None, "stuck"),
+}
+
+
+@pytest.mark.parametrize(("channel", "places", "values", "kind"), SPOILED.values(), ids=SPOILED)
+def test_a_reading_that_both_sides_and_the_other_channel_contradict_is_left_out(
+    channel, places, values, kind
+):
+    sound = pressed()
+    if values is None:
+        values = getattr(sound, channel)[places[0] - 1]
+    (bad,) = found(spoiled(sound, channel, places, values))
+    assert np.flatnonzero(bad.mask).tolist() == places
+    assert set(bad.channels) == {channel}
+    assert set(bad.kinds) == {kind}
+
+
+def test_a_lost_row_is_one_in_both_channels():
+    row = spoiled(spoiled(pressed(), "displacement", [HOLD], 0.0), "force", [HOLD], 0.0)
+    (bad,) = found(row)
+    assert np.flatnonzero(bad.mask).tolist() == [HOLD]
+    assert bad.channels == ("both",)
+
+
+def test_the_first_reading_of_a_record_that_begins_amid_a_hold():
+    held = begun_amid_a_hold()
+    assert left_out(spoiled(held, "displacement", [0], 0.0)) == [0]
+
+
+def test_a_force_that_is_clipped():
+    test = pressed()
+    level = 0.95 * test.force.max()
+    clipped = np.minimum(test.force, level)
+    (bad,) = found(replace(test, force=clipped))
+    assert set(bad.kinds) == {"clipped"}
+    assert np.array_equal(np.flatnonzero(bad.mask), np.flatnonzero(clipped == level))
+
+
+def test_outliers_in_a_sine():
+    depth = 0.8 - 0.8 * np.cos(np.pi * TIME)
+    test = recorded(TIME, depth)
+    for place in (150, 1111, 2040, 3333):
+        size = 0.5 * np.ptp(test.force)
+        assert left_out(spoiled(test, "force", [place], test.force[place] + size)) == [place]
+
+
+def moving_back_at_once(time):
+    """Sparse cycles: three readings a stroke, whose every turn is a single one."""
+    return 1.6 * np.abs((time / 0.06 + 1.0) % 2.0 - 1.0)
+
+
+def torn(time, depth):
+    return np.where(time > 12.0, 0.3, 1.0) * relaxing(time, depth)
+
+
+def snapped(time, depth):
+    """It breaks, and the load cell rings."""
+    after = (time - 12.0).clip(0.0)
+    ringing = 0.8 * np.exp(-after / 0.05) * np.cos(2.0 * np.pi * after / 0.031) * (time > 12.0)
+    return np.where(time > 12.0, 0.0, relaxing(time, depth)) + ringing
+
+
+def slipping(time, depth):
+    """Stick and slip of a tenth of the force, every half a second."""
+    return relaxing(time, depth) * (1.0 - 0.1 * (time / 0.5 % 1.0))
+
+
+def rubbing(time, depth):
+    speed = np.gradient(depth, time)
+    return relaxing(time, depth) + 0.3 * np.sign(speed) * (np.abs(speed) > 1e-3)
+
+
+def inert(time, depth):
+    """A mass that shows in single readings where the speed changes."""
+    return relaxing(time, depth) + 0.3 * np.gradient(np.gradient(depth, time), time) * 0.01
+
+
+def attracted(time, depth):
+    """It jumps into contact, and pulls until it lets go."""
+    pulls = np.where((depth > 0.4) & (depth < 0.45), -0.5, 0.0)
+    return relaxing(time, (depth - 0.4).clip(0.0)) + pulls
+
+
+STROKE = np.interp(TIME, [0.2, 1.8, 25.0, 26.6], [0.0, 1.6, 1.6, 0.0])
+FAST = np.interp(TIME, [0.205, 0.221, 25.002, 25.018], [0.0, 1.6, 1.6, 0.0])
+SLOW = np.sort(np.concatenate([[0.0], np.geomspace(0.2, 40.0, 90)]))
+SOUND = {
+    "a fast ramp": (TIME, FAST, relaxing),
+    "a tear": (TIME, STROKE, torn),
+    "a snap": (TIME, STROKE, snapped),
+    "stick and slip": (TIME, STROKE, slipping),
+    "a step of friction": (TIME, STROKE, rubbing),
+    "inertia": (TIME, STROKE, inert),
+    "inertia of a fast ramp": (TIME, FAST, inert),
+    "first contact": (TIME, STROKE, attracted),
+    "sparse cycles": (TIME, moving_back_at_once(TIME), relaxing),
+    "a hundred points a test": (SLOW, np.interp(SLOW, [0.2, 0.4], [0.0, 1.6]), relaxing),
+    "a tap": (TIME, STROKE - 0.8 * ((TIME > 9.995) & (TIME < 10.005)), relaxing),
+    "pulses": (TIME, 1.6 * (TIME % 2.0 > 1.0), relaxing),
+}
+
+
+@pytest.mark.parametrize(("time", "depth", "law"), SOUND.values(), ids=SOUND)
+@pytest.mark.parametrize("seed", range(5))
+def test_what_the_specimen_does_stays(time, depth, law, seed):
+    assert left_out(recorded(time, depth, force=law(time, depth), seed=seed)) == []
+
+
+COARSE = [(0.001, 0.0), (0.05, 0.0), (0.001, 0.05), (0.0002, 0.01)]  # steps of both channels
+
+
+@pytest.mark.parametrize("every", [1, 7, 40], ids=lambda every: f"every {every}th")
+@pytest.mark.parametrize(("encoder", "step"), COARSE)
+def test_coarse_steps_and_thinned_records_stay(every, encoder, step):
+    for seed in range(5):
+        test = pressed(seed=seed, encoder=encoder)
+        force = np.round(test.force / step) * step if step else test.force
+        rows = slice(None, None, every)
+        kept = test.time[rows], test.displacement[rows], force[rows]
+        assert left_out(replace(test, time=kept[0], displacement=kept[1], force=kept[2])) == []
+
+
+@pytest.mark.parametrize("folder", ["real", "away", "records"])
+def test_of_measurements_only_what_was_lost_is_left_out(folder):
+    if not (SHARED / folder).is_dir():
+        pytest.skip(f"shared/{folder} is not here")
+    for file in sorted((SHARED / folder).glob("*.csv")):
+        try:
+            pads = read_measurements(file).pads
+        except InputError:
+            continue
+        bad = [one for pad in pads for one in found(*pad.tests) if one is not None]
+        assert sum(one.count for one in bad) == (3 if file.stem == "dropouts" else 0), file
+
+
+def test_the_clock_slips_in_single_readings():
+    repeated = spoiled(pressed(), "time", [700], TIME[699])
+    ahead = spoiled(repeated, "time", [1500], 100.0)
+    (bad,) = found(spoiled(ahead, "time", [2000], 3.0))
+    assert np.flatnonzero(bad.mask).tolist() == [700, 1500, 2000]
+    assert set(bad.kinds) == {"clock"}
+    ((test, _),) = sound_tests([ahead])
+    assert np.all(np.diff(test.time) > 0.0)
+    with pytest.raises(InputError, match=r"clock slips at 6.99 s .* delete its row"):
+        sound_tests([repeated], keep_all=True)
+
+
+def written(folder, test):
+    rows = zip(test.time, test.displacement, test.force, strict=True)
+    file = folder / "pads.csv"
+    lines = [f"{t:.4f},{d:.4f},{f:.5f}" for t, d, f in rows]
+    file.write_text("\n".join(["time_s,displacement_mm,force_N", *lines]) + "\n")
+    return file
+
+
+def test_a_file_whose_clock_slips_once_is_read_and_a_coarse_clock_is_not(tmp_path):
+    once = spoiled(pressed(), "time", [700], TIME[699])
+    pad = read_measurements(written(tmp_path, once)).pads[0]
+    assert left_out(pad.tests[0]) == [700]
+    coarse = replace(once, time=np.round(TIME, 1))
+    with pytest.raises(InputError, match="time_s repeats"):
+        read_measurements(written(tmp_path, coarse))
+
+
+def test_too_many_are_refused_by_name():
+    places = np.arange(500, 3900, 34)
+    many = spoiled(pressed(), "displacement", places, 0.0)
+    with pytest.raises(
+        InputError, match=rf"{places.size} of 4000 readings of test 1mm/s of pad P .*--keep-all"
+    ):
+        sound_tests([many])
+    assert sound_tests([many], keep_all=True) == [(many, None)]
+
+
+def test_the_command_refuses_them_in_one_line(tmp_path):
+    places = np.arange(500, 3900, 34)
+    file = written(tmp_path, spoiled(pressed(), "displacement", places, 0.0))
+    done = call("diagnose", str(file), "-o", str(tmp_path / "out"))
+    status, _, error = done
+    assert status == 2
+    line = one_line(error)
+    assert "of 4000 readings of test test of pad pad are bad" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_notice_names_test_time_and_count():
+    bad = spoiled(pressed(), "displacement", [HOLD, HOLD + 500], 0.0)
+    spike = spoiled(pressed(name="2"), "force", [HOLD], 9.99)
+    (told,) = prepare(Pad("P", (bad, spike), PAD)).notices
+    assert told.startswith(
+        "pad P: test 1mm/s: two readings of displacement at 10 and 15 s (0 mm amid 1.6 mm); "
+        "test 2: one reading of force at 10 s (9.99 N amid "
+    )
+    assert "three readings are left out" in told
+    assert "--keep-all-readings" in told
+    assert left_out_notice("P", [("1", None)], PAD) == ()
+
+
+def test_a_trial_has_neither_the_reading_nor_its_trace():
+    sound = Pad("P", (pressed(),), PAD)
+    bad = Pad("P", (spoiled(pressed(), "displacement", [HOLD], 0.0),), PAD)
+    (trial,) = prepare(bad).trials
+    assert trial.left_out.time.tolist() == [TIME[HOLD]]
+    assert TIME[HOLD] not in trial.test.time
+    assert [p.kind for p in trial.phases] == [p.kind for p in prepare(sound).trials[0].phases]
+    assert prepare(bad, keep_all_readings=True).trials[0].left_out is None
+
+
+def test_the_clock_of_a_test_stays_where_its_first_reading_is_left_out():
+    held = begun_amid_a_hold()
+    test = replace(spoiled(held, "displacement", [0], 0.0), start_s=100.0)
+    ((kept, _),) = sound_tests([test])
+    assert kept.start_s + kept.time[-1] - kept.time[0] == pytest.approx(100.0 + TIME[-1])
+
+
+def test_older_results_are_of_all_readings():
+    kept = Choices().as_dict()
+    assert not Choices.from_dict(kept).keep_all_readings
+    del kept["keep_all_readings"]
+    assert Choices.from_dict(kept).keep_all_readings
+
+
+def test_the_floor_is_robust_by_itself():
+    sound = pressed()
+    bad = spoiled(sound, "force", [700, 1200, 3100], [9.99, 0.0, -7.0])
+    bad = spoiled(bad, "displacement", [1600], 0.0)
+    floors = [
+        prepare(Pad("P", (test,), PAD), keep_all_readings=True).floor for test in (sound, bad)
+    ]
+    assert floors[1].total == pytest.approx(floors[0].total, rel=0.15)
+
+
+def test_sound_noise_has_no_outliers():
+    """So that a floor measured without them is the one measured before."""
+    for seed in range(40):
+        force = 1.0 + 0.5 * np.exp(-0.3 * TIME) + noise(TIME.size, seed)
+        assert not outlying(TIME, force).any()
+
+
+def test_crosses_mark_what_is_left_out_and_leave_the_axis_alone():
+    phases = protocol([1.6, -0.8], 0.1, 30.0)
+    made = prediction("x", phases, 0.1)
+    (plain,) = {axis.get_ylim() for axis in plot_forces([made], PAD)}
+    when = np.array([phases[0].start + 1.0, phases[1].start + 3.0])
+    runs = [Bad(0, 1, "force", "spike"), Bad(1, 2, "force", "spike")]
+    bad = BadReadings.from_runs(when, np.array([0.1, 1.6]), np.array([0.5, 99.0]), runs)
+    axes = plot_forces([replace(made, trial=replace(made.trial, left_out=bad))], PAD)
+    crosses = [line for axis in axes for line in axis.lines if line.get_gid() == LABEL]
+    assert len(crosses) == 2
+    assert {axis.get_ylim() for axis in axes} == {plain}
+    assert crosses[1].get_xydata()[0].tolist() == [3.0, plain[1]]

@@ -1,0 +1,102 @@
+"""A force that falls while the platen goes on is reported; noise, spikes and holds are not."""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qlvbayes.io.data import Pad, Test, read_measurements
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.falling import falls_of
+
+RATE = 20.0  # readings a second
+NOISE = 0.01  # N
+TORN = Path(__file__).parents[3] / "shared" / "records" / "tears_in_4.csv"  # made by others
+
+
+def a_pull(force_of, *, hold=0.0, seed=0):
+    """A pad pulled at 1 mm/s for 20 s and held, its force a function of the displacement (mm)."""
+    time = np.arange(0.0, 20.0 + hold, 1.0 / RATE)
+    displacement = np.minimum(time, 20.0)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    force = force_of(displacement) * np.where(time < 20.0, 1.0, 0.7) + noise
+    test = Test(name="pull", pad="strip", time=time, displacement=displacement, force=force)
+    return Pad("strip", (test,), UnitSystem("mm", "N"))
+
+
+def stretched(displacement):
+    return 0.2 * displacement
+
+
+def torn_at(*points):
+    """Loses 1 N at each point, and goes on with the stiffness that it had."""
+    return lambda x: stretched(x) - sum(np.where(x > point, 1.0, 0.0) for point in points)
+
+
+def falls(pad):
+    experiment = prepare(pad, keep_all_readings=True)
+    (trial,) = experiment.trials
+    return falls_of(trial.test, trial.trajectory, trial.phases, experiment.floor.white)
+
+
+def test_a_tear_is_reported_with_its_displacement_and_the_part_before_it():
+    pad = a_pull(torn_at(12.0, 15.0))
+    first, second = falls(pad)
+    assert first.displacement == pytest.approx(12.0, abs=1.0 / RATE)
+    assert second.displacement == pytest.approx(15.0, abs=1.0 / RATE)
+    assert first.before - first.after == pytest.approx(1.0, abs=10.0 * NOISE)
+    (notice,) = [one for one in prepare(pad).notices if "tear" in one]
+    use = shlex.split(notice.split("--use ")[1])[0]
+    kept = prepare(pad, use=[use])
+    assert not any("tear" in one for one in kept.notices)
+    assert kept.trials[0].test.displacement[-1] == pytest.approx(12.0, abs=2.0 / RATE)
+
+
+def test_a_strip_that_yields_over_a_millimetre_is_reported_from_where_it_begins():
+    pad = a_pull(lambda x: stretched(np.minimum(x, 15.0)) - np.clip(x - 15.0, 0.0, 1.0))
+    (fall,) = falls(pad)
+    assert not fall.sudden
+    assert fall.displacement == pytest.approx(15.0, abs=3.0 / RATE)
+    assert fall.before - fall.after == pytest.approx(1.0, abs=10.0 * NOISE)
+
+
+def test_a_force_that_falls_with_the_speed_alone_is_no_fall():
+    """Pressed by half a sine; a pure drag, and one relaxation time in a spring, lag behind it."""
+    time = np.arange(0.0, 10.0, 1.0 / RATE)
+    displacement, speed = 1.0 - np.cos(0.2 * np.pi * time), np.sin(0.2 * np.pi * time)
+    lagging = np.sin(0.2 * np.pi * time - 1.0)  # its peak is 1.6 s before that of the motion
+    for force in (speed, lagging - lagging[0]):
+        test = Test(name="sine", pad="p", time=time, displacement=displacement, force=force)
+        assert falls(Pad("p", (test,), UnitSystem("mm", "N"))) == ()
+
+
+def test_what_relaxes_when_the_platen_stops_does_not_tear():
+    assert falls(a_pull(stretched, hold=10.0)) == ()
+
+
+def test_a_single_bad_reading_is_no_tear():
+    pad = a_pull(stretched)
+    force = pad.tests[0].force.copy()
+    force[300] = 0.0
+    assert falls(replace(pad, tests=(replace(pad.tests[0], force=force),))) == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_that_is_large_for_a_while_is_no_tear(seed):
+    pad = a_pull(stretched)
+    test = pad.tests[0]
+    large = 1.0 * np.exp(-test.time / 2.0)
+    force = test.force + large * np.random.default_rng(seed).standard_normal(test.time.size)
+    assert falls(replace(pad, tests=(replace(test, force=force),))) == ()
+
+
+def test_a_strip_that_tears_four_times():
+    """A pull without a hold that others made: it breaks at 17.9, 21.5, 22.3 and 33.1 mm."""
+    if not TORN.exists():
+        pytest.skip("the record is not here")
+    (pad,) = read_measurements(TORN).pads
+    reported = [tear.displacement for tear in falls(pad)]
+    assert reported == pytest.approx([17.9, 21.5, 22.3, 33.1], abs=0.11)

@@ -1,0 +1,172 @@
+"""Fitted motions stay with their readings, and phases are those that an experimenter would name."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from qlvbayes.motion.bounds import departure_of
+from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.fewreadings import corners
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.segments import dither, tolerance
+from qlvbayes.motion.trajectory import smooth
+
+RECORD = Path(__file__).parents[3] / "shared" / "records" / "scatter_quarter_step.csv"
+STEP = 1e-3
+
+
+def press(t):
+    return np.interp(t, [0.0, 0.5, 1.5, 2.0], [0.0, 0.0, 2.0, 2.0])
+
+
+def overshot(t):
+    s = np.maximum(t - 0.7, 0.0)
+    ring = 0.06 * np.exp(-s / 0.03) * np.cos(s / 0.02)
+    return np.where(t < 0.7, 2.06 * np.clip((t - 0.5) / 0.2, 0.0, 1.0), 2.0 + ring)
+
+
+def kinds(fit):
+    return [phase.kind for phase in find_phases(fit)]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.25, 0.5, 1.0, 3.0])
+def test_a_press_read_by_an_encoder_that_dithers(share):
+    rng = np.random.default_rng(1)
+    t = 0.02 * np.arange(2000)
+    x = STEP * np.round((press(t) + share * STEP * rng.normal(size=t.size)) / STEP)
+    fit = smooth(t, x)
+    every = np.linspace(0.0, t[-1], 50_001)
+    assert np.abs(fit.displacement(every) - press(every)).max() < 2.0 * STEP * max(1.0, share)
+    assert fit.knots.size == 4
+    assert kinds(fit) == ["hold", "ramp", "hold"]
+    assert fit.departure is None
+
+
+def test_the_record_with_scatter_of_a_quarter_step():
+    if not RECORD.exists():
+        pytest.skip("scatter_quarter_step.csv is not here")
+    read = pd.read_csv(RECORD)
+    fit = smooth(read["time_s"].to_numpy(), read["displacement_mm"].to_numpy())
+    assert np.abs(fit.displacement(np.linspace(0.0, 41.18, 50_001))).max() < 2.002
+    assert fit.knots.size == 4
+    assert kinds(fit) == ["hold", "ramp", "hold"]
+
+
+def test_rounding_alone_is_no_dither():
+    t = np.arange(0.0, 10.0, 1e-3)
+    for x in (0.1 * t, np.sin(t), press(t)):
+        assert dither(STEP * np.round(x / STEP), STEP) == 0.0
+
+
+def test_noise_beside_an_encoders_steps_is_at_least_the_scatter():
+    rng = np.random.default_rng(3)
+    for share in (0.25, 0.5, 1.0):
+        x = np.round(0.3 + share * rng.normal(size=5000))
+        noise = tolerance(np.arange(5000.0), x, 1.0).noise
+        assert share * 0.9 < noise < share * 2.0
+
+
+def test_lines_are_within_the_tolerance_of_every_reading():
+    rng = np.random.default_rng(2)
+    t, x = np.sort(rng.uniform(0.0, 1.0, 300)), np.cumsum(rng.normal(size=300))
+    kept = corners(t, x, 1.5)
+    assert np.abs(np.interp(t, t[kept], x[kept]) - x).max() <= 1.5
+    assert kept.size < t.size
+
+
+def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
+    t = np.arange(0.0, 5.0, 1e-3)
+    x = overshot(t)
+    fit = smooth(t, STEP * np.round(x / STEP))
+    assert kinds(fit) == ["hold", "ramp", "hold"]
+    assert fit.displacement(0.7) == pytest.approx(2.06, abs=0.01)  # the motion keeps it
+
+
+def test_a_small_retraction_after_a_hold_is_an_unload():
+    t = np.arange(0.0, 12.0, 1e-2)
+    x = np.interp(t, [0.0, 1.0, 5.0, 5.2, 12.0], [0.0, 2.0, 2.0, 1.9, 1.9])
+    assert kinds(smooth(t, x)) == ["ramp", "hold", "unload", "recovery"]
+
+
+def test_one_reading_at_rest_is_no_phase():
+    t = np.arange(0.0, 4.0, 0.1)
+    x = np.interp(t, [0.0, 0.1, 2.0, 3.8, 4.0], [0.0, 0.0, 2.0, 2.0, 2.0])
+    fit = smooth(t, x)
+    for phase in find_phases(fit):
+        assert np.count_nonzero((t >= phase.start - 1e-9) & (t <= phase.stop + 1e-9)) > 1
+
+
+@pytest.mark.parametrize("every", [1e-3, 5e-3, 2e-2])
+def test_scatter_does_not_hide_what_follows_an_overshoot(every):
+    """A few readings that are each within the scatter, but all on one side, are followed."""
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 9.0, every)
+    noise = 0.004
+    fit = smooth(t, overshot(t) + noise * rng.normal(size=t.size))
+    off = fit.displacement(t) - overshot(t)
+    for m in (1, 2, 4, 8):
+        means = np.convolve(off, np.full(m, 1.0 / m), "valid")
+        assert np.abs(means).max() < (1.0 + np.sqrt(2.0 * np.log(t.size))) * noise / np.sqrt(m)
+    assert kinds(fit) == ["hold", "ramp", "hold"]
+
+
+def test_means_of_rounded_readings_have_the_roundings_step():
+    t = np.arange(0.0, 2.0, 5e-5)
+    x = 0.01 * np.round(press(t) / 0.01)
+    means = x.reshape(-1, 4).mean(axis=1)
+    assert encoder_step(means) == pytest.approx(0.01)
+    fit = smooth(t.reshape(-1, 4).mean(axis=1), means)
+    assert fit.knots.size < 10
+    assert np.abs(fit.displacement(t) - press(t)).max() < 0.01
+
+
+def test_an_encoder_of_small_steps_is_not_taken_for_means():
+    t = np.arange(0.0, 2.0, 1e-4)
+    for step in (0.01, 0.0025):
+        assert encoder_step(step * np.round(press(t) / step)) == pytest.approx(step)
+
+
+def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 9.0, 2e-4)
+    true = np.interp(t, np.arange(0.0, 10.0, 1.5), [0.0, 2.0] * 3 + [0.0])
+    fit = smooth(t, STEP * np.round((true + 0.25 * STEP * rng.normal(size=t.size)) / STEP))
+    assert fit.knots.size < 20
+    assert np.abs(fit.displacement(t) - true).max() < 2.0 * STEP
+
+
+def test_few_readings_at_corners_are_not_taken_for_scatter():
+    t = np.arange(0.15, 9.0, 0.4)
+    x = np.interp(t, [0.0, 0.5, 1.5, 5.0, 6.0, 9.0], [0.0, 0.0, 2.0, 2.0, 0.0, 0.0])
+    assert np.abs(smooth(t, x).displacement(t) - x).max() <= 2e-4 * 2.0
+
+
+def departed(residual, noise=0.0, step=STEP):
+    tol = replace(tolerance(np.arange(200.0), np.linspace(0.0, 1.0, 200), step), noise=noise)
+    tol = replace(tol, spread=4.0 * noise, sample=0.5 * step + 4.0 * noise)
+    return departure_of(np.arange(200.0), residual, tol)
+
+
+def test_a_reading_two_steps_from_the_motion_is_told():
+    residual = np.zeros(200)
+    residual[50] = 1.9 * STEP
+    assert departed(residual) is None
+    residual[50] = 2.1 * STEP
+    found = departed(residual)
+    assert (found.time, found.readings) == (50.0, 1)
+    assert found.distance == pytest.approx(2.1 * STEP)
+    assert "50 s" in found.notice("a", "mm")
+
+
+def test_a_run_of_readings_is_told_that_each_alone_could_be_scatter():
+    rng = np.random.default_rng(6)
+    scatter = STEP * rng.normal(size=200)
+    assert departed(scatter, noise=STEP, step=0.0) is None
+    scatter[100:116] += 3.0 * STEP
+    found = departed(scatter, noise=STEP, step=0.0)
+    assert 100.0 <= found.time < 116.0
+    assert found.readings > 1
+    assert f"mean of {found.readings} readings" in found.notice("a", "mm")

@@ -1,0 +1,352 @@
+import time as clock
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.trajectory import smooth
+
+PADS = Path(__file__).parents[2] / "data" / "pads.csv"
+STEP = 1e-3  # mm
+LIMIT = 1000.0  # mm/s2
+
+
+class Platen:
+    """Moves and dwells of a platen with limited acceleration, exact at any time."""
+
+    def __init__(self, *actions, start=0.0):
+        self.knots, self.rows = [start], []
+        self.x = 0.0
+        for action in actions:
+            if len(action) == 1:
+                self._piece(action[0], 0.0, 0.0)
+            else:
+                self._move(*action)
+        self.knots, (self.d, self.v, self.a) = np.array(self.knots), np.array(self.rows).T
+
+    def _piece(self, length, v, a):
+        self.rows.append((self.x, v, a))
+        self.x += v * length + 0.5 * a * length**2
+        self.knots.append(self.knots[-1] + length)
+
+    def _move(self, distance, speed):
+        sign, distance = np.sign(distance), abs(distance)
+        speed = min(speed, np.sqrt(LIMIT * distance))
+        rise = speed / LIMIT
+        self._piece(rise, 0.0, sign * LIMIT)
+        cruise = (distance - speed * rise) / speed
+        if cruise > 1e-9:
+            self._piece(cruise, sign * speed, 0.0)
+        self._piece(rise, sign * speed, -sign * LIMIT)
+
+    def at(self, t):
+        k = np.searchsorted(self.knots[1:-1], t, side="right")
+        s = t - self.knots[k]
+        v = self.v[k] + self.a[k] * s
+        return self.d[k] + s * (self.v[k] + 0.5 * s * self.a[k]), v, self.a[k]
+
+    def away(self, t, margin=3e-3):
+        return np.min(np.abs(t[:, None] - self.knots[None, 1:-1]), axis=1) > margin
+
+
+def read(x, offset=0.0):
+    return np.round((x + offset) / STEP) * STEP
+
+
+def rig(rng, speed, rest=1.0):
+    """A ramp and hold whose kinks and encoder zero fall anywhere between samples and steps."""
+    platen = Platen((0.05 + rng.uniform(0.0, 1e-3),), (1.6, speed), (rest,))
+    t = np.arange(0.0, platen.knots[-1], 1e-3)
+    return platen, t, rng.uniform(0.0, STEP)
+
+
+@pytest.mark.parametrize("speed", [20.0, 100.0])
+def test_velocity_and_acceleration_away_from_the_kinks(speed):
+    rng = np.random.default_rng(int(speed))
+    for _ in range(60):
+        platen, t, offset = rig(rng, speed)
+        x, v, a = platen.at(t)
+        motion = smooth(t, read(x, offset))
+        away = platen.away(t)
+        assert np.abs(motion.velocity(t) - v)[away].max() < 0.02 * v.max()
+        assert np.abs(motion.acceleration(t) - a)[away].max() < 0.10 * LIMIT
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
+def test_cruising_speed_at_the_other_rates(speed):
+    rng = np.random.default_rng(3)
+    for _ in range(5 if speed < 1.0 else 20):
+        # Near whole steps per sample the readings beat with the encoder.
+        platen, t, offset = rig(rng, speed * (1.0 + rng.choice([0.0, 1e-3, -1e-3, 0.03])))
+        motion = smooth(t, read(platen.at(t)[0], offset))
+        cruise = np.flatnonzero((platen.v > 0.0) & (platen.a == 0.0))[0]
+        begin, end = platen.knots[cruise], platen.knots[cruise + 1]
+        middle = np.linspace(begin + 0.25 * (end - begin), end - 0.25 * (end - begin), 50)
+        assert np.allclose(motion.velocity(middle), platen.v[cruise], rtol=0.02)
+
+
+def test_displacement_within_one_step_of_the_truth_at_any_speed():
+    rng = np.random.default_rng(8)
+    for _ in range(120):
+        platen, t, offset = rig(rng, np.exp(rng.uniform(np.log(0.5), np.log(100.0))), rest=0.3)
+        x = platen.at(t)[0] + offset
+        assert np.abs(smooth(t, read(x)).displacement(t) - x).max() < STEP
+
+
+def test_holds_are_exactly_constant_and_the_step_is_found():
+    platen = Platen((0.0203,), (1.6, 20.0), (30.0,), (-1.6, 1.0), (30.0,))
+    t = np.arange(0.0, platen.knots[-1], 1e-3)
+    motion = smooth(t, read(platen.at(t)[0], 0.0003))
+    assert motion.resolution == pytest.approx(STEP, rel=1e-6)
+    for begin, end in (platen.knots[[4, 5]], platen.knots[[-2, -1]]):
+        rest = np.linspace(begin + 5e-3, end - 5e-3, 1000)
+        assert np.ptp(motion.displacement(rest)) == 0.0
+        assert np.all(motion.velocity(rest) == 0.0)
+    assert motion.knots.size <= 9
+
+
+def test_an_unlucky_reading_in_a_hold_does_not_move_it():
+    t = np.arange(0.0, 10.0, 1e-3)
+    x = np.full(t.size, 1.6)
+    x[[2000, 2001, 7000]] += STEP
+    motion = smooth(t, x, resolution=STEP)
+    assert np.all(motion.velocity(t) == 0.0)
+
+
+def test_sensor_noise_instead_of_steps():
+    rng = np.random.default_rng(5)
+    platen = Platen((0.1,), (1.6, 20.0), (3.0,), (-1.6, 20.0), (3.0,))
+    t = np.arange(0.0, platen.knots[-1], 1e-3)
+    x, v, _ = platen.at(t)
+    for _ in range(10):
+        motion = smooth(t, x + 1e-3 * rng.normal(size=t.size))
+        assert motion.resolution == 0.0
+        assert np.abs(motion.displacement(t) - x).max() < 3e-3
+        assert np.abs(motion.velocity(t) - v)[platen.away(t)].max() < 0.03 * 20.0
+        assert motion.velocity(np.array([1.0, 2.0])) == pytest.approx([0.0, 0.0], abs=0.0)
+
+
+def test_a_thinned_record_keeps_the_ramp():
+    platen = Platen((0.0204,), (1.6, 20.0), (30.0,))
+    t = np.arange(0.0, 30.0, 1e-3)
+    rows = np.unique(np.concatenate([np.arange(150), np.geomspace(150, t.size - 1, 350)]))
+    t = t[rows.astype(int)]
+    x, v, a = platen.at(t)
+    motion = smooth(t, read(x, 0.0002))
+    away = platen.away(t)
+    assert np.abs(motion.velocity(t) - v)[away].max() < 0.02 * 20.0
+    assert np.abs(motion.acceleration(t) - a)[away].max() < 0.10 * LIMIT
+
+
+@pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
+@pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
+def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
+    """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
+    platen = Platen((begin,), *[(0.4, speed), (3.3,)] * 4, (-0.8, speed), (3.3,))
+    t = np.arange(0.0, platen.knots[-1], 0.02)
+    x = read(platen.at(t)[0])
+    motion = smooth(t, x, STEP)
+    assert np.abs(motion.displacement(t) - x).max() <= STEP
+    standing = np.abs(platen.at(t - 0.02)[0] - platen.at(t + 0.02)[0]) == 0.0
+    assert np.all(motion.velocity(t[standing]) == 0.0)
+
+
+def test_a_few_stairs_of_one_size_are_not_the_encoders():
+    t = np.arange(0.0, 20.0, 0.02)
+    stairs = np.interp(t, [3.0, 3.04, 7.0, 7.04, 11.0, 11.04], [0.0, 0.4, 0.4, 0.8, 0.8, 1.2])
+    assert set(np.round(np.diff(stairs), 12)) == {0.0, 0.2}
+    assert encoder_step(stairs) == 0.0
+    ramp = np.round(np.linspace(0.0, 20.0, t.size)) * 0.2
+    assert encoder_step(np.concatenate([ramp, ramp[::-1]])) == 0.2
+
+
+def test_few_readings_do_not_take_turns_for_scatter():
+    """Five readings a stroke show none; the slow record of the same sensor does."""
+    times, paths = [], []
+    for speed, every in ((0.5, 0.02), (20.0, 0.017)):
+        platen = Platen((0.1,), *[(0.8, speed), (-0.8, speed)] * 4)
+        times.append(np.arange(0.0, platen.knots[-1], every))
+        paths.append(read(platen.at(times[-1])[0]))
+    bounds = known_scatter(times, paths, [STEP, STEP])
+    assert bounds == [np.inf, 0.0]
+    alone, known = (smooth(times[1], paths[1], STEP, most) for most in bounds)
+    off = [np.abs(motion.displacement(times[1]) - paths[1]).max() for motion in (alone, known)]
+    assert max(off) <= STEP
+
+
+def test_a_staircase_up_and_down():
+    rises = [(0.32, 20.0), (0.5,)] * 5
+    falls = [(-0.32, 1.0), (0.5,)] * 5
+    platen = Platen((0.1003,), *rises, *falls)
+    t = np.arange(0.0, platen.knots[-1], 1e-3)
+    x, v, _ = platen.at(t)
+    motion = smooth(t, read(x, 0.0004))
+    assert np.abs(motion.displacement(t) - x - 0.0004).max() < 1.2 * STEP
+    assert np.abs(motion.velocity(t) - v)[platen.away(t)].max() < 0.4
+
+
+def test_smooth_motion_takes_more_pieces():
+    t = np.arange(0.0, 10.0, 1e-3)
+    motion = smooth(t, read(np.sin(2 * np.pi * t)))
+    assert np.abs(motion.displacement(t) - np.sin(2 * np.pi * t)).max() < 1.5 * STEP
+    error = motion.velocity(t) - 2 * np.pi * np.cos(2 * np.pi * t)
+    assert np.sqrt(np.mean(error**2)) < 0.01 * 2 * np.pi
+    assert motion.knots.size < 300
+
+
+def test_a_jump_is_crossed_in_one_sample():
+    t = np.arange(0.0, 0.1, 1e-3)
+    x = np.where(t < 0.05, 0.0, 1.0)
+    motion = smooth(t, x)
+    assert np.allclose(motion.displacement(t), x, atol=1e-9)
+
+
+@pytest.mark.parametrize("left", [0, 1, 2])
+def test_a_move_of_which_a_logger_lost_nearly_all_readings(left):
+    """It lies between the last reading at rest and the first one after it, and only rises."""
+    platen, t, _ = rig(np.random.default_rng(0), 20.0)
+    x = platen.at(t)[0]
+    inside = np.flatnonzero((x > 0.2 * x.max()) & (x < 0.8 * x.max()) & (t < 1.0))
+    lost = (x > 0.0) & (x < x.max()) & (t < 1.0)
+    lost[inside[:left]] = False
+    motion = smooth(t[~lost], x[~lost])
+    assert np.abs(motion.displacement(t[~lost]) - x[~lost]).max() < 0.01 * x.max()
+    within = np.flatnonzero(lost)
+    across = motion.displacement(np.linspace(t[within[0]], t[within[-1]], 200))
+    assert np.all(np.diff(across) > -1e-3 * x.max())
+
+
+def test_nothing_happens_in_a_gap_beside_a_rest():
+    """A thinned record keeps few readings of a hold, and the last one long before it ends."""
+    late = np.linspace(0.0, 1.0, 300)
+    rise = 10.0 * late**3 - 15.0 * late**4 + 6.0 * late**5
+    t = np.concatenate([[0.0, 0.5, 1.0, 1.5, 2.0, 4.0, 5.0], 8.0 + late[1:], [9.5, 10.0, 12.0]])
+    x = np.concatenate([np.full(7, 2.0), 2.0 - 1.5 * rise[1:], np.full(3, 0.5)])
+    motion = smooth(t, x)
+    every = np.linspace(0.0, 12.0, 5001)
+    found = motion.displacement(every)
+    assert found.max() < 2.001
+    assert found.min() > 0.499
+    assert np.abs(found[(every > 5.0) & (every < 7.9)] - 2.0).max() < 1e-3
+
+
+def test_no_knot_is_left_to_itself_between_readings():
+    """Turning points of thinned triangles: straight lines follow the readings there."""
+    t = np.arange(0.0, 4.0, 1e-3)
+    triangle = read(1.6 * np.abs((t % 1.0) * 2.0 - 1.0), 0.5 * STEP)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        kept = np.sort(rng.choice(t.size, 300, replace=False))
+        at, x = t[kept], np.round(triangle[kept] / 0.005) * 0.005
+        motion = smooth(at, x)
+        assert np.abs(motion.displacement(t) - triangle).max() < 0.2
+
+
+def test_a_few_scattered_readings_are_never_left_far():
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        t = np.cumsum(rng.uniform(0.01, 1.0, size=10))
+        x = np.cumsum(rng.normal(size=10))
+        motion = smooth(t, x)
+        assert np.abs(motion.displacement(t) - x).max() <= 0.05 * np.ptp(x) + 1e-12
+
+
+@pytest.mark.parametrize("readings", [2, 3, 10])
+def test_tiny_records_and_rest(readings):
+    t = np.linspace(0.0, 1.0, readings)
+    assert np.all(smooth(t, np.full(readings, 0.3)).velocity(t) == 0.0)
+    assert smooth(t, 2.0 * t).velocity(0.5) == pytest.approx(2.0, rel=1e-6)
+
+
+def test_displacement_is_continuous_and_velocity_is_its_slope():
+    platen, t, offset = rig(np.random.default_rng(0), 20.0)
+    motion = smooth(t, read(platen.at(t)[0], offset))
+    before, after = motion.kinks - 1e-9, motion.kinks + 1e-9
+    assert np.abs(motion.displacement(after) - motion.displacement(before)).max() < 1e-6
+    fine = np.linspace(t[0], t[-1], 40_001)
+    change = np.sum(0.5 * np.diff(fine) * (motion.velocity(fine[1:]) + motion.velocity(fine[:-1])))
+    ends = motion.displacement(t[-1]) - motion.displacement(t[0])
+    assert change == pytest.approx(ends, abs=1e-3)
+
+
+def test_the_motion_rests_outside_the_record():
+    t = np.linspace(0.0, 1.0, 50)
+    motion = smooth(t, t)
+    assert np.allclose(motion.displacement(np.array([-1.0, 2.0])), [0.0, 1.0], atol=1e-9)
+    assert np.all(motion.velocity(np.array([-1.0, 2.0])) == 0.0)
+
+
+coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
+
+
+@settings(max_examples=40, deadline=None)
+@given(coefficient, coefficient, coefficient, st.integers(10, 300))
+def test_parabolas_are_reproduced(a, b, c, n):
+    t = np.sort(np.random.default_rng(n).uniform(0.0, 1.0, size=n))
+    x = a + b * t + c * t**2
+    motion = smooth(t, x)
+    assert np.abs(motion.displacement(t) - x).max() <= 1e-5 * np.ptp(x) + 1e-12
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(-3, 3), st.integers(-3, 3), st.integers(-6, 6), st.integers(0, 99))
+def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
+    platen, t, offset = rig(np.random.default_rng(seed), 20.0, rest=0.2)
+    x = read(platen.at(t)[0], offset)
+    # Powers of two keep the readings exact.
+    time_unit, depth_unit, shift = 2.0**slower, 2.0**larger, 0.125 * later
+    plain = smooth(t, x)
+    scaled = smooth(time_unit * t + shift, depth_unit * x)
+    where = 0.5 * (t[1:] + t[:-1])
+    away = np.min(np.abs(where[:, None] - plain.knots[None, :]), axis=1) > 5e-4
+    v = scaled.velocity(time_unit * where + shift) * time_unit / depth_unit
+    assert np.abs(v - plain.velocity(where))[away].max() < 1e-2
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 25.4])
+def test_the_bundled_motions_are_the_same_in_any_unit(unit):
+    """Their encoder's steps are whole numbers in some units, and round either way in others."""
+    for test in read_measurements(PADS).pad("B").tests:
+        plain = smooth(test.time, test.displacement)
+        scaled = smooth(test.time, np.round(test.displacement / STEP) * (STEP * unit))
+        off = scaled.displacement(test.time) / unit - plain.displacement(test.time)
+        assert np.abs(off).max() < 0.5 * STEP
+        assert len(find_phases(scaled)) == len(find_phases(plain))
+
+
+def test_the_cost_grows_with_the_number_of_readings():
+    platen = Platen((0.02,), (1.6, 20.0), (30.0,), (-1.6, 1.0), (30.0,))
+    t = np.arange(0.0, platen.knots[-1], 1e-3)
+    x = read(platen.at(t)[0], 0.0003)
+    begin = clock.perf_counter()
+    smooth(t, x)
+    assert clock.perf_counter() - begin < 2.0
+    assert t.size > 60_000
+
+
+@pytest.mark.parametrize(
+    ("t", "x"),
+    [
+        ([0.0, 1.0], [0.0]),
+        ([0.0], [0.0]),
+        ([0.0, 0.0], [0.0, 1.0]),
+        ([0.0, 1.0], [0.0, np.nan]),
+    ],
+)
+def test_unusable_records_are_refused(t, x):
+    with pytest.raises(InputError):
+        smooth(t, x)
+
+
+@pytest.mark.parametrize("between", [(), (0.5,), (0.3, 0.6)])
+def test_few_readings_between_two_rests_are_met(between):
+    place = np.concatenate([np.zeros(60), between, np.ones(60)])
+    time = 0.01 * np.arange(place.size)
+    assert np.allclose(smooth(time, place).displacement(time), place, atol=1e-9)

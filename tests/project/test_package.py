@@ -1,0 +1,125 @@
+"""What an installation gets: the wheel's content, the version's one value, completion of words."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from support.endtoend import COMMAND, call, one_line
+from support.exported_pad import write_fit
+
+import qlvbayes
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+_BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+_NO_SOURCE = shutil.ignore_patterns("__pycache__", "*.pyc")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The names in a wheel built from a copy of the package."""
+    pytest.importorskip("setuptools", "77", reason="no setuptools that reads this pyproject.toml")
+    copy, built = tmp_path_factory.mktemp("copy"), tmp_path_factory.mktemp("built")
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    for name in ("qlvbayes", "data"):
+        shutil.copytree(ROOT / name, copy / name, ignore=_NO_SOURCE)
+    subprocess.run(
+        [sys.executable, "-c", _BUILD, built],
+        cwd=copy,
+        check=True,
+        capture_output=True,
+        timeout=300,
+    )
+    (file,) = built.glob("*.whl")
+    return file.name, set(zipfile.ZipFile(file).namelist())
+
+
+def test_a_wheel_is_pure_python_and_holds_every_file_of_the_package(wheel):
+    name, files = wheel
+    assert name == f"qlvbayes-{qlvbayes.__version__}-py3-none-any.whl"
+    package = ROOT / "qlvbayes"
+    own = {
+        f"qlvbayes/{path.relative_to(package).as_posix()}"
+        for path in package.rglob("*")
+        if path.is_file() and path.suffix != ".pyc" and path.parent != package / "data"
+    }
+    assert {"qlvbayes/diagnosis/certainty.json", "qlvbayes/report/static/page.css"} <= own
+    assert own - files == set()
+
+
+def test_a_wheel_holds_the_bundled_measurements(wheel):
+    data = {f"qlvbayes/data/{path.name}" for path in (ROOT / "data").iterdir()}
+    assert {"qlvbayes/data/hidden.csv", "qlvbayes/data/pads.csv"} <= data
+    assert data - wheel[1] == set()
+
+
+def test_a_wheel_holds_nothing_but_the_package(wheel):
+    assert {name.split("/")[0].partition("-")[0] for name in wheel[1]} == {"qlvbayes"}
+
+
+def test_the_version_is_the_same_everywhere():
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert PROJECT["version"] == qlvbayes.__version__
+    assert re.search(r"^version: (\S+)$", cited, re.M)[1] == qlvbayes.__version__
+    assert qlvbayes.__version__ in re.findall(r"^## (\d\S+)", changes, re.M)
+
+
+def test_all_is_what_a_user_may_want_and_not_what_developers_need():
+    extras = PROJECT["optional-dependencies"]
+    assert extras["all"] == ["qlvbayes[machines,app,cluster]"]
+    assert {"machines", "app", "cluster"} <= set(extras)
+
+
+def completed(shell, *words):
+    """What the program answers to a shell that asks how a line goes on."""
+    line = " ".join(["qlvbayes", *words])
+    asked = {
+        "bash": {"COMP_WORDS": line, "COMP_CWORD": str(len(words))},
+        "zsh": {"_TYPER_COMPLETE_ARGS": line},
+        "fish": {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"},
+    }[shell]
+    environment = {**os.environ, **asked, "_QLVBAYES_COMPLETE": f"complete_{shell}"}
+    done = subprocess.run([COMMAND], env=environment, capture_output=True, text=True, timeout=60)
+    return done.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_commands(shell):
+    found = completed(shell, "di")
+    assert "diagnose" in found
+    assert "study" not in found
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_the_options_of_a_command(shell):
+    found = completed(shell, "laws", "--laws")
+    assert "--laws-file" in found
+    assert "--seed" not in found
+
+
+def test_file_names_are_left_to_the_shell():
+    assert completed("bash", "study", "da").strip() == ""
+
+
+def test_the_help_names_the_option_that_installs_completion():
+    done = subprocess.run([COMMAND, "--help"], capture_output=True, text=True, timeout=60)
+    assert "--install-completion" in done.stdout
+
+
+def test_export_takes_the_only_pad_and_asks_which_of_several(tmp_path):
+    write_fit(tmp_path)
+    status, out, err = call("export", tmp_path, "--to", "json")
+    assert (status, err) == (0, "")
+    assert "B/export/json" in out
+    write_fit(tmp_path, pad="C")
+    status, _, err = call("export", tmp_path, "--to", "json")
+    assert status == 2
+    assert "several pads are in this folder: B, C; name one, as --pad B" in one_line(err)

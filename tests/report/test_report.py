@@ -1,0 +1,500 @@
+"""The report: what it says, in which order, and of results that are incomplete or hostile."""
+
+import base64
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import arviz_base
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from support.endtoend import call
+from support.written_results import (
+    FIGURES,
+    NOISE,
+    check,
+    comparison,
+    curves,
+    diagnosis,
+    facts,
+    picture,
+    summary,
+    write,
+    write_pad,
+    write_study,
+)
+
+from qlvbayes import Comparison, InputError, write_report
+from qlvbayes.fitting.runs import Runs, record_run
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.wording import DASH, number, percent_unbroken, to_sd
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline import Watcher
+from qlvbayes.pipeline.comparing import compare_pairs
+from qlvbayes.report.boxes import verdict_box
+from qlvbayes.report.charts import chart_of
+from qlvbayes.report.collect import Compared, collect
+from qlvbayes.report.comparing import comparing_of
+from qlvbayes.report.figures import Embedder
+from qlvbayes.report.methods import methods_of
+
+HOSTILE = "<img src=x onerror=alert(1)>&\"'"
+
+
+class Page(HTMLParser):
+    """Elements with their attributes, and the text between them, of scripts apart."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.text, self.scripts = [], "", []
+        self._inside = ""
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        self._inside = tag
+
+    def handle_endtag(self, tag):
+        self._inside = ""
+        self.text += " " * (tag in ("p", "li", "td", "th", "dt", "dd", "small"))
+
+    def handle_data(self, data):
+        if self._inside == "script":
+            self.scripts.append(data)
+        elif self._inside != "style":
+            self.text += data
+
+    def of(self, tag):
+        return [attrs for name, attrs in self.elements if name == tag]
+
+    @property
+    def words(self):
+        return " ".join(self.text.split())
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("results"))
+
+
+@pytest.fixture(scope="module")
+def page(out):
+    return Page(write_report(out))
+
+
+def test_the_verdict_comes_first_and_the_questions_follow_in_order(page):
+    sections = [attrs["id"] for attrs in page.of("section")]
+    assert sections == ["verdict", "constants", "compare", "fails", "effects", "use", "methods"]
+    boxes = [attrs["class"] for attrs in page.of("article")]
+    assert boxes == ["box missing_effect", "box adequate"]
+
+
+def test_each_question_is_answered_at_the_top(page):
+    head = page.words[: page.words.index("Median, and the interval")]
+    assert "m = 0.340" in head
+    assert "B and C differ in v[1] and m." in head
+    assert "plain model fails in 1 of 8 phases, worst in the ramp of B-fast" in head
+    assert "Pad B: viscous_drag (steps of the force" in head
+    assert "Pad C: nothing that these tests can show" in head
+    assert "wrong model" not in head
+
+
+def test_errors_before_and_after_stand_beside_the_noise(out):
+    box = verdict_box(collect(out).pads[0], "")
+    texts = [bar.text.replace("\u00a0", " ") for bar in box.bars]
+    assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
+    shares = [bar.share for bar in box.bars]
+    assert shares == pytest.approx([1.0, 0.0103 / 0.048, NOISE / 0.048])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "named", "said"),
+    [
+        ("adequate", (), "Nothing is missing that these tests can show."),
+        ("missing_effect", ("friction",), "The plain model lacks one effect (probability 97 %):"),
+        ("ambiguous", ("friction", "inertia"), "cannot tell which of these it is:"),
+        (
+            "partly_explained",
+            ("friction",),
+            "The plain model lacks this effect (probability 97 %), and something that none",
+        ),
+        ("unexplained", (), "that none of the known effects explains."),
+    ],
+)
+def test_every_verdict_has_its_line(tmp_path, verdict, named, said):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict, named))
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert said in box.line.replace("\u00a0", " ")
+    assert tuple(effect.name for effect in box.effects) == named
+
+
+def test_without_left_out_tests_the_errors_are_those_of_the_fit(tmp_path):
+    content = diagnosis("B")
+    for step in content["steps"]:
+        step["heldout_rmse_N"] = None
+    write(tmp_path / "B" / "diagnosis.json", content)
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert box.bars_title == "Error of the fit (root mean square)"
+    assert [bar.share for bar in box.bars] == pytest.approx([1.0, 0.0101 / 0.031, NOISE / 0.031])
+    assert f"0.0101 {DASH} {DASH}" in Page(write_report(tmp_path)).words
+
+
+def on_hertz(verdict, named=()):
+    """A diagnosis that asks for another elastic law than was chosen."""
+    found = diagnosis("B", verdict, named)
+    hertz = found["base"] | {"elastic": "hertz"}
+    last = found["steps"][-1] | {"base": {k: hertz[k] for k in ("elastic", "relaxation")}}
+    return found | {"base": hertz, "steps": [found["steps"][0], last]}
+
+
+def test_other_laws_are_said_where_nothing_is_missing(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", on_hertz("adequate"))
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert box.line.endswith("these tests can show, with other laws than were chosen: hertz.")
+    assert [bar.label for bar in box.bars] == ["plain model", "with hertz", "noise alone"]
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict", "said"),
+    [
+        ("exponential", "missing_effect", True),
+        ("hertz", "missing_effect", False),
+        ("exponential", "unexplained", False),
+        ("of_my_own", "missing_effect", False),
+    ],
+)
+def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law, verdict, said):
+    """Not where the verdict stands on none, nor where the law's file has gone."""
+    write(tmp_path / "B" / "diagnosis.json", on_hertz(verdict, ("friction",)))
+    write(tmp_path / "B" / "summary.json", summary("B", ("friction",)))
+    chosen = {"law": law, "modes": 2, "effects": ["friction"]}
+    facts(tmp_path / "B" / "posterior.nc", choices=json.dumps(chosen))
+    warned = " ".join(verdict_box(collect(tmp_path).pads[0], "").warnings)
+    again = "fit again with --elastic hertz --relaxation prony:2 --add friction."
+    assert (again in warned) == said
+
+
+def test_an_ambiguous_verdict_keeps_what_is_sure(tmp_path):
+    content = diagnosis("B", "ambiguous", ("friction", "inertia"))
+    write(tmp_path / "B" / "diagnosis.json", content | {"effects": ["fluid_leak", "friction"]})
+    words = Page(write_report(tmp_path)).words
+    assert "Something is missing besides fluid_leak, and these tests cannot tell" in words
+    assert "Pad B: one of friction or inertia besides fluid_leak;" in words
+
+
+@pytest.mark.parametrize(
+    ("answer", "line"),
+    [
+        ("less", "B and C differ in v[1] and m."),
+        ("equal", "No difference between B and C is shown: equal within 10\u00a0% in v[1] and m."),
+        (
+            "cannot tell",
+            "These tests cannot tell whether B and C differ: undecided in v[1] and m.",
+        ),
+    ],
+)
+def test_comparisons_are_answered_in_a_line(answer, line):
+    content = comparison("B", "C", answer) | {"differ": {"less": True, "equal": False}.get(answer)}
+    found = Comparison.from_json(json.dumps(content))
+    assert comparing_of(Compared(Path("B-vs-C"), found, ())).line == line
+
+
+def test_constants_stand_with_interval_and_unit(page):
+    words = page.words
+    assert "mN/mm N/mm 0.340 0.324 to 0.356" in words
+    assert "viscous_drag.eta" in words
+    # 0.37 without the effect against 0.34 with it
+    assert "m 9 % higher" in words
+
+
+def test_what_is_null_becomes_a_dash(out, page):
+    row = page.words[page.words.index("plain model + viscous_drag") :]
+    assert row.split()[4:8] == ["0.0101", "0.0103", "1.03", DASH]
+    assert "nan" not in page.words.lower()
+    assert "None" not in page.words
+
+
+def test_methods_say_how_to_repeat_it(page):
+    tail = page.words[page.words.index("How this was done") :]
+    assert "qlvbayes study data/pads.csv -o results --seed 7" in tail
+    assert "ab" * 32 in tail
+    assert "jax 0.10.2" in tail
+    assert "lognormal(0.2953, 1.609)" in tail
+    assert "named when it is in the model with probability 0.9" in tail
+    assert "/somewhere" not in tail
+
+
+def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
+    use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
+    assert f"qlvbayes predict {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
+    assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
+    assert "Exported already" not in use
+
+
+def test_exports_are_listed_with_their_files(tmp_path):
+    write_pad(tmp_path, "B")
+    covered = {"depth": 1.6, "slowest": 0.1, "fastest": 20.0}
+    facts(tmp_path / "B" / "posterior.nc", pad="B", covered=json.dumps(covered))
+    for file in ("c/pad_B.h", "c/pad_B_draws.h", "json/pad_B.json"):
+        place = tmp_path / "B" / "export" / file
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text("")
+    picture(tmp_path / "B" / "prediction.png")
+    page = Page(write_report(tmp_path))
+    use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
+    assert "program 'ramp 1.6 mm in 0.08 s, hold 30 s'" in use
+    assert "B c B/export/c/ pad_B.h, pad_B_draws.h" in use
+    assert "B json B/export/json/ pad_B.json" in use
+    assert "Last prediction of pad B" in use
+    shown = [attrs["alt"] for attrs in page.of("img")]
+    assert any(alt.startswith("What pad B is predicted to do") for alt in shown)
+
+
+def test_where_nothing_was_fitted_nothing_can_be_used(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B"))
+    assert "use" not in [attrs["id"] for attrs in Page(write_report(tmp_path)).of("section")]
+
+
+def test_every_figure_is_inside_with_words_for_it(out, page):
+    pictures = page.of("img")
+    drawn = 2 * len(FIGURES) + 1
+    hidden = 3  # of the pad that lacks nothing
+    assert drawn - hidden <= len(pictures) <= drawn
+    assert all(len(attrs["alt"]) > 20 for attrs in pictures)
+    assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
+    assert len(page.of("figure")) == len(page.of("figcaption")) == len(pictures)
+
+
+def test_nothing_outside_the_page_is_referred_to(out, page):
+    text = write_report(out).read_text(encoding="utf-8")
+    links = [a[k] for _, a in page.elements for k in ("src", "href", "data", "action") if k in a]
+    assert all(link.startswith(("data:", "#")) for link in links)
+    assert "url(" not in text
+    assert "@import" not in text
+    assert not page.of("iframe")
+    anchors = {attrs["id"] for _, attrs in page.elements if "id" in attrs}
+    assert {link[1:] for link in links if link.startswith("#")} <= anchors
+
+
+@pytest.mark.parametrize(
+    ("word", "law"), [("exponential", Exponential), ("linear", Linear), ("hertz", HertzPower)]
+)
+def test_the_elastic_law_is_written_with_its_own_constants(tmp_path, word, law):
+    facts(tmp_path / "B" / "posterior.nc", choices=json.dumps({"law": word}))
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    formula = methods_of(collect(tmp_path)).law.partition(" = ")[2].partition(",")[0]
+    assert set(re.findall(r"[a-z]", formula.replace("exp", ""))) == set(law.units)
+
+
+def test_the_same_results_give_the_same_page(out):
+    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
+
+
+def test_a_fit_alone_says_what_was_not_done(tmp_path):
+    for pad in ("B", "C"):
+        write(tmp_path / pad / "summary.json", summary(pad))
+    words = Page(write_report(tmp_path)).words
+    out = tmp_path.name
+    for command in (f"check {out}", f"diagnose FILE -o {out}", f"compare {out}"):
+        assert f"qlvbayes {command}" in words
+    assert "0.340" in words
+
+
+def test_a_check_without_a_diagnosis_says_where_the_fit_fails(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    write(tmp_path / "B" / "check.json", check("B", worst=4.7))
+    words = Page(write_report(tmp_path)).words
+    assert "The fit fails in 1 of 8 phases of its tests." in words
+    assert "these are constants of a wrong model" in words
+    assert "the ramp of B-fast: 0.047 N root mean square (4.7 times the noise)" in words
+
+
+def test_a_diagnosis_alone_is_told(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B"))
+    words = Page(write_report(tmp_path)).words
+    assert "viscous_drag" in words
+    assert "No pad has been fitted yet." in words
+
+
+def test_a_chain_that_has_not_converged_is_said_in_the_box(tmp_path):
+    content = summary("B") | {"converged": False, "troubles": ["R-hat of m is 1.4"]}
+    write(tmp_path / "B" / "summary.json", content)
+    assert (
+        "The sampling has not converged: R-hat of m is 1.4." in Page(write_report(tmp_path)).words
+    )
+
+
+def test_names_are_shown_as_they_are_and_never_obeyed(tmp_path):
+    write_pad(tmp_path, "B")
+    for place in (tmp_path / "B", tmp_path / "B" / "plain"):
+        for name in ("summary", "check", "curves"):
+            file = place / f"{name}.json"
+            write(file, json.loads(file.read_text().replace('"B-fast"', json.dumps(HOSTILE))))
+    write(tmp_path / "B" / "summary.json", summary(HOSTILE, ("viscous_drag",)))
+    page = Page(write_report(tmp_path))
+    assert HOSTILE in page.text
+    assert "x" not in [attrs.get("src") for attrs in page.of("img")]
+    data = [text for text in page.scripts if text.startswith("{")]
+    assert len(data) == 1
+    assert "<" not in data[0]
+    assert json.loads(data[0])["tests"][1]["name"] == HOSTILE
+
+
+def test_a_damaged_file_is_named_and_the_old_report_stays(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    before = write_report(tmp_path).read_bytes()
+    (tmp_path / "B" / "check.json").write_text('{"schema": 1,')
+    status, _, err = call("report", tmp_path)
+    assert status == 2
+    assert re.fullmatch(r"qlvbayes: .*check\.json: cannot be read .*; run .*\n", err)
+    assert (tmp_path / "report.html").read_bytes() == before
+
+
+def test_a_folder_without_results_is_refused(tmp_path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InputError, match="no results in this folder; run qlvbayes study"):
+            write_report(folder)
+
+
+def test_the_command_says_where_the_report_is(out):
+    status, said, err = call("report", out)
+    assert (status, err) == (0, "")
+    assert Path(said.strip().removeprefix("report in ")) == out / "report.html"
+
+
+def test_the_page_stays_small_and_names_the_figures_it_leaves_out(tmp_path):
+    for pad in "ABCD":
+        write(tmp_path / pad / "summary.json", summary(pad))
+        picture(tmp_path / pad / "forces.png", (1100, 1100), noisy=True)
+    path = write_report(tmp_path)
+    assert path.stat().st_size < 5_000_000
+    words = Page(path).words
+    assert "Left out to keep this page small: D/forces.png" in words
+    assert "Left out to keep this page small: A/forces.png" not in words
+
+
+def test_a_figure_keeps_its_white_and_its_size(tmp_path):
+    shades = np.repeat(np.arange(256, dtype=np.uint8)[:, None, None], 3, axis=2)
+    pixels = np.concatenate([np.full((744, 1, 3), 255, np.uint8), shades])
+    Image.fromarray(np.repeat(pixels, 400, axis=1)).save(tmp_path / "forces.png")
+    figure = Embedder(tmp_path)(tmp_path, "forces", "pad B")
+    assert (figure.width, figure.height) == (192, 480)  # 200 dots an inch on a screen of 96
+    content = base64.b64decode(figure.source.partition(",")[2])
+    seen = np.asarray(Image.open(io.BytesIO(content)).convert("RGB")).astype(int)
+    assert np.all(seen[:744] == 255)
+    assert np.all(np.abs(seen[:, :1] - pixels) <= 16)
+
+
+def test_curves_are_drawn_as_they_were_left(out):
+    pad = collect(out).pads[0]
+    chart = chart_of(pad)
+    left = curves("B", ("viscous_drag",), NOISE)["tests"]
+    for drawn, test in zip(chart["tests"], left, strict=True):
+        assert (drawn["t"], drawn["observed"]) == (test["time_s"], test["observed_N"])
+        assert (drawn["mean"], drawn["low"]) == (test["mean_N"], test["low_N"])
+        missed = [a - b for a, b in zip(drawn["mean"], drawn["plain"], strict=True)]
+        assert max(missed) == pytest.approx(3.7 * NOISE)
+    assert chart["tests"][chart["first"]]["name"] == "B-fast"
+
+
+def test_the_plain_model_is_not_drawn_twice(out):
+    assert [test["plain"] for test in chart_of(collect(out).pads[1])["tests"]] == [None, None]
+
+
+def test_long_curves_are_thinned_but_keep_the_ends_of_phases(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    write(tmp_path / "B" / "curves.json", curves("B", samples=4000))
+    test = chart_of(collect(tmp_path).pads[0])["tests"][0]
+    left = curves("B", samples=4000)["tests"][0]["time_s"]
+    assert 2000 < len(test["t"]) <= 3000
+    for k in range(4):
+        assert {left[4000 * k], left[4000 * k + 3999]} <= set(test["t"])
+
+
+@given(st.floats(-1e12, 1e12), st.integers(2, 6), st.booleans())
+def test_numbers_can_be_read_back(value, digits, zeros):
+    text = number(value, digits, zeros=zeros).replace("−", "-")
+    base, _, power = text.partition(" × 10")
+    power = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    read = float(f"{base}e{power or 0}")
+    assert read == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits))
+
+
+@given(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True))
+def test_no_probability_is_rounded_to_certainty(share):
+    assert percent_unbroken(share).split("\u00a0")[0] not in ("0", "100")
+
+
+def test_unknown_numbers_are_dashes():
+    assert (
+        number(None) == number(float("nan")) == percent_unbroken(None) == to_sd(None, None) == DASH
+    )
+    assert to_sd(0.33621, 0.0035) == "0.3362"
+
+
+def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
+    study = read_measurements(Path(__file__).parents[2] / "data" / "hidden.csv")
+    for step in ("fit", "diagnose"):
+        record_run(tmp_path, step, f"qlvbayes {step} x.csv", study, Choices(), 3)
+    runs = collect_runs(tmp_path)
+    assert {name: run.command for name, run in runs.items()} == {
+        "fit": "qlvbayes fit x.csv",
+        "diagnose": "qlvbayes diagnose x.csv",
+    }
+    assert runs["fit"].sha256 == study.sha256
+    assert runs["fit"].versions["jax"]
+    assert Choices.from_dict(runs["fit"].choices) == Choices()
+    study_run = replace(Choices(), modes=3)
+    record_run(tmp_path, "study", "qlvbayes study x.csv", study, study_run, 3)
+    assert list(collect_runs(tmp_path)) == ["study"]
+
+
+def collect_runs(folder):
+    return Runs.read(folder / "run.json").runs
+
+
+class Listener(Watcher):
+    """Keeps what it is told."""
+
+    def __init__(self):
+        self.notices = []
+
+    def notice(self, text):
+        self.notices.append(text)
+
+
+def test_many_pads_are_not_all_compared_unasked(tmp_path):
+    listener = Listener()
+    pads = [SimpleNamespace(pad=name, fluid=None) for name in "ABCDE"]
+    compare_pairs(tmp_path, pads, 0, listener)
+    assert listener.notices[0].startswith("5 pads make 10 pairs")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_posterior_made_elsewhere_is_reported_from_its_draws(tmp_path):
+    rng = np.random.default_rng(3)
+    m = rng.normal(0.34, 0.01, (4, 500))
+    c = np.stack([np.full_like(m, share) for share in (0.3, 0.6, 0.1)], axis=-1)
+    v = np.stack([rng.normal(rate, 0.01 * rate, m.shape) for rate in (6.0, 0.1)], axis=-1)
+    tree = arviz_base.from_dict({"posterior": {"m": m, "b": m + 0.8, "c": c, "v": v}})
+    (tmp_path / "mine").mkdir()
+    tree.to_netcdf(tmp_path / "mine" / "posterior.nc", engine="h5netcdf")
+    pad = collect(tmp_path).pads[0]
+    found = pad.final.summary
+    assert (found["m"].unit, found["v[2]"].unit) == ("N/mm", "1/s")
+    assert found["m"].median == pytest.approx(np.median(m))
+    low, high = found["m"].hdi90
+    assert np.mean((m >= low) & (m <= high)) == pytest.approx(0.9, abs=0.001)
+    words = Page(write_report(tmp_path)).words
+    assert "Pad mine: m = 0.340" in words
+    assert f"qlvbayes check {tmp_path.name}" in words

@@ -1,0 +1,80 @@
+"""The validation of comparisons: its statistics on numbers whose answer is known, and one pair."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page import Origin
+from pairs_page import pairs_page, pooled_coverage
+from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
+
+from qlvbayes import Settings
+
+ROOT = Path(__file__).parents[2]
+
+ORIGIN = Origin("command", "today", "commit", "machine")
+
+
+def pair(index, rng, width=1.0, differ=None):
+    """A pair whose differences have a normal error of sd 1 and intervals of that sd times width."""
+    contrasts = {}
+    for name in ("m", "b"):
+        first, error = 10.0, rng.normal()
+        half = 1.6449 * width
+        contrasts[name] = {
+            "group": "constants", "first": first, "second": first, "low": error - half,
+            "high": error + half, "answer": "cannot tell",
+        }  # fmt: skip
+    found = {"index": index, "kind": KINDS[index % 4], "fit_seconds": 1.0, "compare_seconds": 1.0}
+    return found | {
+        "converged": [True, True], "differ": differ, "p_value": 0.5, "region": 0.1,
+        "contrasts": contrasts,
+    }  # fmt: skip
+
+
+def test_right_intervals_hold_nine_in_ten_and_narrow_ones_fewer():
+    rng = np.random.default_rng(0)
+    share, error = pooled_coverage([pair(k, rng) for k in range(500)])
+    assert abs(share - 0.9) < 4.0 * error
+    assert error == pytest.approx(np.sqrt(0.09 / 1000), rel=0.15)
+    share, error = pooled_coverage([pair(k, rng, width=0.5) for k in range(500)])
+    assert abs(share - 0.589) < 4.0 * error  # erf(0.5 * 1.6449 / sqrt(2))
+
+
+def test_the_page_says_what_is_met_and_what_is_not():
+    rng = np.random.default_rng(1)
+    good = pairs_page([pair(k, rng) for k in range(400)], ORIGIN)
+    assert "Equal pairs called different: 0 of 200 (asked: at most 5%): **met**" in good
+    assert "**not met**" not in good
+    bad = pairs_page([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN)
+    assert bad.count("**not met**") == 2
+    assert "| equal | 200 | 200 | 0 | 0 |" in bad
+    few = pairs_page([pair(k, rng) for k in range(4)], ORIGIN)
+    assert "within two standard errors of the bound" in few
+
+
+def test_pairs_are_equal_near_or_far():
+    rng = np.random.default_rng(2)
+    first, second = draw_pair("equal", rng)
+    assert first == second
+    shifts = []
+    for _ in range(200):
+        first, second = draw_pair("near", rng)
+        assert sum(second.c) == pytest.approx(1.0)
+        shifts += [np.log(second.m / first.m), np.log(second.v[1] / first.v[1])]
+    assert np.std(shifts) == pytest.approx(NEAR, rel=0.15)
+    first, second = draw_pair("far", rng)
+    assert first.m != second.m
+
+
+@pytest.mark.slow
+def test_one_pair_from_simulation_to_truth():
+    """An equal pair: a short chain of one test each, and every true difference is 0."""
+    found = run_pair(1, 0, Settings(max_steps=20), rates=(20.0,))
+    assert found["kind"] == "equal"
+    assert len(found["contrasts"]) == 21
+    for contrast in found["contrasts"].values():
+        assert contrast["first"] == contrast["second"]
+        assert contrast["low"] < contrast["high"]
+    assert json.loads(json.dumps(found, allow_nan=False)) == found

@@ -1,0 +1,123 @@
+"""The script of simulation-based calibration: its statistics, and that mistakes change the fit."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page import Origin, with_section
+from ranks import (
+    _LOGNORMAL,
+    DRAWS,
+    Kind,
+    band,
+    columns,
+    drawn,
+    inside,
+    p_of_uniform,
+    passes,
+    run,
+    section,
+)
+
+ROOT = Path(__file__).parents[2]
+
+
+def fits_of(ranks):
+    return [{"index": k, "converged": True, "ranks": {"m": int(r)}} for k, r in enumerate(ranks)]
+
+
+def test_uniform_ranks_pass_and_others_fail():
+    rng = np.random.default_rng(0)
+    ps = [p_of_uniform(rng.integers(0, DRAWS + 1, 200)) for _ in range(400)]
+    assert 0.02 < np.mean(np.array(ps) < 0.05) < 0.09  # 0.05, with a binomial sd of 0.011
+    truth = rng.normal(size=200)
+    posterior = rng.normal(size=(200, DRAWS))
+    centred = truth[:, None] + 0.0 * posterior + rng.normal(size=(200, 1))
+    assert passes(fits_of(np.sum(centred + posterior < truth[:, None], axis=1)))
+    assert not passes(fits_of(np.sum(centred + 0.5 * posterior < truth[:, None], axis=1)))
+    assert not passes(fits_of(np.sum(centred + 0.7 + posterior < truth[:, None], axis=1)))
+
+
+def test_shares_and_their_bands():
+    assert inside(range(DRAWS + 1), 0.9) == pytest.approx(0.9)
+    assert inside(range(DRAWS + 1), 0.5) == pytest.approx(0.5)
+    low, high = band(100, 0.9)
+    assert 0.8 < low < 0.85
+    assert 0.95 < high < 1.0
+
+
+def test_the_truth_is_drawn_from_the_priors_that_the_fit_gets():
+    rng = np.random.default_rng(1)
+    pads = [drawn(rng)[0] for _ in range(2000)]
+    for name, values in (("m", [p.m for p in pads]), ("v[2]", [p.v[1] for p in pads])):
+        centre, spread = _LOGNORMAL[name]
+        assert np.mean(np.log(values)) == pytest.approx(centre, abs=4.0 * spread / 2000**0.5)
+        assert np.std(np.log(values)) == pytest.approx(spread, rel=0.07)
+    assert all(p.v[0] > p.v[1] for p in pads)
+    text = Kind("correlated").choices.priors
+    assert f"m=lognormal({_LOGNORMAL['m'][0]!r},0.4)" in text
+    assert any(prior.startswith("noise.tau=") for prior in text)
+    assert not any(prior.startswith("noise.") for prior in Kind("floor").choices.priors)
+
+
+@pytest.mark.slow
+def test_a_pad_has_a_rank_of_each_constant_and_repeats():
+    one = run(Kind("correlated"), 1, 3)
+    assert set(one["ranks"]) == {
+        *("m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"),
+        *("noise.white", "noise.ou", "noise.tau"),
+    }
+    assert all(0 <= rank <= DRAWS for rank in one["ranks"].values())
+    assert json.loads(json.dumps(one)) == run(Kind("correlated"), 1, 3)
+
+
+@pytest.mark.parametrize("broken", ["jacobian", "noise"])
+def test_a_mistake_is_in_the_density_that_is_sampled(broken):
+    """In a process of its own: a mistake stays for good."""
+    program = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "validation")!r})
+import numpy as np, ranks
+from tempfile import TemporaryDirectory
+from pathlib import Path
+from qlvbayes import read_study
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.model.posterior import central
+from qlvbayes.simulate import simulate_study, write_csv
+truth, noise = ranks.drawn(np.random.default_rng(0))
+with TemporaryDirectory() as folder:
+    file = Path(folder) / "pad.csv"
+    write_csv(file, simulate_study({{"pad": truth}}, [20.0], noise, 0, 60), ["x"])
+    experiment = prepare(read_study(file).pad("pad"))
+def density():
+    kind = ranks.Kind("correlated")
+    posterior = build_posterior(experiment, kind.choices, experiment.with_role("fit"))
+    theta = central(posterior.model), central(posterior.noise)
+    theta = np.concatenate(theta)
+    return [float(posterior.bind(theta)[2]), float(posterior.log_likelihood(theta))]
+before = density()
+ranks.BROKEN[{broken!r}]()
+after = density()
+print([float(abs(a - b)) for a, b in zip(before, after)])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    prior, likelihood = json.loads(done.stdout)
+    assert (prior > 0.1, likelihood > 0.1) == (broken == "jacobian", broken == "noise")
+
+
+def test_the_section_is_replaced_and_others_stay():
+    origin = Origin("command", "2026-11-28", "abc", "a machine")
+    text = section({Kind("floor"): fits_of(range(DRAWS + 1))}, origin)
+    assert text.startswith("## Calibrated by simulation\n")
+    assert "**Floor noise**: 100 pads, 100 of them converged; ranks are uniform." in text
+    assert columns(fits_of([3, 4])) == {"m": [3, 4]}
+    page = "# Page\n\n## Calibrated by simulation\n\nold\n\n## Bad readings\n\nkept\n"
+    page = with_section(page, text)
+    assert "old" not in page
+    assert "## Bad readings\n\nkept\n" in page
+    assert with_section(page, text) == page
