@@ -246,10 +246,10 @@ reader and `fit`. If all of that is right, the true constant has each of the {dr
 {draws} draws of its posterior equally often (simulation-based calibration). In brackets: where 99
 of 100 such shares lie by chance (binomial). *p of uniform*: of Neyman's smooth test of bias and
 spread; a series fails where it is below 1 % over the number of constants. With *correlated* noise
-all that is unknown has its prior. With measured noise (*floor*) the noise is taken from the rests of one test,
-of 15 correlation times each, as if its correlation time were known, and the fit allows for a
-discrepancy that these pads do not have; ranks need not be uniform then. The last series show what
-the test can see.
+all that is unknown has its prior. With measured noise (*floor*) the noise is taken from the rests
+of one test, of 15 correlation times each, as if its correlation time were known, and the fit allows
+for a discrepancy that these pads do not have; ranks need not be uniform then. The last series show
+what the test can see.
 
 | | |
 |---|---|
