@@ -4,8 +4,6 @@ The force comes from differential equations solved by a stiff integrator, so tha
 in the fast model cannot hide in its own data.
 """
 
-from typing import Any
-
 from .constants import (
     SPECIMENS,
     TABLE_1,
@@ -55,8 +53,6 @@ from .rig import (
 )
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
 from .sequence import Sequence, join_programs, record_sequence
-
-globals().update(_EFFECTS)
 
 __all__ = [
     "ENCODER_STEP",
@@ -119,6 +115,8 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Raise AttributeError; the effects' own names are there, from their catalogue."""
+def __getattr__(name: str) -> type[Effect]:
+    """Return a hidden effect's class by its name, which stands in the catalogue alone."""
+    if name in _EFFECTS:
+        return _EFFECTS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

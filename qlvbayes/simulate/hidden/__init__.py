@@ -4,8 +4,6 @@ The effects change the depth on its way in and the force on its way out, from th
 pad, contact and frame to the sensor; see `HiddenPad`.
 """
 
-from typing import Any
-
 from .catalogue import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE, effect_class
 from .contact_effects import NearContact
 from .draw import draw_effect, draw_effect_in
@@ -14,7 +12,6 @@ from .pad import HiddenPad
 from .parse import parse_effect
 
 _KINDS = {kind.__name__: kind for kinds in (HIDDEN, FORMS, OUTSIDE) for kind in kinds.values()}
-globals().update(_KINDS)
 
 __all__ = [
     "FOREIGN",
@@ -33,6 +30,8 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Raise AttributeError; the effects' own names are there, from the catalogue."""
+def __getattr__(name: str) -> type[Effect]:
+    """Return a hidden effect's class by its name, which stands in the catalogue alone."""
+    if name in _KINDS:
+        return _KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
