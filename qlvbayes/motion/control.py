@@ -221,8 +221,8 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
     spread = [float(np.ptp(x[inside])) for x in (test.displacement, test.force)]
     bends = off[1] > _PLAIN * sensor_noise(test.time, test.force)
     displaced = bends and off[0] * spread[1] < _EVENLY * off[1] * spread[0]
-    displaced = displaced or off[0] < trajectory.resolution  # no response is as straight as that
-    return Control.DISPLACEMENT if displaced else Control.FORCE
+    exact = inside.size >= _FEWEST and off[0] < trajectory.resolution  # no response is as straight
+    return Control.DISPLACEMENT if displaced or exact else Control.FORCE
 
 
 def _beside_line(time: Array, values: Array) -> float:
