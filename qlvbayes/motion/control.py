@@ -28,7 +28,7 @@ _LOADED = 0.2  # of the largest force; below it the specimen recovers,
 _CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
 _STEADY = 0.01  # of the largest force, and times the sd of neighbouring readings, above which a
 _SLOW_ERRORS = 4.0  # force that is held scatters no more: it rises and relaxes at a turn
-_PLAIN = 2.0  # times what the scatter of the force would explain,
+_PLAIN = 2.0  # times what the scatter of the force would explain
 _ENOUGH = 5000  # readings of a test that are looked at for that
 _ENDS = 0.05  # of the hold, at either end, that are not looked at for that
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
@@ -206,7 +206,8 @@ def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
 def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> Control:
     """Return which quantity rests or moves evenly between two holds; the force where neither does.
 
-    A movement that readings do not show leads to the force that is held next.
+    A movement that few readings show, or whose force is straight within its noise, leads to the
+    force that is held next.
     """
     inside = np.flatnonzero((test.time >= start) & (test.time <= stop))
     still = trajectory.velocity(test.time[inside]) == 0.0
@@ -216,13 +217,14 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
     inside = inside[(test.time[inside] >= low) & (test.time[inside] <= high)]
     if inside.size < _SHOWN:
         return Control.FORCE
-    time = test.time[inside]
-    uneven = [_uneven(time, values[inside]) for values in (test.displacement, test.force)]
-    return Control.DISPLACEMENT if uneven[0] < _EVENLY * uneven[1] else Control.FORCE
+    off = [_beside_line(test.time[inside], x[inside]) for x in (test.displacement, test.force)]
+    spread = [float(np.ptp(x[inside])) for x in (test.displacement, test.force)]
+    bends = off[1] > _PLAIN * sensor_noise(test.time, test.force)
+    displaced = bends and off[0] * spread[1] < _EVENLY * off[1] * spread[0]
+    exact = inside.size >= _FEWEST and off[0] < trajectory.resolution  # no response is as straight
+    return Control.DISPLACEMENT if displaced or exact else Control.FORCE
 
 
-def _uneven(time: Array, values: Array) -> float:
-    """Return the deviation (root mean square) from a straight line, over the range."""
-    line = np.polynomial.Polynomial.fit(time, values, 1)
-    spread = float(np.ptp(values))
-    return float(np.std(values - line(time))) / spread if spread > 0.0 else 0.0
+def _beside_line(time: Array, values: Array) -> float:
+    """Return the deviation (root mean square) of values (n,) from a straight line."""
+    return float(np.std(values - np.polynomial.Polynomial.fit(time, values, 1)(time)))
