@@ -86,6 +86,13 @@ def effect_checks(kind: type[AbstractEffect], scales: Scales | None = None) -> I
 
     So that each rule is a test of its own:
     ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``.
+
+    Parameters
+    ----------
+    kind
+        The effect's class.
+    scales
+        The scales of the tests, by default those of the paper.
     """
 
     @cache

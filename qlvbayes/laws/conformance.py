@@ -79,6 +79,13 @@ def law_checks(
 
     So that each rule is a test of its own:
     ``@pytest.mark.parametrize(("name", "check"), law_checks(MyLaw))``.
+
+    Parameters
+    ----------
+    kind
+        The law's class.
+    scales
+        The scales of the tests, by default those of the paper.
     """
     yield "declarations", partial(_check_declarations, kind)
     limits = scales or _SCALES

@@ -54,6 +54,13 @@ def format_checks(kind: type[AbstractFormat], files: Sequence[str | Path]) -> It
 
     So that each rule is a test of its own:
     ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
+
+    Parameters
+    ----------
+    kind
+        The format's class.
+    files
+        Two or more files of this format.
     """
     yield "declarations", partial(_check_declarations, kind, files)
     for name, rule in _RULES.items():
