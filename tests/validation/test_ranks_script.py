@@ -41,6 +41,19 @@ def test_uniform_ranks_pass_and_others_fail():
     assert not passes(fits_of(np.sum(centred + 0.7 + posterior < truth[:, None], axis=1)))
 
 
+def test_a_small_bias_of_all_constants_together_fails():
+    rng = np.random.default_rng(2)
+    shared = rng.integers(0, DRAWS + 1, (200, 8))
+    biased = np.minimum(shared + 9, DRAWS)  # a third of the ranks' sd of 29
+
+    def fits(ranks):
+        names = [f"x{k}" for k in range(ranks.shape[1])]
+        return [{"ranks": dict(zip(names, map(int, row), strict=True))} for row in ranks]
+
+    assert passes(fits(shared))
+    assert not passes(fits(biased))
+
+
 def test_shares_and_their_bands():
     assert inside(range(DRAWS + 1), 0.9) == pytest.approx(0.9)
     assert inside(range(DRAWS + 1), 0.5) == pytest.approx(0.5)
@@ -114,7 +127,9 @@ def test_the_section_is_replaced_and_others_stay():
     origin = Origin("command", "2026-11-28", "abc", "a machine")
     text = section({Kind("floor"): fits_of(range(DRAWS + 1))}, origin)
     assert text.startswith("## Calibrated by simulation\n")
-    assert "**Floor noise**: 100 pads, 100 of them converged; ranks are uniform." in text
+    assert (
+        "**Floor noise**: 100 pads, 100 of them converged; ranks are uniform (p of no bias" in text
+    )
     assert columns(fits_of([3, 4])) == {"m": [3, 4]}
     page = "# Page\n\n## Calibrated by simulation\n\nold\n\n## Bad readings\n\nkept\n"
     page = with_section(page, text)
