@@ -32,7 +32,7 @@ from support.written_results import (
 )
 
 from qlvbayes import Comparison, InputError, write_report
-from qlvbayes.fitting.runs import Runs, record_run
+from qlvbayes.fitting.runs import RunLog, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import DASH, number, percent_unbroken, to_sd
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -460,7 +460,7 @@ def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
 
 
 def collect_runs(folder):
-    return Runs.read(folder / "run.json").runs
+    return RunLog.read(folder / "run.json").runs
 
 
 class Listener(Watcher):
