@@ -119,6 +119,18 @@ def test_the_first_reading_of_a_record_that_begins_amid_a_hold():
     assert left_out(spoiled(held, "displacement", [0], 0.0)) == [0]
 
 
+def test_a_cell_that_was_not_zeroed_rests_out_of_contact():
+    """Its lowest force repeats from where the platen has left the pad, at which there is none."""
+    test = pressed()
+    force = relaxing(TIME, test.displacement)
+    left = force - 1.2 * force[-1]  # the pad lets go on the way back
+    inside = left > 0.0
+    zero = -0.1 * np.ptp(force)
+    assert found(replace(test, force=np.where(inside, left + noise(TIME.size, 1), 0.0) + zero)) == [
+        None
+    ]
+
+
 def test_a_force_that_is_clipped():
     test = pressed()
     level = 0.95 * test.force.max()

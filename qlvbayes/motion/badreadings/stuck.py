@@ -16,7 +16,7 @@ _FEWEST = 4  # readings in a row that repeat a value
 _CHANCE = 1e-9  # probability of such a run anywhere in the record
 _REPEATING = 0.3  # of the readings around: a channel that repeats more often is coarse or silent
 _ALTERNATING = 0.4  # of the changes of slope: noise changes sign, a curve does not
-_NEAR_ZERO = 0.02  # of the range: a force that says there is no contact
+_NEAR_ZERO = 0.02  # of the range: a force that says there is no contact, as a test's first one may
 _CATCHES_UP = 3.5  # times the median change: the jump of a channel that was stuck
 _AS_FAR = (0.4, 2.5)  # of the way that the speed nearby makes meanwhile: that jump
 _GOES_ON = 0.5  # of the change of force meanwhile: it does not jump along
@@ -98,14 +98,16 @@ def _went_on(own: Channels, run: Run) -> bool:
 def _improbable(own: Channels) -> list[Run]:
     """Return runs of one value, away from zero, that noise as around them would not produce.
 
-    Noise below a step of the force lets values stand wherever the force is level.
+    Noise below a step of the force lets values stand wherever the force is level. Out of contact
+    the force is that of the test's begin where the load cell was not zeroed.
     """
     force, scale = own.force, own.of_force
+    away = np.minimum(np.abs(force), np.abs(force - force[0])) > _NEAR_ZERO * scale.span
     rarest = np.log(_CHANCE / force.size) / np.log(0.5 / _AROUND)
     return [
         run
         for run in equal_runs(force, max(_FEWEST, int(np.ceil(rarest))))
-        if abs(float(force[run[0]])) > _NEAR_ZERO * scale.span
+        if away[run[0]]
         and float(scale.deviation[run[0]]) >= scale.step
         and _against_noise(force, run)
     ]
