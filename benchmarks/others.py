@@ -6,8 +6,9 @@ twice: the first time with what it has to compile, the second without. Effective
 of the worst constant (bulk, as ArviZ counts them), over all the time from the start to the last
 draw, burn-in and warm-up included. The other packages are looked for in $PYTHONPATH:
 
-    pip install --target DIR --no-deps pints==0.6.0 cma numpyro multipledispatch tqdm lmfit \\
-        asteval uncertainties dill tabulate dynesty nautilus-sampler
+    pip install --target DIR --no-deps pints==0.6.0 cma tabulate numpyro multipledispatch tqdm \\
+        lmfit asteval uncertainties dill dynesty nautilus-sampler scikit-learn joblib cloudpickle \\
+        narwhals
     PYTHONPATH=DIR python benchmarks/others.py            # prints the section; --short tries it
 """
 

@@ -7,7 +7,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
@@ -72,8 +72,10 @@ def alone_in(folder: Path) -> Iterator[None]:
     """Lock a folder of results, made if necessary, and remove what a killed run left half-written.
 
     The lock ends with the process. Where the disk cannot lock folders, nothing is locked or
-    removed. Raises InputError where another run has locked it.
+    removed. A folder that was made here and stays empty is removed again. Raises InputError where
+    another run has locked it.
     """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
     results_folder(folder)
     number = _locked(folder)
     try:
@@ -84,6 +86,9 @@ def alone_in(folder: Path) -> Iterator[None]:
     finally:
         if number is not None:
             os.close(number)
+        with suppress(OSError):  # one that is not empty stays, and those above it
+            for path in missing:
+                path.rmdir()
 
 
 def _locked(folder: Path) -> int | None:
