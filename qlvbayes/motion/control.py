@@ -37,7 +37,7 @@ _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are out
 _EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
 _MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
 _SHOWN = 6  # readings there, that show how even a movement is
-_RESTS = 0.3  # of the time between two holds, for which one quantity rests there
+_RESTS = 0.3  # of the time between two holds, or of a hold, for which one quantity rests there
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,8 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     crept = float(displacement[-1] - displacement[0])
     scatter = float(np.std(test.force[inside]))
     if scatter > max(_STEADY * peak, _SLOW_ERRORS * sensor_noise(test.time, test.force)):
+        return False
+    if np.mean(trajectory.velocity(time) == 0.0) > _RESTS:  # as after a ramp that slows down
         return False
     explained = scatter * depth / peak
     if abs(crept) < max(_CREPT * depth, _PLAIN * explained):

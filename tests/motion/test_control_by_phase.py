@@ -166,6 +166,22 @@ def test_a_platen_that_moves_in_air_is_no_recovery(program):
     assert [part.control for part in controls] == [DISPLACEMENT]
 
 
+def test_a_drive_that_slows_down_for_long_and_rests_holds_no_force():
+    """The pad relaxes about as fast as the platen comes in, and goes on when that rests."""
+    time = np.arange(0.0, 75.0, 0.05)
+    depth = 0.95 * (1.0 - np.cos(np.pi * np.minimum(time, 60.0) / 60.0))
+    elastic, force = B.force(depth), B.c[0] * B.force(depth)
+    for c, v in zip(B.c[1:], B.v, strict=True):
+        mode, fading = np.zeros(time.size), np.exp(-v * 0.05)
+        for k in range(1, time.size):
+            mode[k] = fading * (mode[k - 1] + elastic[k] - elastic[k - 1])
+        force = force + c * mode
+    read = force + CORRELATED.draw(time, np.random.default_rng(0))
+    test = Test("t", "B", time, np.round(depth, 3), read)
+    controls = controls_of(test, smooth(test.time, test.displacement))
+    assert [part.control for part in controls] == [DISPLACEMENT]
+
+
 def test_motion_follows_the_creep():
     test, loaded = recorded(PRESS)
     truth, _ = record_controlled(B, PRESS, CORRELATED, np.random.default_rng(0), PER_SECOND)
