@@ -157,7 +157,7 @@ def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
     asked = {}
 
     def told(folder, pad, choices, **others):
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)  # it may be there, locked for this run
         found.write(folder / "diagnosis.json")
         asked.update(others, folder=folder, pad=pad.name, choices=choices)
 

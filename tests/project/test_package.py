@@ -74,8 +74,8 @@ def test_the_version_is_the_same_everywhere():
 
 def test_all_is_what_a_user_may_want_and_not_what_developers_need():
     extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == ["qlvbayes[machines,app,cluster]"]
-    assert {"machines", "app", "cluster"} <= set(extras)
+    assert extras["all"] == ["qlvbayes[machines,ros,app,cluster]"]
+    assert {"machines", "ros", "app", "cluster"} <= set(extras)
 
 
 def completed(shell, *words):
