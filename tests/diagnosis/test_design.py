@@ -86,6 +86,13 @@ def test_explanations_that_are_the_same_promise_nothing(present):
     assert {suggestion.evidence for suggestion in found} == {0.0}
 
 
+def test_nothing_is_suggested_where_no_test_fits_into_the_time(present, monkeypatch):
+    """A pad that forgets slowly needs too long a rest before the next test."""
+    experiment, density, found_modes = present
+    monkeypatch.setattr("qlvbayes.diagnosis.nexttest.suggest._LONGEST", 1e-3)
+    assert suggest(experiment, density, found_modes) == []
+
+
 @pytest.mark.slow
 def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""

@@ -35,10 +35,12 @@ def suggest(
     """Return the tests that best separate some candidates, the best first.
 
     A test is as good as the evidence that it is expected to give between the two nearest
-    candidates.
+    candidates. There is none where no test fits into 600 s after the rest that the pad needs.
     """
     rig, belief = Rig.from_tests(experiment), equal_belief(density, candidates)
     designs = draw_designs(rig, belief.recovery, _LONGEST, TOGETHER, 0)
+    if not designs:
+        return []
     missed = max(one.mode.size for one in candidates)
     worth = expected_evidence(experiment, rig, belief, designs, missed)
     order = np.argsort(-worth, kind="stable")[:_SUGGESTED]
