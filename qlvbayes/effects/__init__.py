@@ -12,7 +12,6 @@ from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE
 from qlvbayes.effects.conformance import check_effect, effect_checks
 
 _KINDS = {kind.__name__: kind for kind in EVERY}
-globals().update(_KINDS)
 
 __all__ = [
     "EFFECTS",
@@ -28,5 +27,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> type[AbstractEffect]:
-    """Raise AttributeError; the effects' own names are there, from the catalogue."""
+    """Return an effect's class by its name, which stands in the catalogue alone."""
+    if name in _KINDS:
+        return _KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

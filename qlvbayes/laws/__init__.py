@@ -1,14 +1,15 @@
 """Define laws of the material, one class a file: elastic laws and relaxation laws."""
 
-from typing import Any
-
 from qlvbayes.laws.catalogue import LAWS, Laws
 from qlvbayes.laws.conformance import check_law, law_checks
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
-_KINDS = {kind.__name__: kind for kind in (*LAWS.elastic, *LAWS.relaxation)}
-globals().update(_KINDS)
+_CLASSES: tuple[type[AbstractElastic] | type[AbstractRelaxation], ...] = (
+    *LAWS.elastic,
+    *LAWS.relaxation,
+)
+_KINDS = {kind.__name__: kind for kind in _CLASSES}
 
 __all__ = [
     "LAWS",
@@ -21,6 +22,8 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Raise AttributeError; the laws' own names are there, from the catalogue."""
+def __getattr__(name: str) -> type[AbstractElastic] | type[AbstractRelaxation]:
+    """Return a law's class by its name, which stands in the catalogue alone."""
+    if name in _KINDS:
+        return _KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -128,7 +129,7 @@ class Experiment:
         departures = [(trial.name, trial.trajectory.departure) for trial in self.trials]
         return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
 
-    @property
+    @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
         """One sentence on each test whose force falls while the platen moves in."""
         noise = self.floor.white

@@ -185,10 +185,6 @@ class C(Language):
         """Return the whole struct."""
         return f"{self.prefix}_{below}_state {name} = {location};"
 
-    def keep(self, location: str, name: str) -> str:
-        """Return the whole struct."""
-        return f"{location} = {name};"
-
     def begin(self, below: str, location: str, displacement: str) -> str:
         """Return a call that writes into the struct."""
         return f"{self.prefix}_begin_{below}(k, &{location}, {displacement});"

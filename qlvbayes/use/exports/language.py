@@ -81,9 +81,9 @@ class Language(ABC):
     def copy(self, below: str, name: str, location: str) -> str:
         """Return a statement that copies a state of the layer beneath."""
 
-    @abstractmethod
     def keep(self, location: str, name: str) -> str:
-        """Return a statement that puts a state where the layer keeps it."""
+        """Return a statement that puts a state where the layer keeps it: it copies the whole."""
+        return f"{location} = {name};"
 
     @abstractmethod
     def begin(self, below: str, location: str, displacement: str) -> str:

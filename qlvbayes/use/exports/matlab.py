@@ -109,10 +109,6 @@ class M(Language):
         """Return an assignment, which copies."""
         return f"{name} = {location};"
 
-    def keep(self, location: str, name: str) -> str:
-        """Return an assignment, which copies."""
-        return f"{location} = {name};"
-
     def begin(self, below: str, location: str, displacement: str) -> str:
         """Return a call whose result is the state."""
         return f"{location} = begin_{below}_(k, {displacement});"
