@@ -7,8 +7,9 @@ and the eigenvectors R of
 
 .. math:: W K W^T = R\, \text{diag}(\kappa)\, R^T, \quad A = R^T W.
 
-The dwells leave the floor's scale open. Its values phi are those of draws of the floor given the
-dwells alone, which are equally likely. They and the sizes of the discrepancy are summed over.
+The dwells leave the floor open: Sigma is the mean over floors that are likely given the dwells
+alone (`whitening`), and its scale phi takes the values of draws of them, which are equally likely.
+The scales and the sizes of the discrepancy are summed over.
 
 The zero of each test's displacement has an error of its own where its contact was measured, of sd
 s. It changes the force by :math:`u = s\, \partial F / \partial \delta_0`, which is common to the
@@ -120,7 +121,8 @@ def floor_likelihood(
     scales, sizes, log_prior = _pairs(floor, noise, discrepancy)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))
-    known = (np.full(scales.size, value) for value in (floor.white, floor.ou, floor.tau))
+    expected = floor.expected()
+    known = (np.full(scales.size, value) for value in (expected.white, expected.ou, expected.tau))
     return FloorLikelihood(
         indices=jnp.flatnonzero(jnp.asarray(blocks.real)),
         axes=jnp.asarray(axes.T @ discrepancy.whitener.matrix),
@@ -184,7 +186,8 @@ def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[A
     A value that the user gives is certain. Draws of the floor given the dwells are equally likely;
     equal ones are counted together.
     """
-    scales_drawn = np.array([one.total for one in floor.draws(_SCALES)]) / floor.total
+    drawn = np.array([one.total for one in floor.draws(_SCALES)])
+    scales_drawn = drawn / floor.expected().total
     scales, counts = np.unique(scales_drawn, return_counts=True)
     log_scales = np.log(counts / counts.sum())
     sizes, log_sizes = discrepancy.sizes, discrepancy.log_prior

@@ -62,7 +62,9 @@ def dense(floor=None):
     for k in range(len(trials)):
         real = np.asarray(blocks.real[k])
         own = type(blocks)(*(np.asarray(x)[k][real] for x in vars(blocks).values()))
-        noise.append(covariance(whole.floor, own, whole.scales.force))
+        floors, weights = whole.floor.likely()
+        of_floors = [covariance(one, own, whole.scales.force) for one in floors]
+        noise.append(np.tensordot(weights, of_floors, axes=1))
     places = Locations.from_blocks(whole, trials, blocks)
     shapes = Features.from_locations(places)(places)
     return block_diag(*noise), shapes.T @ shapes + UNDECIDED.rough * np.eye(shapes.shape[1])
@@ -121,7 +123,7 @@ def test_it_is_the_likelihood_of_the_diagnosis():
 
 def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
     own = likelihood("noise.white=0.004", "noise.ou=0", "noise.remainder=0")
-    floor = replace(experiment().floor, white=0.004, ou=0.0)
+    floor = replace(experiment().floor, white=0.004, ou=0.0, dwells=None)
     noise, _ = dense(floor)
     whole, flat = residuals(4)
     assert np.asarray(own.constants).tolist() == [[0.004, 0.0, floor.tau, 1.0, 0.0]]
@@ -313,7 +315,7 @@ def test_what_the_user_knows_of_the_noise_holds_for_what_moves_the_constants():
     choices = Choices(fixed=("noise.white=0.05", "noise.ou=0"))
     trials, _ = two_tests()
     spread = separated_start(experiment(), choices, trials, np.random.default_rng(0))[2]
-    noise = dense(replace(experiment().floor, white=0.05, ou=0.0))[0]
+    noise = dense(replace(experiment().floor, white=0.05, ou=0.0, dwells=None))[0]
     inverse = np.sort(spread.discrepancy.whitener.precisions)
     np.testing.assert_allclose(1.0 / inverse[::-1], np.linalg.eigvalsh(noise), rtol=1e-8)
 

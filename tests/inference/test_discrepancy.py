@@ -107,7 +107,7 @@ def chi_square(work, errors):
 def test_what_is_left_is_the_discrepancy_and_noise():
     """A shift of one test's forces, in noise whose own memory could pass for a part of it."""
     shift = OUTSIDE["slow_creep_jump"](offset=-0.06, begin=100.0, time=15.0)
-    work, residuals = left_by_the_plain_model(hidden_pad(shift, rates=(1.0, 20.0)))
+    work, residuals = left_by_the_plain_model(hidden_pad(shift, rates=(1.0, 5.0, 10.0, 20.0)))
     bands = discrepancy(work)
     rest = [r - band.mean for r, band in zip(residuals, bands, strict=True)]
     assert chi_square(work, residuals) > 1.5

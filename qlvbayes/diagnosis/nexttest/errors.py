@@ -41,6 +41,11 @@ class ReadingErrors:
     peak: float
     missed: float = 0.0
 
+    @cached_property
+    def expected(self) -> NoiseFloor:
+        """The floor with all that the dwells leave open averaged over."""
+        return self.floor.expected()
+
     def covariance(self, design: Design, rig: Rig, record: Record, force: Array) -> Array:
         """Return the covariance (n, n) of the block means of one design (N^2).
 
@@ -58,7 +63,7 @@ class ReadingErrors:
         real = np.asarray(record.blocks.real)
         own = jax.tree.map(lambda x: np.asarray(x)[real], record.blocks)
         own = replace(own, scale=self.floor.scale(force[real]))
-        total = floor_covariance(self.floor, own, self.peak)
+        total = floor_covariance(self.expected, own, self.peak)
         if self.missed > 0.0:
             middle = 0.5 * (own.first + own.last)
             locations = locations_of(design, rig, middle, force[real], self.peak)

@@ -1,7 +1,9 @@
 r"""Turn block means into independent numbers of unit variance under the noise floor.
 
-The floor gives the block means of each test a `covariance`. With its eigenvectors and eigenvalues,
-Sigma = V diag(lambda) V^T,
+The floor gives the block means of each test a `covariance`. The dwells leave its standard
+deviations and its correlation time open to some degree, so that Sigma is the mean of the
+covariances of floors that are likely given the dwells (`expected_covariance`): the second moment of
+the noise as far as it is known. With its eigenvectors and eigenvalues, Sigma = V diag(lambda) V^T,
 
 .. math:: \tilde x = \lambda^{-1/2} V^T x,
 
@@ -50,7 +52,7 @@ class Whitener:
         covariances, timing = [], []
         for k, real in enumerate(arrays.real):
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
-            covariances.append(covariance(floor, of_test, peak))
+            covariances.append(expected_covariance(floor, of_test, peak))
             timing.append(of_test.timing**2)
         return cls(tuple(arrays.real), tuple(covariances), tuple(timing))
 
@@ -135,6 +137,15 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     common = np.where(group[:, None] == group, 0.5, 0.0)
     motion = np.outer(extra, extra) * (common + 0.5 * np.eye(extra.size))
     return np.diag(white) + correlated * correlation + motion
+
+
+def expected_covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> Array:
+    """Return the mean `covariance` (N, N) of floors that are likely given the dwells (N^2)."""
+    floors, weights = floor.likely()
+    total = np.zeros((blocks.first.size, blocks.first.size))
+    for one, weight in zip(floors, weights.tolist(), strict=True):
+        total += weight * covariance(one, blocks, peak)
+    return total
 
 
 def averaged_correlation(

@@ -12,6 +12,7 @@ from qlvbayes.motion.noisefloor.posterior import Dwells, Noise
 Array = NDArray[np.float64]
 
 _SPREAD = 40  # draws that tell the spread
+_KEPT = 0.95  # probability of the floors that are averaged
 _MOST = 5.0  # a wider prior would tell nothing
 
 
@@ -85,6 +86,32 @@ class NoiseFloor:
             return [self], np.ones(1)
         draws, weights = self.dwells.weighted(count)
         return [self._like(one) for one in draws], weights
+
+    def likely(self) -> tuple[list[NoiseFloor], Array]:
+        """Return floors with weights of sum 1, without the twentieth that has the most slow noise.
+
+        Noise slower than the trend of a dwell is next to free. A mean of variances that counted it
+        would be a mean of that alone.
+        """
+        floors, weights = self.weighted(_SPREAD)
+        order = np.argsort([one.ou**2 * one.tau for one in floors])
+        below = np.minimum(np.cumsum(weights[order]), _KEPT)
+        kept = np.diff(below, prepend=0.0) / _KEPT
+        return [floors[k] for k in order], kept
+
+    def expected(self) -> NoiseFloor:
+        """Return the floor whose variances are the means over those of ``likely``.
+
+        Its correlation time is the mean weighted by the correlated variance. Nothing of it is open.
+        """
+        floors, weights = self.likely()
+        white, ou, tau = np.array([(one.white**2, one.ou**2, one.tau) for one in floors]).T
+        correlated = float(weights @ ou)
+        memory = float(weights @ (ou * tau)) / correlated if correlated > 0.0 else self.tau
+        return replace(
+            self, white=float(np.sqrt(weights @ white)), ou=float(np.sqrt(correlated)), tau=memory,
+            dwells=None,
+        )  # fmt: skip
 
     def rounded(self) -> NoiseFloor:
         """Return the floor with at least the variance that rounding to ``step`` makes."""
