@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.fitting.marginal_likelihood import known_floor
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.marginal_likelihood import (
+    has_uncertain_zeros,
+    known_floor,
+    with_zero_errors,
+)
+from qlvbayes.fitting.optimum import least_squares_points
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -24,6 +32,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.record import Record
 from qlvbayes.priors.natural import in_own_numbers
 
 
@@ -99,6 +108,18 @@ def build_search(
     return Search(density, settings, baseline, families, report)
 
 
+def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
+    """Return the record of all tests.
+
+    The error of a measured zero has the effect that it has on the baseline model at its optimum.
+    """
+    if not has_uncertain_zeros(model, experiment.trials):
+        return experiment.record(experiment.trials)
+    posterior = build_posterior(experiment, choices, experiment.trials)
+    points = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))
+    return with_zero_errors(posterior, experiment.trials, points[0]).record
+
+
 def _space(
     experiment: Experiment,
     choices: Choices,
@@ -126,7 +147,7 @@ def _space(
     elastic[choices.law] = model.elastic
     relaxation[choices.relaxing] = model.relaxation
     return Space(
-        experiment.record(experiment.trials),
+        _record(experiment, choices, model),
         {name: in_own_numbers(law) for name, law in elastic.items()},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},

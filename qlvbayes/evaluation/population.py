@@ -29,7 +29,7 @@ STRATA: dict[str, tuple[str, ...]] = {
 }
 """Every stratum's levels; each level comes equally often, in an order of its own."""
 RECORD = "record"
-_PLAIN = 8  # of twelve studies in a row have a plain record, and one each a disturbed one: 8 %
+_PLAIN = 8  # of 13 studies in a row have a plain record, and one each a disturbed one: 8 %
 PAPER_STRATA: dict[str, tuple[str, ...]] = STRATA | {
     "protocol": ("paper", "one_retraction"),
     "elastic": ("exponential",),
@@ -71,9 +71,9 @@ class Population:
     effects
         Names of the listed effects that may be hidden alone.
     disturbed
-        Whether 8 % of the studies each have lost readings, late starts, unequal holds or noise that
-        changes along a test (stratum ``record``). What is random in these has streams of its own:
-        the plain records are those of the same population without.
+        Whether 8 % of the studies each have lost readings, late starts, unequal holds, noise that
+        changes along a test, or holds under a force (stratum ``record``). What is random in these
+        has streams of its own: the plain records are those of the same population without.
 
     Raises
     ------

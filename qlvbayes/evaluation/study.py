@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log
 
 import numpy as np
@@ -14,6 +15,7 @@ from qlvbayes.io.units import PAD
 from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
 from qlvbayes.simulate.disturbed import (
     NoiseGain,
+    held_forces,
     late_start,
     unequal_holds,
     with_lost_readings,
@@ -89,6 +91,8 @@ def make_study(population: Population, index: int) -> BlindStudy:
     effects, sizes, peak = _hidden(item, law, rig, plan, rng)
     cell = draw_cell(levels["noise"], peak, plan.longest_hold, rng)
     pad = _material(law, (rig, *effects), plan.smooth)
+    if record == "held_force":
+        plan = held_forces(plan, partial(run, pad), own)
     logger, name = levels["logger"], f"study {index}"
     times, readings = _measure(pad, plan, cell, peak, logger, rng, name, gain)
     times, readings = _disturbed(record, times, readings, own)

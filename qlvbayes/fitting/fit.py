@@ -19,7 +19,7 @@ from qlvbayes.fitting.marginal_likelihood import (
     Spread,
     discrepancy_of,
     floor_likelihood,
-    zero_errors,
+    with_zero_errors,
 )
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
@@ -206,14 +206,14 @@ def separated_start(
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
         fitted = FitResponse(*compiled.response(posterior, points[0]))
-        zeros = zero_errors(posterior, trials, points[0])
+        posterior = with_zero_errors(posterior, trials, points[0])
         blocks = posterior.record.blocks
-        likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted, zeros)
+        likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted)
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
     fitted = FitResponse(*compiled.response(posterior, points[0]))
-    discrepancy = discrepancy_of(experiment, trials, posterior.record.blocks, noise, zeros)
+    discrepancy = discrepancy_of(experiment, trials, posterior.record.blocks, noise)
     # some priors have no derivative at their bounds
     slopes = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))
     return posterior, best.normal, Spread.about(discrepancy, fitted, Terms(0.0, *slopes))

@@ -40,6 +40,7 @@ from qlvbayes.inference.errors.separation import Separation
 from qlvbayes.inference.evidence import second_moment
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
+from qlvbayes.model.model import Model
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -62,40 +63,33 @@ def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
     return replace(floor, white=white, ou=ou, tau=tau, dwells=None)
 
 
-def zero_errors(posterior: Posterior, trials: Sequence[Trial], theta: Array) -> Array | None:
-    """Return the change (T, B) of the force for one standard error of each test's zero, or None.
+def has_uncertain_zeros(model: Model, trials: Sequence[Trial]) -> bool:
+    """Return whether a zero of displacement has a known error and contact is not fitted anyway."""
+    measured = any(trial.test.contact_sd for trial in trials)
+    return measured and not any(isinstance(effect, ContactOffset) for effect in model.effects)
 
-    It is None where no test's zero was measured, or where contact is fitted in any case.
+
+def with_zero_errors(posterior: Posterior, trials: Sequence[Trial], theta: Array) -> Posterior:
+    """Return the posterior with what errors of the tests' zeros change at theta (D,).
+
+    They count as part of the noise floor: see `Blocks.zero`.
     """
-    sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
     model, _, _ = posterior.bind(jnp.asarray(theta))
-    if not sds.any() or any(isinstance(effect, ContactOffset) for effect in model.effects):
-        return None
+    if not has_uncertain_zeros(model, trials):
+        return posterior
     record = posterior.record
+    sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
     further, nearer = (compiled.beyond_gaps(model, record, sign * sds) for sign in (1.0, -1.0))
-    return 0.5 * (np.asarray(further) - np.asarray(nearer))
+    blocks = replace(record.blocks, zero=0.5 * (further - nearer))
+    return replace(posterior, record=replace(record, blocks=blocks))
 
 
 def discrepancy_of(
-    experiment: Experiment,
-    trials: Sequence[Trial],
-    blocks: Blocks,
-    noise: Floor,
-    zeros: Array | None = None,
+    experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
 ) -> Discrepancy:
-    """Return the discrepancy of the block means (T, B) of some trials, under the floor as known.
-
-    zeros (T, B): changes of the force by errors of the tests' zeros, which count as part of the
-    floor.
-    """
+    """Return the discrepancy of the block means (T, B) of some trials, under the floor as known."""
     experiment = replace(experiment, floor=known_floor(experiment.floor, noise))
-    discrepancy = Discrepancy.from_blocks(experiment, trials, blocks, TOLERANCE, _PRIOR)
-    if zeros is None:
-        return discrepancy
-    whitener = discrepancy.whitener
-    changes = [change[real] for change, real in zip(zeros, whitener.blocks, strict=True)]
-    covariances = [c + np.outer(u, u) for c, u in zip(whitener.covariances, changes, strict=True)]
-    return discrepancy.with_whitener(replace(whitener, covariances=tuple(covariances)))
+    return Discrepancy.from_blocks(experiment, trials, blocks, TOLERANCE, _PRIOR)
 
 
 def floor_likelihood(
@@ -104,15 +98,14 @@ def floor_likelihood(
     blocks: Blocks,
     noise: Floor,
     fitted: FitResponse | None = None,
-    zeros: Array | None = None,
 ) -> FloorLikelihood:
     """Return the likelihood of the block means (T, B) of some trials.
 
     fitted: response at the fit, from which the discrepancy is separated; None where that is not
-    known yet; zeros: as of `discrepancy_of`.
+    known yet.
     """
     floor = known_floor(experiment.floor, noise)
-    discrepancy = discrepancy_of(experiment, trials, blocks, noise, zeros)
+    discrepancy = discrepancy_of(experiment, trials, blocks, noise)
     shapes, precisions = discrepancy.shapes, discrepancy.whitener.precisions
     smooth = shapes.T @ shapes
     if fitted is not None:

@@ -27,7 +27,9 @@ class Blocks(eqx.Module):
     (s); weight: measured sd of the samples over its root mean square in the pad (1 where none was
     measured); scale: sd of all noise at the block's force over the one at the floor's level; extra:
     sd (N) of the error that the motion's makes, one a block; timing: sd (N) of what is not known of
-    the moments (`timing`), independent from block to block; real: False for padding.
+    the moments (`timing`), independent from block to block; zero: change of the force (N) for one
+    standard error of the test's zero of displacement, common to all its blocks, 0 where the zero is
+    taken as exact; real: False for padding.
     """
 
     force: Array
@@ -38,6 +40,7 @@ class Blocks(eqx.Module):
     scale: Array
     extra: Array
     timing: Array
+    zero: Array
     real: Array
 
     @classmethod
@@ -45,7 +48,7 @@ class Blocks(eqx.Module):
         """Make each sample a block of its own."""
         one = np.ones(time.shape)
         none = np.zeros_like(one)
-        return cls(*map(held, (force, one, time, time, weight, one, none, none, one > 0.0)))
+        return cls(*map(held, (force, one, time, time, weight, one, none, none, none, one > 0.0)))
 
 
 class Record(eqx.Module):

@@ -230,7 +230,7 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
     times = test.time[begin], test.time[last]
     none = np.zeros_like(count)
-    fields = (force, count, *times, weight, np.ones_like(count), none, none, count > 0.0)
+    fields = (force, count, *times, weight, np.ones_like(count), none, none, none, count > 0.0)
     return Blocks(*map(held, fields))
 
 

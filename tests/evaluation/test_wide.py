@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,9 +79,9 @@ def test_hidden_effects_are_of_their_kind():
 # disturbed records
 
 
-def test_each_disturbance_comes_in_a_twelfth_and_changes_nothing_else():
+def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
     plain, own = Population(3), Population(3, disturbed=True)
-    items = [own.item(k) for k in range(240)]
+    items = [own.item(k) for k in range(260)]
     count = Counter(item.levels["record"] for item in items)
     assert count == {"plain": 160} | dict.fromkeys(RECORDS[1:], 20)
     for index, item in enumerate(items):
@@ -174,6 +175,31 @@ def test_unequal_holds_change_rests_alone(protocol):
         assert speeds[0] == speeds[1]
     starts = [motion.start_s for motion in own.motions.values()]
     assert np.all(np.diff(starts) > own.pause)
+
+
+def test_a_held_force_stays_while_the_platen_goes_on():
+    """Of the tests whose path is found: solved finer along that path, and again by its rest."""
+    wanted = {"protocol": "paper", "logger": "uniform"}
+    wanted |= {"record": "held_force", "history": "rested", "kind": "none"}
+    population = Population(0, disturbed=True)
+    items = map(population.item, range(20_000))
+    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    plain, own = make_study(Population(0), index), make_study(population, index)
+    held = 0
+    for one, two in zip(*both(plain.session, own.session), strict=True):
+        if one.duration == two.duration and len(one.pieces) == len(two.pieces):
+            continue  # this test has none
+        held += 1
+        rest = next(p for p in one.pieces if p.duration > 5.0 and abs(p.velocity) < 1e-3)
+        times = rest.start + rest.duration * np.linspace(0.02, 0.999, 200)
+        finer = replace(own.material(own.law, ()), cells=600)
+        force = finer.force(two, times)
+        assert np.ptp(force) < 0.006 * force.mean()  # straight between its moments
+        assert np.ptp(finer.force(one, times)) > 0.02 * force.mean()
+        way = two.displacement(times)
+        assert np.all(np.diff(way) > 0.0)
+        assert way[-1] - way[0] > 0.02
+    assert 1 <= held <= 6
 
 
 def both(one, two):

@@ -27,7 +27,7 @@ def some_blocks(rng, spacing=1.0, most=12, weighted=False):
     times = [a + h * np.arange(n) for a, h, n in zip(first, step, count, strict=True)]
     weight = rng.uniform(0.5, 2.0, BLOCKS) if weighted else np.ones(BLOCKS)
     fields = (np.zeros(BLOCKS), count.astype(float), first, first + length, weight)
-    plain = jnp.ones(BLOCKS), *2 * (jnp.zeros(BLOCKS),), jnp.ones(BLOCKS, bool)
+    plain = jnp.ones(BLOCKS), *3 * (jnp.zeros(BLOCKS),), jnp.ones(BLOCKS, bool)
     return Blocks(*map(jnp.asarray, fields), *plain), times
 
 

@@ -59,7 +59,7 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp],
     motion = (grid, path.displacement(grid), path.velocity(grid), path.acceleration(grid))
     one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
     none = np.zeros_like(one)
-    fields = (none, count, middle - half, middle + half, one, one, none, none)
+    fields = (none, count, middle - half, middle + half, one, one, none, none, none)
     return motion, _filled(indices, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
 
 

@@ -120,13 +120,13 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
 
     Every block mean has at least a millionth of the largest force ``peak`` (N) as its sd, whatever
     the floor. The error of the motion is half independent from block to block and half common to a
-    movement. The error of moments is independent.
+    movement. The error of moments is independent. That of the test's zero is common to the test.
     """
-    first, last, count, weight, scale, extra, timing = map(
+    first, last, count, weight, scale, extra, timing, zero = map(
         np.asarray,
         (
-            *(blocks.first, blocks.last, blocks.count),
-            *(blocks.weight, blocks.scale, blocks.extra, blocks.timing),
+            *(blocks.first, blocks.last, blocks.count, blocks.weight),
+            *(blocks.scale, blocks.extra, blocks.timing, blocks.zero),
         ),
     )
     white = (floor.white * weight * scale) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
@@ -136,7 +136,7 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
     common = np.where(group[:, None] == group, 0.5, 0.0)
     motion = np.outer(extra, extra) * (common + 0.5 * np.eye(extra.size))
-    return np.diag(white) + correlated * correlation + motion
+    return np.diag(white) + correlated * correlation + motion + np.outer(zero, zero)
 
 
 def expected_covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> Array:
