@@ -41,7 +41,7 @@ def realisations(
 
     An error of the motion is drawn once for all readings, an error of moments for each reading.
     """
-    time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
+    time, unit = np.asarray(samples.first), np.asarray(samples.scale) * np.asarray(samples.weight)
     extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
     white, ou, tau = (
         np.array([getattr(floor, name) for floor in floors])[:, None]
@@ -49,7 +49,7 @@ def realisations(
     )
     shape = (len(floors), time.size)
     walk = _smooth_walk if floors[0].smooth else _walk
-    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    errors = unit * (white * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
     errors += extra * rng.standard_normal((len(floors), 1))
     return np.asarray(errors + timing * rng.standard_normal(shape))
 

@@ -120,8 +120,7 @@ class Samples:
 
     def floor(self, k: int) -> Array:
         """Return the sd (n,) of the noise at rest of the samples of test k (N)."""
-        floor = self.experiment.floor
-        return np.hypot(floor.white * self.weights[k], floor.ou)
+        return self.experiment.floor.total * self.weights[k]
 
 
 def _split(rows: Sequence[NDArray[np.intp]], size: int) -> tuple[tuple[NDArray[np.intp], ...], ...]:
