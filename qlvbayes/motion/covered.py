@@ -37,7 +37,7 @@ class Covered:
 def covered(experiment: Experiment) -> Covered:
     """Return the ranges of a pad's tests; without a dwell ``hold`` is the longest phase."""
     trials = experiment.trials
-    phases = [phase for trial in trials for phase in trial.phases]
+    phases = [phase for trial in trials for phase in trial.used_phases]
     ramps = [p.stop - p.start for p in phases if p.kind == "ramp"]
     dwells = [p.stop - p.start for p in phases if p.kind in ("hold", "recovery")]
     rates = [trial.rate for trial in trials if np.isfinite(trial.rate)]

@@ -74,9 +74,9 @@ def _equally_deep(test: Record, turns: Array) -> bool:
         test.displacement[(test.time > begin) & (test.time <= end)]
         for begin, end in pairwise(turns[:, 0])
     ]
-    if any(depth.size == 0 for depth in depths):
+    if sum(depth.size > 0 for depth in depths[1:]) < _FEWEST_CYCLES - 1:  # some are left out
         return False
-    ends = np.array([(depth.min(), depth.max()) for depth in depths])
+    ends = np.array([(depth.min(), depth.max()) for depth in depths if depth.size])
     return bool(np.ptp(ends, axis=0).max() <= _UNEQUAL * np.ptp(ends))
 
 
