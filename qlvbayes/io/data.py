@@ -172,8 +172,8 @@ def read_measurements(path: str | Path) -> Measurements:
     columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
     `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
     or force; it may change within a test), `use` (1 or 0: whether the sample's force is used) and
-    `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that begin with # are comments. Without `start_s` the tests of a pad
-    follow one another.
+    `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that begin with #
+    are comments. Without `start_s` the tests of a pad follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are

@@ -266,7 +266,6 @@ class Experiment:
             trial.phases,
             sd_scale=self.sd_scale,
             start=trial.whole.start_s - self.clock_zero,
-            first=float(trial.whole.time[0]),
             number=self.tests_before(trial),
             blocks=some is None,
             past=self.past(trial),
@@ -335,9 +334,8 @@ def _trials_of(
     begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
     if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
-        phases = [
-            trial.phases for trial in _smoothed(part.tests, keep_all=keep_all, limited=False)[0]
-        ]
+        trials, _ = _smoothed(part.tests, keep_all=keep_all, limited=False)
+        phases = [trial.phases for trial in trials]
     excluded = [
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)

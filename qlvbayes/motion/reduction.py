@@ -100,7 +100,7 @@ def _doubtful(
     A sample either side, and the time in which the change of speed makes an encoder step. Only
     densely sampled records can spare them. The samples are those of the displacement.
     """
-    time = time if trajectory.read_at is None else trajectory.read_at
+    time = trajectory.read_times(time)
     kinks, jumps = trajectory.kinks, trajectory.speed_jumps
     if kinks.size > _MOST_KINKS:
         return []
@@ -130,7 +130,6 @@ def reduce_test(
     *,
     sd_scale: float = 1.0,
     start: float = 0.0,
-    first: float | None = None,
     number: int = 0,
     blocks: bool = True,
     past: Past | None = None,
@@ -140,9 +139,8 @@ def reduce_test(
 ) -> Record:
     """Return the record of one test: block means, their nodes, and the motion on a grid of times.
 
-    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); first:
-    time (s) of the first reading of the displacement, by default the test's; number: how many
-    tests the pad has had before; blocks: False keeps every sample by itself; past: what the
+    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); number: how
+    many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
     test remembers of earlier ones; care: None where force and noise are not known yet; whole: the
     test of which these are some samples only; approached: whether a record that begins on the move
     came from zero by an approach before it.
@@ -168,7 +166,7 @@ def reduce_test(
         averaged = replace(averaged, timing=held(timing))
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
-    first = float(whole.time[0]) if first is None else first
+    first = float(trajectory.read_times(whole.time)[0])
     grid, curved = _grid(trajectory, np.unique(nodes), first, chord, begun)
     motion = _motion(trajectory, grid, first, curved)
     motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))

@@ -35,7 +35,7 @@ def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
     Where the velocity jumps, the change itself takes up to a sampling interval of the displacement,
     as it would be resolved otherwise.
     """
-    read = time if trajectory.read_at is None else trajectory.read_at
+    read = trajectory.read_times(time)
     kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
     if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
         kinks = np.concatenate([trajectory.knots[:1], kinks])

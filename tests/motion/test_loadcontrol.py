@@ -154,7 +154,7 @@ def test_what_the_file_says_counts():
 
 
 def force_phases_of(test):
-    return force_phases(test, float(test.time[0]), float(test.time[-1]))
+    return force_phases(test, test.time)
 
 
 @pytest.mark.parametrize("closed_loop", [False, True])

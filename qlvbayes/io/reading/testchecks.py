@@ -68,8 +68,8 @@ class Checker:
         if (size := len(numbers["time"])) < LEAST_SAMPLES:
             what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "add the missing rows or delete the test")
-        if (size := np.count_nonzero(used)) < LEAST_SAMPLES:
-            what = f"the column use keeps {size} rows of {_title(rows)}, and "
+        if (kept := np.count_nonzero(used)) < LEAST_SAMPLES:
+            what = f"the column use keeps {kept} rows of {_title(rows)}, and "
             what += f"at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "write 1 in more of its rows or delete the test")
         force = numbers["force"][used]

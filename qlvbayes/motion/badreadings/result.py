@@ -1,4 +1,4 @@
-"""The readings of a test that are left out: indices, channel, kind, and a sentence on the bad ones."""
+"""The readings of a test that are left out: which, why, and a sentence on the bad ones."""
 
 from __future__ import annotations
 
