@@ -185,28 +185,33 @@ def excluded_notices(
     for name, bad in tests:
         if bad is None:
             continue
-        starts = np.cumsum([0, *(run.stop - run.first for run in bad.runs)])
-        spans: dict[str, list[tuple[float, float, int]]] = {}
-        for run, first, stop in zip(bad.runs, starts[:-1], starts[1:], strict=True):
+        runs: dict[str, list[Bad]] = {}
+        for run in bad.runs:
             if run.kind == "excluded":
-                span = float(bad.time[first]), float(bad.time[stop - 1]), int(stop - first)
-                spans.setdefault(run.said_by, []).append(span)
-        for said_by, every in spans.items():
-            count = sum(size for _, _, size in every)
+                runs.setdefault(run.said_by, []).append(run)
+        for said_by, own in runs.items():
+            count = sum(run.stop - run.first for run in own)
             readings = "one reading" if count == 1 else f"{count} readings"
             sentences.append(
                 f"pad {pad}: of test {name} the {units.force_name} of {readings} is left out "
-                f"({_times(every)}), as said by {said_by}; their {units.displacement_name} counts "
-                "as what the specimen went through"
+                f"({_times(bad, own)}), as said by {said_by}; their {units.displacement_name} still "
+                "counts, as the specimen remembers it"
             )
     return tuple(sentences)
 
 
-def _times(spans: Sequence[tuple[float, float, int]]) -> str:
-    """Return spans of time as '30 to 45 s and 60 to 61 s'."""
+def _times(bad: BadReadings, runs: Sequence[Bad]) -> str:
+    """Return when runs of readings were, as '30 to 45 s and 60 to 61 s'."""
+    spans: list[tuple[int, int]] = []
+    for run in runs:
+        if spans and bad.mask[spans[-1][1] : run.first].all():  # but for bad readings it goes on
+            spans[-1] = (spans[-1][0], run.stop)
+        else:
+            spans.append((run.first, run.stop))
+    at = np.cumsum(bad.mask) - 1  # of a reading of the test, in those that are left out
     named = [
-        plain(start, 6) if size == 1 else f"{plain(start, 6)} to {plain(stop, 6)}"
-        for start, stop, size in spans[:_NAMED]
+        " to ".join(dict.fromkeys(plain(float(bad.time[at[k]]), 6) for k in (first, stop - 1)))
+        for first, stop in spans[:_NAMED]
     ]
     more = len(spans) - len(named)
     others = [f"{more} other span{'s' if more > 1 else ''}"] if more else []
