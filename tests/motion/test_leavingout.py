@@ -32,7 +32,7 @@ B = TABLE_1["B"]
 NOISE = NOISES["correlated"]
 PRESS = (Move(1.6, 1.0), Hold(10.0), Move(0.8, 1.0), Hold(10.0))
 DEEPER = (Move(0.6, 1.0), Hold(5.0), Move(1.6, 1.0), Hold(5.0), Move(0.6, 1.0), Hold(10.0))
-CYCLES = tuple(Move(depth, 1.0) for _ in range(8) for depth in (1.6, 0.4))
+CYCLES = tuple(Move(depth, 1.0) for _ in range(8) for depth in (1.6, 0.0))
 KNOCK = "t:5..7s"
 
 
@@ -165,13 +165,10 @@ def test_a_bad_reading_of_what_is_left_is_still_found():
 
 
 def test_the_floor_of_equal_cycles_does_without_the_first():
-    """Which has the largest force, over which readings count as pressed."""
-    test = pressed(CYCLES)
-    every, some = prepared(test), prepared(test, leave_out=["t:ramp 1", "t:unload 1"])
-    assert some.floor.total == pytest.approx(every.floor.total, rel=0.05)
-    assert some.floor.testable
-    assert some.floor.notices == every.floor.notices
-    assert "what does not repeat from one cycle to the next" in some.floor.notices[0]
+    """0.01 N were simulated."""
+    some = prepared(pressed(CYCLES), leave_out=["t:ramp 1", "t:unload 1"]).floor
+    assert "what does not repeat from one cycle to the next" in some.notices[0]
+    assert some.total == pytest.approx(0.01, rel=0.2)
 
 
 # which readings
