@@ -11,7 +11,7 @@ import pytest
 from support.endtoend import call, one_line
 
 from qlvbayes import InputError
-from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.fit import build_posterior, fit_pad
 from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.fitting.relaxation import relaxation_report
@@ -26,7 +26,15 @@ from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
 from qlvbayes.plots.look import plot_look
 from qlvbayes.plots.panels import LABEL
-from qlvbayes.simulate import NOISES, TABLE_1, Hold, Move, simulate_test
+from qlvbayes.simulate import (
+    NOISES,
+    TABLE_1,
+    Hold,
+    Move,
+    press_and_pause,
+    record_controlled,
+    simulate_test,
+)
 
 B = TABLE_1["B"]
 NOISE = NOISES["correlated"]
@@ -171,6 +179,20 @@ def test_the_floor_of_equal_cycles_does_without_the_first():
     assert some.total == pytest.approx(0.01, rel=0.2)
 
 
+def test_a_force_that_is_held_is_seen_without_the_readings_left_out():
+    program = press_and_pause(1.0, 1.0, 10.0)
+    found, _ = record_controlled(B, program, NOISE, np.random.default_rng(0), 50.0, False)
+    test = Test("t", "B", found.time, found.displacement, found.force)
+    (every,), (some,) = (
+        prepared(one, leave_out=leave_out).trials
+        for one, leave_out in ((test, ()), (disturbed(test), [KNOCK]))
+    )
+    assert [phase.control for phase in every.phases] == ["displacement", "force", "displacement"]
+    assert [(p.kind, p.control) for p in some.phases] == [(p.kind, p.control) for p in every.phases]
+    for one, two in zip(every.phases, some.phases, strict=True):
+        assert (two.start, two.stop) == pytest.approx((one.start, one.stop), abs=0.1)
+
+
 # which readings
 
 
@@ -226,6 +248,10 @@ def test_of_a_test_of_phases_only_those_that_are_used_count():
     assert [phase.kind for phase in some.trials[0].used_phases] == ["ramp", "unload"]
     assert covered(every).hold == pytest.approx(10.0, abs=0.02)
     assert covered(some).hold == pytest.approx(1.6, abs=0.02)
+    slow = replace(pressed((Move(1.6, 0.2), *PRESS[1:])), name="slow")
+    assert covered(prepared(pressed(), slow)).slowest == pytest.approx(0.2, rel=0.01)
+    fast = covered(prepared(pressed(), slow, leave_out=["slow:ramp"]))
+    assert fast.slowest == pytest.approx(1.0, rel=0.01)
     assert relaxation_report(every) is not None
     # the initial force is a reading at the end of loading
     assert relaxation_report(prepared(pressed(), leave_out=["t:1.4..1.8s"])) is None
@@ -278,6 +304,16 @@ def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     (test,) = json.loads((out / "pad" / "curves.json").read_text())["tests"]
     assert {one["kind"] for one in test["left_out"]} == {"excluded"}
     assert len(test["left_out"]) <= 50
+
+
+@pytest.mark.parametrize("method", ["least-squares", "two-step"])
+def test_the_other_routes_do_without_a_phase(method):
+    bad = disturbed(low=1.7, high=11.5)
+    for leave_out in ("t:hold", "t:ramp"):
+        test = bad if leave_out == "t:hold" else pressed()
+        choices = Choices(leave_out=(leave_out,))
+        fit = fit_pad(prepared(test, leave_out=choices.leave_out), choices, method=method)
+        assert np.isfinite(fit.summary.parameters["m"].mean)
 
 
 def test_a_diagnosis_without_a_phase(tmp_path):

@@ -17,7 +17,6 @@ from qlvbayes.motion.badreadings.outliers import (
     outlying,
     outlying_runs,
     runs_at_ends,
-    runs_of,
     scale_of,
 )
 from qlvbayes.motion.badreadings.result import Bad, BadReadings, Kind
@@ -153,9 +152,9 @@ class _Doubts:
     def _among_all(self, runs: Iterable[Bad]) -> Iterator[Bad]:
         """Yield runs of the readings whose force is used as runs of all readings."""
         for bad in runs:
-            mask = np.zeros(self.time.size, dtype=bool)
-            mask[self.used[bad.first : bad.stop]] = True
-            yield from (replace(bad, first=first, stop=stop) for first, stop in runs_of(mask))
+            indices = self.used[bad.first : bad.stop]
+            for part in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
+                yield replace(bad, first=int(part[0]), stop=int(part[-1]) + 1)
 
     def _rows(self, own: Channels) -> list[Bad]:
         """Return rows in which both channels are outlying and that the platen could not reach."""
