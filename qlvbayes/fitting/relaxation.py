@@ -108,6 +108,8 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
     if place is None:
         return None
     ramp, hold = trial.phases[place - 1], trial.phases[place]
+    if hold not in trial.used_phases:
+        return None
     time, force = trial.test.time, trial.test.force
     # a reading's width beyond, for the kink is not known better
     width = 2.0 * float(np.median(np.diff(time)[:200]))

@@ -253,13 +253,15 @@ def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis, way: float) -> 
     bad = trial.left_out
     if bad is None:
         return
-    rows = np.array([k for k, _ in bad.drawn])
-    positions = axis(bad.time[rows])
-    for panel, values in ((panels[0], bad.force), (panels[1], way * bad.displacement)):
-        panel.plot(
-            positions, np.clip(values[rows], *panel.get_ylim()), "x", color=GREY, markersize=4.5,
-            markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
-        )  # fmt: skip
+    force = [k for k, _ in bad.drawn]
+    displacement = [k for k, run in bad.drawn if run.kind != "excluded"]  # of which it counts
+    channels = ((bad.force, force), (way * bad.displacement, displacement))
+    for panel, (values, rows) in zip(panels, channels, strict=False):
+        if rows:
+            panel.plot(
+                axis(bad.time[rows]), np.clip(values[rows], *panel.get_ylim()), "x", color=GREY,
+                markersize=4.5, markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
+            )  # fmt: skip
 
 
 def _ring(panel: Axes, trial: Trial, axis: _Axis, factor: float) -> None:

@@ -102,11 +102,13 @@ class _Doubts:
         self.fastest = 0.0
         if self.few:
             return
-        times, forces = self.time[self.used], test.force[ticking][self.used]
-        self.force = forces if used.all() else np.interp(self.time, times, forces)
+        times, forces = self.time[used], test.force[ticking][used]
         self.of_displacement = scale_of(self.time, self.displacement)
-        of_used = scale_of(times, forces)
-        self.of_force = of_used.at(_nearest(self.used, ticking.size))
+        self.force, self.of_force = forces, (of_used := scale_of(times, forces))
+        self.all_used = bool(used.all())
+        if not self.all_used:
+            self.force = np.interp(self.time, times, forces)
+            self.of_force = of_used.at(_nearest(self.used, ticking.size))
         self.runs = {
             "displacement": outlying_runs(self.time, self.displacement, self.of_displacement),
             "force": outlying_runs(times, forces, of_used),  # counted among those used
@@ -139,7 +141,7 @@ class _Doubts:
         ]
         for bad in proven:
             own.lost[bad.first : bad.stop] = True
-        read = own.at(self.used)
+        read = own if self.all_used else own.at(self.used)
         proven += self._among_all(
             Bad(*run, "force", _kind(read.force[slice(*run)]))
             for run in self.runs["force"]
