@@ -138,7 +138,7 @@ def modelled(experiment, since):
 
 
 def test_what_was_done_to_the_specimen_meanwhile_is_remembered():
-    """Deeper and back between 5.6 and 12.6 s: rows that are not there would be a pad at rest."""
+    """Deeper and back between 5.6 and 12.6 s: without these rows it would be a hold."""
     gap = ["t:5.7..13s"]
     time, every = modelled(prepared(pressed(DEEPER)), 13.2)
     for leave_out in (gap, ["t:..13s"]):  # at the beginning as in the middle
