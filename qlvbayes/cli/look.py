@@ -17,8 +17,10 @@ from qlvbayes.cli.convert import ReadingOptions, converted
 from qlvbayes.cli.plainoptions import (
     AsJson,
     KeepAllReadings,
+    LeaveOut,
     Pads,
     Style,
+    Use,
     chosen_pads,
     with_groups,
 )
@@ -32,6 +34,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.firstlook import FirstLook, PadSeen, Shown
 from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
+from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
 from qlvbayes.pipeline.looking import look_into
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
@@ -57,6 +60,8 @@ def look_command(
         ),
     ] = None,
     keep_all_readings: KeepAllReadings = False,
+    use: Use = None,
+    leave_out: LeaveOut = None,
     style: Style = None,
     as_json: AsJson = False,
 ) -> None:
@@ -69,13 +74,17 @@ def look_command(
     from them, and what is left between both.
     """
     inputs = _read(files, reading)
+    parts, gaps = tuple(use or ()), tuple(leave_out or ())
+    if inputs.studies:
+        refuse_unknown([pad for one in inputs.studies for pad in one.study.pads], parts, gaps)
     looks: list[FirstLook] = []
     for one in inputs.studies:
         folder = output if len(inputs.studies) == 1 else output / Path(one.files[0]).stem
         with waiting("looking"):
             look, figures = look_into(
                 folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
-                keep_all_readings=keep_all_readings, files=one.files, next_commands=one.next,
+                keep_all_readings=keep_all_readings, use=parts, leave_out=gaps, files=one.files,
+                next_commands=one.commands(arguments_of(one.study.pads, parts, gaps)),
             )  # fmt: skip
         looks.append(look)
         if not as_json:
@@ -91,11 +100,19 @@ def look_command(
 
 @dataclass(frozen=True)
 class _Input:
-    """Hold measurements, the files that they came from, and the commands to go on with."""
+    """Hold measurements, the files that they came from, and the commands to go on with.
+
+    next: the words of each command; the last one is ``study``.
+    """
 
     study: Measurements
     files: tuple[str, ...]
-    next: tuple[str, ...]
+    next: tuple[tuple[str, ...], ...]
+
+    def commands(self, arguments: Sequence[str]) -> tuple[str, ...]:
+        """Return the commands as they are typed, with further arguments of ``study``."""
+        *before, study = self.next
+        return tuple(as_typed(*words) for words in (*before, (*study, *arguments)))
 
 
 @dataclass(frozen=True)
@@ -146,10 +163,8 @@ def _is_tidy(file: Path) -> bool:
 
 
 def _as_it_is(file: Path) -> _Input:
-    command = as_typed(
-        "qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results"
-    )
-    return _Input(read_measurements(file), (str(file),), (command,))
+    words = ("qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results")
+    return _Input(read_measurements(file), (str(file),), (words,))
 
 
 def _of_machines(
@@ -164,8 +179,8 @@ def _of_machines(
     names = tuple(map(str, files))
     study = measurements_of(conversion, names[0], sha256)
     commands = (
-        as_typed("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
-        as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
+        ("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
+        ("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
     return _Input(study, names, commands), conversion.faults
 

@@ -13,8 +13,10 @@ import typer
 from qlvbayes.cli.plainoptions import (
     AsJson,
     KeepAllReadings,
+    LeaveOut,
     Pads,
     Style,
+    Use,
     among,
     split_names,
     with_groups,
@@ -29,7 +31,7 @@ from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
-from qlvbayes.motion.cutting import refuse_unknown
+from qlvbayes.motion.leavingout import refuse_unknown
 from qlvbayes.parallel.engines import Engine, opened_engine
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.source import Source
@@ -86,14 +88,6 @@ Rested = Annotated[
     typer.Option(
         "--rested",
         help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
-    ),
-]
-Use = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="The part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
-        "before and behind it is left out; repeatable.",
-        show_default=False,
     ),
 ]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
@@ -174,6 +168,7 @@ class ModelOptions:
     rested: Rested = False
     keep_all_readings: KeepAllReadings = False
     use: Use = None
+    leave_out: LeaveOut = None
     prior: Prior = None
     fix: Fix = None
     add: Add = None
@@ -198,19 +193,20 @@ class ModelOptions:
             rested=self.rested,
             keep_all_readings=self.keep_all_readings,
             use=tuple(self.use or ()),
+            leave_out=tuple(self.leave_out or ()),
         )
         for name in choices.effects:
             find(name, choices.kinds)
         return choices
 
     def choices_of(self, source: Source) -> Choices:
-        """Return the model's description for pads; raise InputError also on an unknown --use.
+        """Return the model's description for pads; raise InputError also on an unknown test.
 
         Of several files one is read at a time, so that no test can be missed before the last.
         """
         choices = self.choices(source.whole)
         if source.read is not None:
-            refuse_unknown(source.read.pads, choices.use)
+            refuse_unknown(source.read.pads, choices.use, choices.leave_out)
         return choices
 
 

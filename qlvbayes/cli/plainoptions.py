@@ -23,6 +23,23 @@ KeepAllReadings = Annotated[
     ),
 ]
 
+Use = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="The part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
+        "before and behind it is left out; repeatable.",
+        show_default=False,
+    ),
+]
+LeaveOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A part of a test whose force does not count while its motion does, as "
+        "'TEST:30..45s', 'TEST:0..0.1mm' or 'TEST:hold 2'; repeatable.",
+        show_default=False,
+    ),
+]
+
 
 def _use_style(context: typer.Context, file: Path | None) -> Path | None:
     """Draw all figures of the command in the user's own style."""

@@ -65,6 +65,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
         all_tests=saved.all_tests,
         keep_all_readings=saved.choices.keep_all_readings,
         use=saved.choices.use,
+        leave_out=saved.choices.leave_out,
     )
     constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     scales = factors(saved.choices, constants, saved.units, pad.units)
@@ -87,7 +88,11 @@ class LeftOut(
     frozen=True,
     rename={"time": "time_s", "displacement": "displacement_mm", "force": "force_N"},
 ):
-    """A reading that was left out: time (s), displacement, force, faulty channel and fault."""
+    """A reading that was left out: time (s), displacement, force, channel and why.
+
+    kind: the fault, or ``excluded`` where the user leaves the force out; of a long run of these
+    there are fifty, evenly spaced.
+    """
 
     time: float
     displacement: float
@@ -188,10 +193,10 @@ def _left_out(trial: Trial) -> tuple[LeftOut, ...]:
     unused = trial.left_out
     if unused is None:
         return ()
-    runs = [run for run in unused.runs for _ in range(run.stop - run.first)]
-    values = zip(unused.time, unused.displacement, unused.force, runs, strict=True)
+    channels = np.column_stack([unused.time, unused.displacement, unused.force])
     return tuple(
-        LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind) for t, d, f, run in values
+        LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
+        for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
     )
 
 

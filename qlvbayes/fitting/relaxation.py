@@ -108,11 +108,16 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
     if place is None:
         return None
     ramp, hold = trial.phases[place - 1], trial.phases[place]
+    if hold not in trial.used_phases:
+        return None
     time, force = trial.test.time, trial.test.force
     # a reading's width beyond, for the kink is not known better
-    until = hold.start + 2.0 * float(np.median(np.diff(time)[:200]))
-    loaded = force[(time >= ramp.start) & (time <= until)]
+    width = 2.0 * float(np.median(np.diff(time)[:200]))
+    loaded = force[(time >= ramp.start) & (time <= hold.start + width)]
     since = time - hold.start
+    nearest = float(np.min(np.abs(trial.whole.time - hold.start)))
+    if np.min(np.abs(since)) > max(width, nearest):  # the end of loading is left out
+        return None
     at, left = [], []
     initial = float(np.max(loaded)) if loaded.size else 0.0
     for moment in TIMES:
@@ -148,8 +153,8 @@ def _history(experiment: Experiment, trial: Trial) -> str:
     before = experiment.tests_before(trial)
     if not before:
         return "the specimen's first test in the file"
-    test = trial.test
-    earlier = [t.test for t in experiment.trials if t.test.start_s < test.start_s]
+    test = trial.whole
+    earlier = [t.whole for t in experiment.trials if t.whole.start_s < test.start_s]
     last = max(earlier, key=lambda t: t.start_s)
     tests = "1 test" if before == 1 else f"{before} tests"
     if not test.start_known:

@@ -84,10 +84,11 @@ def two_step(
 
 def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
     """Return beginning and end (s) of the first ramp and its hold, or of one of these."""
-    ramps = [k for k, phase in enumerate(trial.phases) if phase.kind == "ramp"]
+    phases = trial.used_phases
+    ramps = [k for k, phase in enumerate(phases) if phase.kind == "ramp"]
     first = ramps[0] if ramps else 0
-    chosen = [p for p in trial.phases[first : first + 2] if p.kind in kinds]
-    chosen = chosen or list(trial.phases)
+    chosen = [p for p in phases[first : first + 2] if p.kind in kinds]
+    chosen = chosen or list(phases)
     return chosen[0].start, chosen[-1].stop
 
 

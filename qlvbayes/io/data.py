@@ -30,6 +30,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import listed
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Role = Literal["fit", "validate"]
 
 
@@ -46,6 +47,7 @@ _CONTROLS = {
     "force": Control.FORCE,
     "stress": Control.FORCE,
 }
+_USED = {"1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,9 @@ class Test:
     contact_sd
         Standard error of the displacement's zero, in the unit of displacement; None where it was
         not measured.
+    used
+        (n,) whether the force of each sample is used; None where all are. The displacement is the
+        specimen's history and always is.
     """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
@@ -109,6 +114,7 @@ class Test:
     control: Control | None = None
     changes: tuple[Prescribed, ...] = ()
     contact_sd: float | None = None
+    used: Mask | None = None
 
     @property
     def states_control(self) -> bool:
@@ -165,9 +171,9 @@ def read_measurements(path: str | Path) -> Measurements:
     units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
     columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
     `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
-    or force; it may change within a test) and `contact_sd_mm` (standard error of the zero of the
-    test's displacement). Lines that begin with # are comments. Without `start_s` the tests of a pad
-    follow one another.
+    or force; it may change within a test), `use` (1 or 0: whether the sample's force is used) and
+    `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that begin with #
+    are comments. Without `start_s` the tests of a pad follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are
@@ -291,10 +297,11 @@ class _Builder:
         columns = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
         controls = self._controls(rows, columns["time"])
-        self._readings(rows, columns)
+        used = self._used(rows, columns["time"].size)
+        self._readings(rows, columns, used)
         loaded = any(part.control == Control.FORCE for part in controls)
-        checker.check(rows, columns, loaded=loaded)
-        self._range(rows, columns)
+        checker.check(rows, columns, loaded=loaded, used=used)
+        self._range(rows, columns, used)
         for values in columns.values():
             values.setflags(write=False)
         return Test(
@@ -311,23 +318,25 @@ class _Builder:
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),
             contact_sd=self._contact_sd(rows),
+            used=None if used.all() else used,
         )
 
-    def _readings(self, rows: Rows, columns: dict[str, Floats]) -> None:
+    def _readings(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
         """Refuse rows with a logger's code in place of a reading, as empty cells are refused."""
-        for key in ("displacement", "force"):
-            missing = no_readings(columns[key])
+        for key, counts in (("displacement", np.ones_like(used)), ("force", used)):
+            missing = no_readings(columns[key][counts])
             if missing.count:
-                first = int(np.argmax(missing.rows))
+                first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
                 name = self.dialect.columns.numbers[key].name
                 times = f"{missing.count} rows, the first" if missing.count > 1 else "one row,"
                 what = f"{name} is {missing.written}, a code for no reading, in {times} at "
                 what += f"{columns['time'][first]:.6g} s,"
                 self._fail(rows, rows.row(first), what, "delete these rows")
 
-    def _range(self, rows: Rows, columns: dict[str, Floats]) -> None:
+    def _range(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
         headers = self.dialect.columns.numbers
-        named = {headers[key].name: columns[key] for key in ("displacement", "force")}
+        read = {"displacement": columns["displacement"], "force": columns["force"][used]}
+        named = {headers[key].name: values for key, values in read.items()}
         if (what := out_of_range(columns["time"], named)) is not None:
             self._fail(rows, rows.row(0), f"{what}, which no rig measures,", "check the units")
 
@@ -425,6 +434,19 @@ class _Builder:
         bounds = [float(time[0]), *ends, float(time[-1])]
         controls = [_CONTROLS[text] for _, text in labels]
         return tuple(map(Prescribed, controls, bounds[:-1], bounds[1:]))
+
+    def _used(self, rows: Rows, size: int) -> Mask:
+        """Return which samples' force is used (n,): all of them where no row says it."""
+        labels = self._labels(rows, "use")
+        if labels == [(0, "")]:
+            return np.ones(size, dtype=bool)
+        for sample, text in labels:
+            if text.lower() not in _USED:
+                what = f"use '{text[:40]}' is neither 1 nor 0" if text else "use is empty"
+                remedy = "write 1 (yes, true) or 0 (no, false) in all rows of the test, or nothing"
+                self._fail(rows, rows.row(sample), what, f"{remedy} in all")
+        lengths = np.diff([*(sample for sample, _ in labels), size])
+        return np.repeat([_USED[text.lower()] for _, text in labels], lengths)
 
     def _number(self, rows: Rows, key: str) -> float | None:
         """Return the number declared for a test, or None where the cell is empty."""

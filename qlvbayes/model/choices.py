@@ -68,6 +68,9 @@ class Choices:
         Whether to keep readings that their neighbours and the other channel contradict.
     use
         Parts of tests to use, as ``TEST:0..18mm``.
+    leave_out
+        Parts of tests whose force does not count while their motion does, as ``TEST:30..45s`` or
+        ``TEST:hold 2``.
 
     Raises
     ------
@@ -93,6 +96,7 @@ class Choices:
     laws_file: str | None = None
     keep_all_readings: bool = False
     use: tuple[str, ...] = ()
+    leave_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("priors", "fixed"):
@@ -199,7 +203,8 @@ class Choices:
 
         Results without these keys are of tests from rest, and of all their readings.
         """
-        lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects", "use")}
+        names = ("priors", "fixed", "effects", "use", "leave_out")
+        lists = {key: tuple(values.get(key, ())) for key in names}
         return cls(**{"rested": True, "keep_all_readings": True, **values, **lists})
 
 

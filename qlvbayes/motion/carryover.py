@@ -46,15 +46,15 @@ def carryovers(
         return ()
     change = np.abs(predict(record) - predict(_forgetting(record)))
     sizes = np.max(np.where(np.asarray(record.blocks.real), change, 0.0), axis=1)
-    every = [trial.test for trial in experiment.trials]
+    every = [trial.whole for trial in experiment.trials]
     carryovers = []
     for trial, size in zip(trials, sizes, strict=True):
-        remembered = remembered_tests(every.index(trial.test), every, experiment.longest)
+        remembered = remembered_tests(every.index(trial.whole), every, experiment.longest)
         if not remembered or experiment.rested:
             continue
         before = every[remembered[0]]
-        between = pause(before, trial.test) or 0.0
-        peak = float(np.max(np.abs(before.force)))
+        between = pause(before, trial.whole) or 0.0
+        peak = float(np.max(np.abs(experiment.trials[remembered[0]].test.force)))
         carryovers.append(Carryover(trial.name, before.name, between, float(size), size / peak))
     return tuple(carryovers)
 
@@ -78,7 +78,7 @@ def carryover_notices(
 
 def clock_notices(experiment: Experiment) -> tuple[str, ...]:
     """Return one sentence on a test that began, by the declared clock, before another ended."""
-    tests = sorted((t.test for t in experiment.trials), key=lambda test: test.start_s)
+    tests = sorted((t.whole for t in experiment.trials), key=lambda test: test.start_s)
     early = [
         f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has "
         "ended: no carryover from one to the other is modelled"

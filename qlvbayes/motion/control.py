@@ -52,7 +52,7 @@ class Stretch:
 
 def controls_of(test: Test, trajectory: Trajectory) -> tuple[Prescribed, ...]:
     """Return what was prescribed in each stretch of a test, as declared, else as detected."""
-    begin, end = float(test.time[0]), float(test.time[-1])
+    begin, end = map(float, trajectory.read_times(test.time)[[0, -1]])
     if test.changes:
         parts = [
             replace(part, start=max(part.start, begin), stop=min(part.stop, end))
@@ -110,7 +110,7 @@ def _joined(parts: Sequence[Prescribed]) -> list[Prescribed]:
 
 def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
     """Return stretches of held force with creep, and what is prescribed between them."""
-    begin, end = float(test.time[0]), float(test.time[-1])
+    begin, end = map(float, trajectory.read_times(test.time)[[0, -1]])
     holds = _creeping(test, trajectory)
     if not holds:
         return [Prescribed(Control.DISPLACEMENT, begin, end)]

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment, Trial
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,11 @@ class Covered:
 def covered(experiment: Experiment) -> Covered:
     """Return the ranges of a pad's tests; without a dwell ``hold`` is the longest phase."""
     trials = experiment.trials
-    phases = [phase for trial in trials for phase in trial.phases]
+    phases = [phase for trial in trials for phase in trial.used_phases]
     ramps = [p.stop - p.start for p in phases if p.kind == "ramp"]
     dwells = [p.stop - p.start for p in phases if p.kind in ("hold", "recovery")]
-    rates = [trial.rate for trial in trials if np.isfinite(trial.rate)]
+    loading = [trial for trial in trials if not _ramps_left_out(trial)] or trials
+    rates = [trial.rate for trial in loading if np.isfinite(trial.rate)]
     return Covered(
         depth=max(float(np.max(trial.test.displacement)) for trial in trials),
         slowest=float(min(rates)),
@@ -49,3 +50,8 @@ def covered(experiment: Experiment) -> Covered:
         hold=float(max(dwells or [p.stop - p.start for p in phases])),
         tests=len(trials),
     )
+
+
+def _ramps_left_out(trial: Trial) -> bool:
+    kinds = [{phase.kind for phase in phases} for phases in (trial.phases, trial.used_phases)]
+    return "ramp" in kinds[0] - kinds[1]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
@@ -19,31 +21,53 @@ _REMEDY = "write --use 'TEST:0..18mm' for its part to a displacement, 'TEST:0..1
 
 
 @dataclass(frozen=True)
-class Cut:
-    """The part of a test from low to high, in time (s) or displacement (``unit``)."""
+class OfTest:
+    """What a text of the command line says of one test."""
 
     test: str
+    text: str
+
+    def names(self, test: Test) -> bool:
+        """Return whether it is of this test, by the test's name or PAD/TEST."""
+        return self.test in (test.name, f"{test.pad}/{test.name}")
+
+
+@dataclass(frozen=True)
+class Part(OfTest):
+    """The part of a test from low to high, in time (s) or displacement (``unit``).
+
+    option, remedy: of the command line, for messages.
+    """
+
     low: float
     high: float
     unit: str
-    text: str
+    option: str = "--use"
+    remedy: str = _REMEDY
 
     @classmethod
-    def from_text(cls, text: str) -> Cut:
+    def from_text(cls, text: str, option: str = "--use", remedy: str = _REMEDY) -> Self:
         """Read ``TEST:0..18mm``; raise InputError if the text has another form."""
         match = _FORM.fullmatch(text.strip())
         units = (*SUFFIXES["time"], *SUFFIXES["displacement"], "")
         if match is None or match["unit"].strip() not in units:
-            raise InputError(f"--use {text!r} is no part of a test", remedy=_REMEDY)
+            raise InputError(f"{option} {text!r} is no part of a test", remedy=remedy)
         low = -np.inf if match["low"] is None else float(match["low"])
         high = np.inf if match["high"] is None else float(match["high"])
         if not low < high:
-            raise InputError(f"--use {text!r} goes from {low:g} to {high:g}", remedy=_REMEDY)
-        return cls(match["test"].strip(), low, high, match["unit"].strip(), text)
+            raise InputError(f"{option} {text!r} goes from {low:g} to {high:g}", remedy=remedy)
+        return cls(match["test"].strip(), text, low, high, match["unit"].strip(), option, remedy)
 
-    def names(self, test: Test) -> bool:
-        """Return whether the cut is of this test, by the test's name or PAD/TEST."""
-        return self.test in (test.name, f"{test.pad}/{test.name}")
+    def values(self, test: Test, pad: Pad, begun: float = 0.0) -> NDArray[np.float64]:
+        """Return the times or displacements (n,) of a test in the part's unit.
+
+        begun: what the times of the test lack (s) of those in the file. Raises InputError where
+        the unit is not one of the pad's.
+        """
+        if self.unit in SUFFIXES["time"]:
+            scale = SUFFIXES["time"][self.unit]
+            return (test.time + begun) * scale.down / scale.up
+        return test.displacement * self._factor(pad)
 
     def of_test(self, test: Test, pad: Pad) -> Test:
         """Return the test from where it first reaches ``low`` to where it first exceeds ``high``.
@@ -51,11 +75,7 @@ class Cut:
         Time begins anew where the beginning is cut. Raises InputError where fewer than ten rows are
         left, or the unit is not one of the pad's.
         """
-        if self.unit in SUFFIXES["time"]:
-            scale = SUFFIXES["time"][self.unit]
-            values = test.time * scale.down / scale.up
-        else:
-            values = test.displacement * self._factor(pad)
+        values = self.values(test, pad)
         began = np.flatnonzero(values >= self.low)
         first = int(began[0]) if began.size and self.low > max(values[0], 0.0) else 0
         beyond = np.flatnonzero(values[first:] > self.high)
@@ -73,6 +93,7 @@ class Cut:
             displacement=test.displacement[part],
             force=test.force[part],
             force_sd=None if test.force_sd is None else test.force_sd[part],
+            used=None if test.used is None else test.used[part],
             start_s=test.start_s + begin,
             changes=tuple(
                 replace(one, start=one.start - begin, stop=one.stop - begin) for one in test.changes
@@ -85,7 +106,8 @@ class Cut:
         if not self.unit:
             return 1.0
         if pad.units.dimensionless:
-            raise InputError(f"--use {self.text!r}: pad {pad.name} has strain", remedy=_REMEDY)
+            what = f"{self.option} {self.text!r}: pad {pad.name} has strain"
+            raise InputError(what, remedy=self.remedy)
         ratio = SUFFIXES["displacement"][own].over(SUFFIXES["displacement"][self.unit])
         return ratio.up / ratio.down
 
@@ -93,7 +115,7 @@ class Cut:
 def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
     """Return a pad with the selected parts of its tests, and a sentence on each cut."""
     tests, notices = list(pad.tests), []
-    for one in map(Cut.from_text, use):
+    for one in map(Part.from_text, use):
         for k, test in enumerate(tests):
             if not one.names(test):
                 continue
@@ -104,12 +126,3 @@ def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
                 f"by {one.text}, and {left} left out"
             )
     return replace(pad, tests=tuple(tests)), tuple(notices)
-
-
-def refuse_unknown(pads: Sequence[Pad], use: Sequence[str]) -> None:
-    """Raise InputError if a cut names a test that no pad has, or cannot be read."""
-    for one in map(Cut.from_text, use):
-        tests = [test for pad in pads for test in pad.tests]
-        if not any(one.names(test) for test in tests):
-            known = ", ".join(dict.fromkeys(test.name for test in tests))
-            raise InputError(f"--use: no test '{one.test}'", remedy=f"name one of {known[:200]}")

@@ -17,11 +17,20 @@ from qlvbayes.motion.badreadings import (
     left_out_notice,
     smooth_readings,
     sound_tests,
+    without,
 )
 from qlvbayes.motion.control import controls_of
 from qlvbayes.motion.cutting import cut
 from qlvbayes.motion.encoder import encoder_steps
 from qlvbayes.motion.falling import fall_notice, falls_of
+from qlvbayes.motion.leavingout import (
+    NamedPhase,
+    excluded_notices,
+    excluded_readings,
+    left_out_of,
+    marked,
+    parts_of,
+)
 from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
@@ -44,8 +53,9 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 class Trial:
     """One test with its motion and phases; ``rate`` is the loading rate, displacement over s.
 
-    phases are those of the force where that was prescribed; left_out: the bad readings, which
-    ``test`` no longer has; None where there were none.
+    phases are those of the force where that was prescribed; left_out: the readings that ``test``
+    no longer has, bad ones and those that the user leaves out; None where there are none; recorded:
+    the test with the latter, whose displacement counts; None where there are none.
     """
 
     test: Test
@@ -54,6 +64,25 @@ class Trial:
     rate: float
     role: str
     left_out: BadReadings | None = None
+    recorded: Test | None = None
+
+    @property
+    def whole(self) -> Test:
+        """Test with all sound readings of its displacement, also where their force is left out."""
+        return self.recorded or self.test
+
+    @property
+    def used_phases(self) -> tuple[Phase, ...]:
+        """Phases without those whose every reading of force the user leaves out."""
+        if self.recorded is None:
+            return self.phases
+        size = len(self.phases)
+        read, used = (
+            np.bincount(phase_index(self.phases, test.time), minlength=size)
+            for test in (self.recorded, self.test)
+        )
+        gone = (read > 0) & (used == 0)
+        return tuple(phase for phase, out in zip(self.phases, gone, strict=True) if not out)
 
     @property
     def name(self) -> str:
@@ -119,8 +148,12 @@ class Experiment:
         Those left out, those from which the fitted motion is far, where the force falls while the
         platen moves in, and what was prescribed.
         """
-        bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
-        return (*self.cuts, *bad, *self._departures, *self.falls, *self._load_controlled)
+        left_out = [(trial.name, trial.left_out) for trial in self.trials]
+        told = (
+            *excluded_notices(self.pad, left_out, self.units),
+            *left_out_notice(self.pad, left_out, self.units),
+        )
+        return (*self.cuts, *told, *self._departures, *self.falls, *self._load_controlled)
 
     @property
     def _departures(self) -> tuple[str, ...]:
@@ -188,7 +221,7 @@ class Experiment:
         """Sizes that the default priors are scaled to."""
         from qlvbayes.laws.scales import Scales
 
-        tests = [trial.test for trial in self.trials]
+        tests, whole = zip(*((trial.test, trial.whole) for trial in self.trials), strict=True)
         paths = [trial.trajectory for trial in self.trials]
         floor = self.floor
         return Scales(
@@ -201,7 +234,7 @@ class Experiment:
             tau=floor.memory,
             speed=max(path.top_speed for path in paths),
             acceleration=max(path.top_acceleration for path in paths),
-            clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
+            clock=max(t.start_s + float(t.time[-1]) for t in whole) - self.clock_zero,
             stiffness=largest_stiffness(tests),
             white_factor=max(1.2, floor.factor("white")),
             tau_factor=max(3.0, floor.factor("tau")),
@@ -210,11 +243,11 @@ class Experiment:
     @property
     def clock_zero(self) -> float:
         """Clock (s) at the beginning of the pad's first test."""
-        return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
+        return min(trial.whole.start_s + float(trial.whole.time[0]) for trial in self.trials)
 
     def tests_before(self, trial: Trial) -> int:
         """Return the number of the pad's tests that began before this one."""
-        return sum(other.test.start_s < trial.test.start_s for other in self.trials)
+        return sum(other.whole.start_s < trial.whole.start_s for other in self.trials)
 
     def record(self, trials: Sequence[Trial]) -> Record:
         """Return the block averages of some trials, as one batch."""
@@ -232,7 +265,7 @@ class Experiment:
             trial.trajectory,
             trial.phases,
             sd_scale=self.sd_scale,
-            start=test.start_s - self.clock_zero,
+            start=trial.whole.start_s - self.clock_zero,
             number=self.tests_before(trial),
             blocks=some is None,
             past=self.past(trial),
@@ -246,7 +279,7 @@ class Experiment:
         if self.rested:
             return None
         names = [t.name for t in self.trials]
-        tests, paths = zip(*((t.test, t.trajectory) for t in self.trials), strict=True)
+        tests, paths = zip(*((t.whole, t.trajectory) for t in self.trials), strict=True)
         return past_of(names.index(trial.name), tests, paths, self.longest)
 
     @property
@@ -261,21 +294,19 @@ def prepare(
     all_tests: bool = False,
     keep_all_readings: bool = False,
     use: Sequence[str] = (),
+    leave_out: Sequence[str] = (),
 ) -> Experiment:
     """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted.
 
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
     the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
     and the other channel does not show are left out, unless ``keep_all_readings``; ``use`` says of
-    which tests a part is used, as in ``TEST:0..18mm``. Raises
-    InputError where those are more than 2 % of a test's.
+    which tests a part is used, as in ``TEST:0..18mm``, and ``leave_out`` where the force does not
+    count while the motion does, as in ``TEST:30..45s`` or ``TEST:hold 2``; the file's column
+    ``use`` does the same. Raises InputError where bad readings are more than 2 % of a test's, or
+    too few are left.
     """
-    pad, cuts = cut(pad, use)
-    sound, left_out = zip(*sound_tests(pad.tests, keep_all=keep_all_readings), strict=True)
-    paths = [test.displacement for test in sound]
-    steps = encoder_steps(paths)
-    scatters = known_scatter([test.time for test in sound], paths, steps)
-    trials = list(map(_trial, sound, steps, scatters, left_out))
+    trials, steps, cuts = _trials_of(pad, use, leave_out, keep_all=keep_all_readings)
     roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
@@ -292,12 +323,50 @@ def prepare(
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
 
 
-def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
-    trajectory = smooth(test.time, test.displacement, step, scatter)
+def _trials_of(
+    pad: Pad, use: Sequence[str], leave_out: Sequence[str], *, keep_all: bool
+) -> tuple[list[Trial], list[float], tuple[str, ...]]:
+    """Return trials without a role, the encoder's steps, and a sentence on each cut test.
+
+    Phases that are left out are found first, from all readings, good or bad.
+    """
+    part, cuts = cut(pad, use)
+    begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]
+    phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
+    if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
+        trials, _ = _smoothed(part.tests, keep_all=keep_all, limited=False)
+        phases = [trial.phases for trial in trials]
+    excluded = [
+        excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
+        for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
+    ]
+    tests = list(map(marked, part.tests, excluded))
+    trials, steps = _smoothed(tests, keep_all=keep_all)
+    left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
+    return [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)], steps, cuts
+
+
+def _smoothed(
+    tests: Sequence[Test], *, keep_all: bool, limited: bool = True
+) -> tuple[list[Trial], list[float]]:
+    """Return the trials of tests, with their bad readings alone as left out, and their steps."""
+    sound, bad = zip(*sound_tests(tests, keep_all=keep_all, limited=limited), strict=True)
+    paths = [test.displacement for test in sound]
+    steps = encoder_steps(paths)
+    scatters = known_scatter([test.time for test in sound], paths, steps)
+    return list(map(_trial, sound, steps, scatters, bad)), list(steps)
+
+
+def _trial(whole: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
+    trajectory = smooth(whole.time, whole.displacement, step, scatter)
+    test, recorded = whole, None
+    if whole.used is not None:
+        test = replace(without(whole, ~whole.used), used=None)
+        recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
-    trajectory = crept_path(trajectory, test, phases)
-    rate = test.rate if test.rate is not None else _rate(trajectory, phases)
-    return Trial(test, trajectory, phases, rate, test.role or "", left_out)
+    trajectory = crept_path(trajectory, whole, phases)
+    rate = whole.rate if whole.rate is not None else _rate(trajectory, phases)
+    return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
 
 
 def _loaded_times(trial: Trial) -> str:

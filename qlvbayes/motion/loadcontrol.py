@@ -93,7 +93,8 @@ def phases_of(
     for part in controls:
         if part.control not in of:
             loaded = part.control == Control.FORCE
-            of[part.control] = force_phases(test) if loaded else find_phases(trajectory)
+            read = trajectory.read_times(test.time)
+            of[part.control] = force_phases(test, read) if loaded else find_phases(trajectory)
         phases += _within(of[part.control], part, test.time)
     return tuple(phases)
 
@@ -123,9 +124,9 @@ def _within(phases: Sequence[Phase], part: Prescribed, time: Array) -> list[Phas
     ]
 
 
-def force_phases(test: Test) -> tuple[Phase, ...]:
-    """Return the phases of a test's force."""
-    knots, values = [float(test.time[0])], [float(test.force[0])]
+def force_phases(test: Test, read: Array) -> tuple[Phase, ...]:
+    """Return the phases of a test's force; read (n,): times of all readings of displacement (s)."""
+    knots, values = [float(read[0])], [float(test.force[0])]
     for part in stretches(test):
         ends = test.time[[part.first, part.stop - 1]]
         corners = ends if part.held else [float(ends.mean())]
@@ -133,8 +134,8 @@ def force_phases(test: Test) -> tuple[Phase, ...]:
             corners, values[-1] = corners[1:], part.level
         knots += list(corners)
         values += [part.level] * len(corners)
-    if knots[-1] < test.time[-1]:
-        knots, values = [*knots, float(test.time[-1])], [*values, values[-1]]
+    if knots[-1] < read[-1]:
+        knots, values = [*knots, float(read[-1])], [*values, values[-1]]
     slopes = np.diff(values) / np.diff(knots)
     path = Trajectory(
         np.array(knots), np.array(values[:-1]), slopes, np.zeros(slopes.size), 0.2 * slack(test)

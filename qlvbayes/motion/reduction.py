@@ -98,8 +98,9 @@ def _doubtful(
     """Return the stretches around kinks whose times the samples do not determine.
 
     A sample either side, and the time in which the change of speed makes an encoder step. Only
-    densely sampled records can spare them.
+    densely sampled records can spare them. The samples are those of the displacement.
     """
+    time = trajectory.read_times(time)
     kinks, jumps = trajectory.kinks, trajectory.speed_jumps
     if kinks.size > _MOST_KINKS:
         return []
@@ -165,7 +166,7 @@ def reduce_test(
         averaged = replace(averaged, timing=held(timing))
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
-    first = float(whole.time[0])
+    first = float(trajectory.read_times(whole.time)[0])
     grid, curved = _grid(trajectory, np.unique(nodes), first, chord, begun)
     motion = _motion(trajectory, grid, first, curved)
     motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))

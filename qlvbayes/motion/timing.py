@@ -32,13 +32,14 @@ _UNRESOLVED = 12.0**-0.5
 def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
     """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink.
 
-    Where the velocity jumps, the change itself takes up to a sampling interval, as it would be
-    resolved otherwise.
+    Where the velocity jumps, the change itself takes up to a sampling interval of the displacement,
+    as it would be resolved otherwise.
     """
-    kinks, sds = trajectory.kinks, kink_sds(time, trajectory)
+    read = trajectory.read_times(time)
+    kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
     if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
         kinks = np.concatenate([trajectory.knots[:1], kinks])
-        sds = np.concatenate([_UNRESOLVED * np.diff(time)[:1], sds])
+        sds = np.concatenate([_UNRESOLVED * np.diff(read)[:1], sds])
     if not kinks.size:
         return np.zeros(time.shape)
     nearest = _nearest(kinks, time)

@@ -140,6 +140,10 @@ class Trajectory:
         roots = self._path[1].roots(discontinuity=False, extrapolate=False)
         return np.asarray(roots[np.isfinite(roots)])
 
+    def read_times(self, time: Array) -> Array:
+        """Return the times (n,) of the readings of displacement; ``time`` if none were read."""
+        return time if self.read_at is None else self.read_at
+
     @property
     def velocity_resolved(self) -> bool:
         """Whether the record gives the velocity."""

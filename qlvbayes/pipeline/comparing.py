@@ -43,7 +43,12 @@ def _with_coverage(saved: Saved, data: Path | None, studies: dict[Path, Measurem
         studies[source] = read_measurements(source)
     pad = studies[source].pad(saved.pad)
     chosen = saved.choices
-    experiment = prepare(pad, keep_all_readings=chosen.keep_all_readings, use=chosen.use)
+    experiment = prepare(
+        pad,
+        keep_all_readings=chosen.keep_all_readings,
+        use=chosen.use,
+        leave_out=chosen.leave_out,
+    )
     return replace(saved, covered=covered(experiment), fluid=saved.fluid or pad.fluid)
 
 

@@ -82,7 +82,12 @@ def diagnose_into(
     """
     with watcher.doing(f"pad {pad.name}") as report:
         report("motion, phases and noise floor")
-        experiment = prepare(pad, keep_all_readings=choices.keep_all_readings, use=choices.use)
+        experiment = prepare(
+            pad,
+            keep_all_readings=choices.keep_all_readings,
+            use=choices.use,
+            leave_out=choices.leave_out,
+        )
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         diagnosis = diagnose(

@@ -85,6 +85,7 @@ def fit_into(
             all_tests=all_tests,
             keep_all_readings=choices.keep_all_readings,
             use=choices.use,
+            leave_out=choices.leave_out,
         )
     choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)

@@ -28,6 +28,8 @@ def look_into(
     bonded: bool | None = None,
     effects: tuple[str, ...] = (),
     keep_all_readings: bool = False,
+    use: tuple[str, ...] = (),
+    leave_out: tuple[str, ...] = (),
     files: Sequence[str] = (),
     next_commands: Sequence[str] = (),
     apply: Apply = map,
@@ -35,13 +37,15 @@ def look_into(
     """Look at some pads; leave ``look.json`` and a picture ``look_<pad>.png`` of each in a folder.
 
     bonded: whether specimens are fixed to the platen, by default where the file holds strain and
-    stress; effects: those that the model has already; files: those that were read, by default the
-    study's own; next_commands: commands to go on with; apply: function that does the work on the
-    pads, by default in this process. Returns the first look and the pictures' paths. Raises
+    stress; effects: those that the model has already; keep_all_readings, use, leave_out: which
+    readings count, as in `prepare`; files: those that were read, by default the study's own;
+    next_commands: commands to go on with; apply: function that does the work on the pads, by
+    default in this process. Returns the first look and the pictures' paths. Raises
     InputError where a test cannot be used or nothing can be written.
     """
     fixed = study.units.bonded_default if bonded is None else bonded
-    task = partial(_look_at, bonded=fixed, effects=effects, keep_all_readings=keep_all_readings)
+    prepared = partial(prepare, keep_all_readings=keep_all_readings, use=use, leave_out=leave_out)
+    task = partial(_look_at, prepared=prepared, bonded=fixed, effects=effects)
     results = list(apply(task, pads))
     pads_seen = tuple(seen for seen, _ in results)
     look = FirstLook(
@@ -60,8 +64,10 @@ def look_into(
     return look, figures
 
 
-def _look_at(pad: Pad, *, bonded: bool, effects: tuple[str, ...], keep_all_readings: bool) -> Seen:
-    experiment = prepare(pad, keep_all_readings=keep_all_readings)
+def _look_at(
+    pad: Pad, *, prepared: Callable[[Pad], Experiment], bonded: bool, effects: tuple[str, ...]
+) -> Seen:
+    experiment = prepared(pad)
     return look_at(experiment, bonded=bonded, effects=effects), _picture(experiment)
 
 

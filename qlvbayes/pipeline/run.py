@@ -148,7 +148,8 @@ class _StudyRun:
         with self.watcher.doing("looking"):
             look, figures = look_into(
                 self.out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
-                keep_all_readings=choices.keep_all_readings, apply=partial(map_pads, self.engine),
+                keep_all_readings=choices.keep_all_readings, use=choices.use,
+                leave_out=choices.leave_out, apply=partial(map_pads, self.engine),
             )  # fmt: skip
         self.watcher.looked(look, figures)
 

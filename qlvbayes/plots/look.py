@@ -69,7 +69,7 @@ class _Axis:
     @classmethod
     def from_trial(cls, trial: Trial) -> _Axis:
         """Return the axis for the readings of a test."""
-        time, early = trial.test.time, []
+        time, early = trial.whole.time, []
         for phase in trial.phases:
             first = min(int(np.searchsorted(time, phase.start, side="right")), time.size - 1)
             share = (float(time[first]) - phase.start) / (phase.stop - phase.start)
@@ -163,15 +163,15 @@ def _chosen(experiment: Experiment) -> list[Trial]:
 
 
 def _draw(panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:
-    test, path = trial.test, trial.trajectory
+    test, path = trial.whole, trial.trajectory
+    force = np.full(test.time.size, np.nan)  # where it is left out
+    force[np.searchsorted(test.time, trial.test.time)] = trial.test.force
     axis = _Axis.from_trial(trial)
     left = test.displacement - path.displacement(test.time)
     unit, factor = _scale(left, units.displacement, _SMALL)
     way_unit, way = _scale(test.displacement, units.displacement, _SMALL**2)
     positions = axis(test.time)
-    for panel, values in zip(
-        panels, (test.force, way * test.displacement, factor * left), strict=True
-    ):
+    for panel, values in zip(panels, (force, way * test.displacement, factor * left), strict=True):
         _readings(panel, positions, values, axis)
     times = axis.times()
     panels[1].plot(axis(times), way * path.displacement(times), color=colours()[0], gid="motion")
@@ -217,15 +217,18 @@ def _scale(values: np.ndarray, unit: str, small: float) -> tuple[str, float]:
 
 
 def _readings(panel: Axes, positions: np.ndarray, values: np.ndarray, axis: _Axis) -> None:
-    """Draw dots, or for a dense record a band between the extremes of some hundred bins."""
+    """Draw dots, or for a dense record a band between the extremes of some hundred bins.
+
+    There is a gap where values (n,) are NaN.
+    """
     bins = _BINS * len(axis.phases) if axis.even else _ALL_BINS
     line = "None"
-    low, high = float(np.min(values)), float(np.max(values))
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if positions.size > 2 * bins:
         first = np.unique(
             np.searchsorted(positions, np.linspace(positions[0], positions[-1], bins + 1)[:-1])
         )
-        ends = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        ends = np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)
         positions, values, line = np.repeat(positions[first], 2), np.column_stack(ends).ravel(), "-"
     panel.plot(
         positions, values, marker=".", linestyle=line, linewidth=0.5, color=BLACK, markersize=1.8,
@@ -250,12 +253,15 @@ def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis, way: float) -> 
     bad = trial.left_out
     if bad is None:
         return
-    positions = axis(bad.time)
-    for panel, values in ((panels[0], bad.force), (panels[1], way * bad.displacement)):
-        panel.plot(
-            positions, np.clip(values, *panel.get_ylim()), "x", color=GREY, markersize=4.5,
-            markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
-        )  # fmt: skip
+    force = [k for k, _ in bad.drawn]
+    displacement = [k for k, run in bad.drawn if run.kind != "excluded"]  # of which it counts
+    channels = ((bad.force, force), (way * bad.displacement, displacement))
+    for panel, (values, rows) in zip(panels, channels, strict=False):
+        if rows:
+            panel.plot(
+                axis(bad.time[rows]), np.clip(values[rows], *panel.get_ylim()), "x", color=GREY,
+                markersize=4.5, markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
+            )  # fmt: skip
 
 
 def _ring(panel: Axes, trial: Trial, axis: _Axis, factor: float) -> None:
@@ -263,8 +269,9 @@ def _ring(panel: Axes, trial: Trial, axis: _Axis, factor: float) -> None:
     off = trial.trajectory.departure
     if off is None:
         return
-    row = int(np.argmin(np.abs(trial.test.time - off.time)))
-    left = trial.test.displacement[row] - trial.trajectory.displacement(trial.test.time[row])
+    test = trial.whole
+    row = int(np.argmin(np.abs(test.time - off.time)))
+    left = test.displacement[row] - trial.trajectory.displacement(test.time[row])
     panel.plot(
         axis(np.array([off.time])), [factor * float(left)], "o", markerfacecolor="none",
         color=colours()[1], markersize=6.0, markeredgewidth=0.9, clip_on=False, gid="departure",

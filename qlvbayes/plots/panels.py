@@ -97,10 +97,11 @@ def mark_left_out(
     bad = trial.left_out
     if bad is None:
         return
+    rows = np.array([k for k, _ in bad.drawn])
     low, high = panels[0].get_ylim()
-    force = np.clip(bad.force, low, high)
+    force = np.clip(bad.force[rows], low, high)
     for axis, column in zip(panels, columns, strict=True):
-        time = panel_times(column, bad.time, trial.phases, stretches)
+        time = panel_times(column, bad.time[rows], trial.phases, stretches)
         shown = np.isfinite(time)
         if not shown.any() or not axis.lines:
             continue

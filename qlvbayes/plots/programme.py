@@ -79,8 +79,8 @@ def _draw(axis: Axes, trial: Trial, k: int) -> None:
     look: dict[str, Any] = {"color": palette[k % len(palette)], "linestyle": LINES[k % len(LINES)]}
     rows = shown_samples(trial)
     axis.plot(
-        since_contact(trial, trial.test.time[rows]), trial.test.displacement[rows], gid=trial.name,
-        **look,
+        since_contact(trial, trial.whole.time[rows]), trial.whole.displacement[rows],
+        gid=trial.name, **look,
     )  # fmt: skip
     for kind, sign in _SIGNS.items():
         starts = np.array([phase.start for phase in trial.phases if phase.kind == kind])

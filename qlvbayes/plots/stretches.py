@@ -69,7 +69,7 @@ def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:
             elapsed = time[first:stop] - phase.start
             rows = np.arange(first, stop)
             stretches.append(PhaseSamples(phase.kind, seen[phase.kind], rows, elapsed))
-            seen[phase.kind] += 1
+        seen[phase.kind] += 1
     return stretches
 
 

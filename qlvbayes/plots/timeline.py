@@ -45,7 +45,7 @@ def logarithmic(axis: Axes, trials: Iterable[Trial], *, numbers: int = 6) -> Non
 
 def shown_samples(trial: Trial) -> np.ndarray:
     """Return rows of a test that draw its curve as well as all of them."""
-    time, times = trial.test.time, []
+    time, times = trial.whole.time, []
     for phase in trial.phases:
         length = phase.stop - phase.start
         times += [phase.start + length * np.linspace(0.0, 1.0, _POINTS)]

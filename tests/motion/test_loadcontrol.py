@@ -153,9 +153,13 @@ def test_what_the_file_says_counts():
 # cut by their force
 
 
+def force_phases_of(test):
+    return force_phases(test, test.time)
+
+
 @pytest.mark.parametrize("closed_loop", [False, True])
 def test_phases_are_those_of_the_force(closed_loop):
-    found = force_phases(creep(closed_loop=closed_loop))
+    found = force_phases_of(creep(closed_loop=closed_loop))
     assert [phase.kind for phase in found] == ["ramp", "hold", "unload", "recovery"]
     # found to a twentieth of the way or to a reading, whichever is more
     for phase, end, slack in zip(found, (0.1, 30.1, 30.4), (0.02, 0.1, 0.1), strict=False):
@@ -163,7 +167,7 @@ def test_phases_are_those_of_the_force(closed_loop):
 
 
 def test_a_weight_from_the_first_reading_is_a_hold():
-    assert [phase.kind for phase in force_phases(creep([Load(1.0, 0.0, 30.0)]))] == ["hold"]
+    assert [phase.kind for phase in force_phases_of(creep([Load(1.0, 0.0, 30.0)]))] == ["hold"]
 
 
 def test_the_motion_does_not_swing_between_sparse_readings():

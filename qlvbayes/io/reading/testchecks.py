@@ -51,19 +51,31 @@ class Checker:
     table: Table
     columns: Columns
 
-    def check(self, rows: Rows, numbers: dict[str, Floats], *, loaded: bool = False) -> None:
+    def check(
+        self,
+        rows: Rows,
+        numbers: dict[str, Floats],
+        *,
+        loaded: bool = False,
+        used: NDArray[np.bool_],
+    ) -> None:
         """Raise InputError unless the test can be used.
 
         ``loaded`` is true where force is prescribed, which may then stay constant from the first
-        row on.
+        row on; ``used`` (n,) is true where the force is used.
         """
         self._time(rows, numbers["time"])
         if (size := len(numbers["time"])) < LEAST_SAMPLES:
             what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "add the missing rows or delete the test")
-        for key in ("displacement", "force"):
-            held = key == "force" and loaded and numbers[key].max() > 0.0
-            if numbers[key].min() == numbers[key].max() and not held:
+        if (kept := np.count_nonzero(used)) < LEAST_SAMPLES:
+            what = f"the column use keeps {kept} rows of {_title(rows)}, and "
+            what += f"at least {LEAST_SAMPLES} are needed"
+            self.fail(rows, 0, what, "write 1 in more of its rows or delete the test")
+        force = numbers["force"][used]
+        for key, values in (("displacement", numbers["displacement"]), ("force", force)):
+            held = key == "force" and loaded and values.max() > 0.0
+            if values.min() == values.max() and not held:
                 what = f"{self._name(key)} never changes in {_title(rows)}"
                 self.fail(rows, 0, what, "check the channel or delete the test")
         if "force_sd" in numbers and numbers["force_sd"].min() <= 0:
@@ -71,7 +83,7 @@ class Checker:
             what = f"{self._name('force_sd')} is not positive ({numbers['force_sd'][bad]:g})"
             self.fail(rows, bad, what, "write its standard deviation or delete the column")
         if not self.columns.units.dimensionless:
-            self._signs(rows, numbers["displacement"], numbers["force"])
+            self._signs(rows, numbers["displacement"][used], force)
 
     def fail(self, rows: Rows, sample: int, message: str, remedy: str) -> NoReturn:
         """Raise the error at a sample of the test."""

@@ -5,8 +5,17 @@ the specimen. It is detected before the record is used, in medians and differenc
 neighbours alone, O(n), and without a model of the material.
 """
 
-from qlvbayes.motion.badreadings.finding import smooth_readings, sound_tests
-from qlvbayes.motion.badreadings.outliers import outlying
-from qlvbayes.motion.badreadings.result import BadReadings, left_out_notice
+from qlvbayes.motion.badreadings.finding import smooth_readings, sound_tests, without
+from qlvbayes.motion.badreadings.outliers import outlying, runs_of
+from qlvbayes.motion.badreadings.result import Bad, BadReadings, left_out_notice
 
-__all__ = ["BadReadings", "left_out_notice", "outlying", "smooth_readings", "sound_tests"]
+__all__ = [
+    "Bad",
+    "BadReadings",
+    "left_out_notice",
+    "outlying",
+    "runs_of",
+    "smooth_readings",
+    "sound_tests",
+    "without",
+]

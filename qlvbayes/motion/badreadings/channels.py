@@ -47,6 +47,14 @@ class Channels:
     fastest: float
     lost: NDArray[np.bool_]
 
+    def at(self, some: NDArray[np.intp]) -> Channels:
+        """Return some of the readings (k,), in order."""
+        return Channels(
+            self.time[some], self.displacement[some], self.force[some],
+            self.of_displacement.at(some), self.of_force.at(some),
+            self.doubtful[some], self.fastest, self.lost[some],
+        )  # fmt: skip
+
     @property
     def stiffness(self) -> float:
         """Range of the force divided by the range of the displacement."""

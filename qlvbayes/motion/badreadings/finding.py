@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,11 +29,12 @@ KEEP = "--keep-all-readings"
 
 
 def sound_tests(
-    tests: Sequence[Test], *, keep_all: bool = False
+    tests: Sequence[Test], *, keep_all: bool = False, limited: bool = True
 ) -> list[tuple[Test, BadReadings | None]]:
     """Return each test without its bad readings, and the bad readings (None if there are none).
 
-    keep_all: only slips of the clock are looked for, which nothing can be made of.
+    A force that the user leaves out is neither looked at nor counted. keep_all: only slips of the
+    clock are looked for, which nothing can be made of; limited: whether too many are refused.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def sound_tests(
         bad = BadReadings.from_runs(
             test.time, test.displacement, test.force, [*runs, *doubt.settled(top)]
         )
-        if bad.count > LARGEST_SHARE * test.time.size:
+        if limited and bad.count > LARGEST_SHARE * test.time.size:
             _refuse(test, bad)
         cleaned.append((without(test, bad.mask), bad) if bad.count else (test, None))
     return cleaned
@@ -79,32 +80,44 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
         displacement=test.displacement[sound],
         force=test.force[sound],
         force_sd=None if test.force_sd is None else test.force_sd[sound],
+        used=None if test.used is None else test.used[sound],
         start_s=test.start_s + max(float(time[0] - test.time[0]), 0.0),
     )
 
 
 class _Doubts:
-    """The readings of each channel of a test that are outlying within that channel alone."""
+    """The readings of each channel of a test that are outlying within that channel alone.
+
+    Where the user leaves out the force, a straight line takes its place between the readings
+    before and after; the force itself is looked at without these.
+    """
 
     def __init__(self, test: Test, ticking: NDArray[np.intp]) -> None:
         self.ticking = ticking  # of the readings whose clock ticks
-        self.time, self.displacement, self.force = (
-            x[ticking] for x in (test.time, test.displacement, test.force)
-        )
-        self.few = ticking.size < _FEWEST
+        self.time, self.displacement = (x[ticking] for x in (test.time, test.displacement))
+        used = np.ones(ticking.size, dtype=bool) if test.used is None else test.used[ticking]
+        self.used = np.flatnonzero(used)  # of these, the ones whose force counts
+        self.few = self.used.size < _FEWEST
         self.runs: dict[str, list[Run]] = {"displacement": [], "force": []}
         self.fastest = 0.0
         if self.few:
             return
+        times, forces = self.time[used], test.force[ticking][used]
         self.of_displacement = scale_of(self.time, self.displacement)
-        self.of_force = scale_of(self.time, self.force)
+        self.force, self.of_force = forces, (of_used := scale_of(times, forces))
+        self.all_used = bool(used.all())
+        if not self.all_used:
+            self.force = np.interp(self.time, times, forces)
+            self.of_force = of_used.at(_nearest(self.used, ticking.size))
         self.runs = {
             "displacement": outlying_runs(self.time, self.displacement, self.of_displacement),
-            "force": outlying_runs(self.time, self.force, self.of_force),
+            "force": outlying_runs(times, forces, of_used),  # counted among those used
         }
         self.doubtful = np.zeros(self.time.size, dtype=bool)
-        for first, stop in (*self.runs["displacement"], *self.runs["force"]):
-            self.doubtful[first:stop] = True
+        for run in self.runs["displacement"]:
+            self.doubtful[slice(*run)] = True
+        for run in self.runs["force"]:
+            self.doubtful[self.used[slice(*run)]] = True
         self.fastest = fastest(self.time, self.displacement, ~self.doubtful)
 
     def settled(self, top: float) -> list[Bad]:
@@ -128,18 +141,27 @@ class _Doubts:
         ]
         for bad in proven:
             own.lost[bad.first : bad.stop] = True
-        proven += [
-            Bad(*run, "force", _kind(self.force[slice(*run)]))
+        read = own if self.all_used else own.at(self.used)
+        proven += self._among_all(
+            Bad(*run, "force", _kind(read.force[slice(*run)]))
             for run in self.runs["force"]
-            if own.force_contradicted(run)
-        ]
-        proven += stuck_displacement(own) + stuck_force(own) + clipped_force(own)
+            if read.force_contradicted(run)
+        )
+        proven += stuck_displacement(own)
+        proven += self._among_all([*stuck_force(read), *clipped_force(read)])
         return [self._located(bad) for bad in _separate(proven)]
+
+    def _among_all(self, runs: Iterable[Bad]) -> Iterator[Bad]:
+        """Yield runs of the readings whose force is used as runs of all readings."""
+        for bad in runs:
+            indices = self.used[bad.first : bad.stop]
+            for part in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
+                yield replace(bad, first=int(part[0]), stop=int(part[-1]) + 1)
 
     def _rows(self, own: Channels) -> list[Bad]:
         """Return rows in which both channels are outlying and that the platen could not reach."""
         both = [set(range(*run)) for run in self.runs["displacement"]]
-        forces = {k for run in self.runs["force"] for k in range(*run)}
+        forces = {k for run in self.runs["force"] for k in self.used[slice(*run)].tolist()}
         bad = []
         for rows in both:
             shared = rows & forces
@@ -154,6 +176,13 @@ class _Doubts:
     def _located(self, bad: Bad) -> Bad:
         ticking = self.ticking
         return replace(bad, first=int(ticking[bad.first]), stop=int(ticking[bad.stop - 1]) + 1)
+
+
+def _nearest(some: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    """Return for each of ``size`` readings which of some (k,), in order, is nearest."""
+    every = np.arange(size)
+    after = np.clip(np.searchsorted(some, every), 1, some.size - 1)
+    return np.asarray(after - (every - some[after - 1] < some[after] - every))
 
 
 def _kind(values: Array) -> Kind:

@@ -1,4 +1,4 @@
-"""The bad readings of a test: indices, channel and kind, and a sentence that lists them."""
+"""The readings of a test that are left out: which, why, and a sentence on the bad ones."""
 
 from __future__ import annotations
 
@@ -14,29 +14,34 @@ from qlvbayes.io.units import UnitSystem
 
 Array = NDArray[np.float64]
 Channel = Literal["time", "displacement", "force", "both"]
-Kind = Literal["lost", "spike", "stuck", "clipped", "clock"]
+Kind = Literal["lost", "spike", "stuck", "clipped", "clock", "excluded"]
 
 _NAMED = 3  # times of a group that are named
+_DRAWN = 50  # readings of a run that the user excludes, which may be any number
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
 _CHANNELS = {"time": "time", "both": "displacement and force"}
 
 
 @dataclass(frozen=True)
 class Bad:
-    """Readings [first, stop) of a test that are bad together, in one channel or in both."""
+    """Readings [first, stop) of a test that are left out together, in one channel or in both.
+
+    said_by: what says so where the user excludes them.
+    """
 
     first: int
     stop: int
     channel: Channel
     kind: Kind
+    said_by: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class BadReadings:
-    """The bad readings of one test of n readings.
+    """The readings of one test of n readings that are left out: bad ones, and excluded ones.
 
-    time, displacement, force: (k,) of the bad ones, as they were read; runs: which they are and
-    why; mask: (n,) True for the bad ones; around: of each run the displacement and the force of the
+    time, displacement, force: (k,) of these, as they were read; runs: which they are and why; mask:
+    (n,) True for them; around: of each run the displacement and the force of the
     sound readings before and after it (NaN where there is none).
     """
 
@@ -51,7 +56,7 @@ class BadReadings:
     def from_runs(
         cls, time: Array, displacement: Array, force: Array, runs: list[Bad]
     ) -> BadReadings:
-        """Collect the bad readings of some runs."""
+        """Collect the readings of some runs."""
         runs = sorted(runs, key=lambda run: (run.first, run.stop))
         mask = np.zeros(time.size, dtype=bool)
         for run in runs:
@@ -72,8 +77,27 @@ class BadReadings:
 
     @property
     def count(self) -> int:
-        """Number of bad readings."""
+        """Number of readings."""
         return int(np.count_nonzero(self.mask))
+
+    @property
+    def bad(self) -> int:
+        """Number of readings that are bad, and not excluded by the user."""
+        return sum(run.stop - run.first for run in self.runs if run.kind != "excluded")
+
+    @property
+    def drawn(self) -> list[tuple[int, Bad]]:
+        """Index in ``time`` of each reading that figures show, with its run.
+
+        These are all bad ones, and so many evenly spaced ones of each excluded run.
+        """
+        shown, begin = [], 0
+        for run in self.runs:
+            size = run.stop - run.first
+            every = max(-(-size // _DRAWN), 1) if run.kind == "excluded" else 1
+            shown += [(begin + k, run) for k in range(0, size, every)]
+            begin += size
+        return shown
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -99,15 +123,15 @@ def neighbours(mask: NDArray[np.bool_], first: int, stop: int) -> tuple[int | No
 def left_out_notice(
     pad: str, tests: Sequence[tuple[str, BadReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
-    """Return one sentence on the readings of a pad that were left out; none if there are none."""
+    """Return one sentence on the bad readings of a pad; none if there are none."""
     parts = [
         f"test {name}: {', '.join(_groups(bad, units))}"
         for name, bad in tests
-        if bad is not None and bad.count
+        if bad is not None and bad.bad
     ]
     if not parts:
         return ()
-    count = sum(bad.count for _, bad in tests if bad is not None)
+    count = sum(bad.bad for _, bad in tests if bad is not None)
     are = "is" if count == 1 else "are"
     return (
         f"pad {pad}: {'; '.join(parts)}; {_number(count)} {_readings(count)} {are} left out, as "
@@ -119,7 +143,8 @@ def left_out_notice(
 def _groups(bad: BadReadings, units: UnitSystem) -> list[str]:
     """Describe the runs of each channel and kind: number, times and values."""
     starts = np.cumsum([0, *(run.stop - run.first for run in bad.runs)])
-    items = list(zip(bad.runs, starts[:-1].tolist(), bad.around, strict=True))
+    every = zip(bad.runs, starts[:-1].tolist(), bad.around, strict=True)
+    items = [item for item in every if item[0].kind != "excluded"]
     items.sort(key=lambda item: (item[0].channel, item[0].kind))
     phrases = []
     for (channel, _), group in groupby(items, key=lambda item: (item[0].channel, item[0].kind)):

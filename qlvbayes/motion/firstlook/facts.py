@@ -90,8 +90,8 @@ def facts_of(experiment: Experiment) -> Facts:
     moves: list[Move] = []
     holds: list[Hold] = []
     for trial in experiment.trials:
-        moves += [move_of(trial, phase) for phase in trial.phases if phase.kind in MOVING]
-        every_hold = (_hold(experiment, trial, phase) for phase in trial.phases)
+        moves += [move_of(trial, phase) for phase in trial.used_phases if phase.kind in MOVING]
+        every_hold = (_hold(experiment, trial, phase) for phase in trial.used_phases)
         holds += [hold for hold in every_hold if hold is not None]
     # of an uneven record the short ones, which are where it changes quickly
     intervals = [sampling_of(trial.test.time).low for trial in experiment.trials]
@@ -153,7 +153,7 @@ def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
     return any(
         back > nearly * experiment.depth
         for trial in experiment.trials
-        for phase in trial.phases
+        for phase in trial.used_phases
         if phase.kind == "unload"
         for back in [_way_back(trial, phase)]
     )
@@ -171,7 +171,7 @@ def returns(experiment: Experiment, nearly: float = NEARLY) -> bool:
 
 def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
     little = max(nearly * experiment.peak, 3.0 * experiment.floor.total)
-    for phase in trial.phases:
+    for phase in trial.used_phases:
         if phase.kind not in ("unload", "recovery"):
             continue
         if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < (
@@ -199,8 +199,8 @@ def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
     ends = [
         float(trial.trajectory.displacement(np.array([phase.stop]))[0])
         for trial in experiment.trials
-        for phase in trial.phases_under(Control.DISPLACEMENT)
-        if phase.kind not in MOVING
+        for phase in trial.used_phases
+        if phase.kind not in MOVING and phase.control == Control.DISPLACEMENT
     ]
     apart = nearly * experiment.depth
     pressed = [depth for depth in ends if depth > apart]

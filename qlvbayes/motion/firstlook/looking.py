@@ -71,8 +71,8 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
 
 def _test(experiment: Experiment, index: int) -> TestSeen:
     trial = experiment.trials[index]
-    test = trial.test
-    tests = [one.test for one in experiment.trials]
+    test, whole = trial.test, trial.whole
+    tests = [one.whole for one in experiment.trials]
     before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
         test=test.name,
@@ -80,11 +80,11 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
         control=BY_PHASE if trial.control is None else trial.control,
         control_declared=test.states_control,
         readings=test.time.size,
-        duration=float(test.time[-1] - test.time[0]),
-        interval=float(np.median(np.diff(test.time))),
-        sampling=sampling_of(test.time).describe(),
+        duration=float(whole.time[-1] - whole.time[0]),
+        interval=float(np.median(np.diff(whole.time))),
+        sampling=sampling_of(whole.time).describe(),
         clock_sd=trial.trajectory.clock_sd,
-        start=test.start_s,
+        start=whole.start_s,
         start_known=test.start_known,
         after=tuple(experiment.trials[k].name for k in before),
         rate=trial.rate if np.isfinite(trial.rate) else None,
@@ -101,7 +101,7 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
 
 def _depth(trial: Trial, units: UnitSystem) -> float:
     """Return the largest displacement, in magnitude, of a test."""
-    displacement = trial.test.displacement
+    displacement = trial.whole.displacement
     return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
 
 
@@ -138,7 +138,7 @@ def _phases(trial: Trial) -> list[PhaseSeen]:
 
 
 def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
-    path, test = trial.trajectory, trial.test
+    path, test = trial.trajectory, trial.whole
     left = test.displacement - path.displacement(test.time)
     worst = int(np.argmax(np.abs(left)))
     off = path.departure

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _FEWEST_CYCLES = 4  # the first is left out, and three values tell two ways of settling from noise
 _LATE = 0.1  # of a stroke: where one turns further off its time the cycles are not equal
 _UNEQUAL = 0.05  # of the stroke: the same of depths; the reading nearest a turn may miss it by half
+_READ = 0.5  # of the median number of readings: a cycle with fewer does not show how deep it went
 _KNOT_SAMPLES = 2.0  # readings of a cycle between two knots of the curve along a stroke
 _MOST_KNOTS = 16  # along a stroke: pieces of 6 % of it, within which a soft law is a cubic
 _SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
@@ -74,9 +75,12 @@ def _equally_deep(test: Record, turns: Array) -> bool:
         test.displacement[(test.time > begin) & (test.time <= end)]
         for begin, end in pairwise(turns[:, 0])
     ]
-    if any(depth.size == 0 for depth in depths):
+    # a user may leave out the readings of some cycles, but for one at their ends
+    least = _READ * float(np.median([depth.size for depth in depths]))
+    read = [depth.size > least for depth in depths]
+    if sum(read[1:]) < _FEWEST_CYCLES - 1:
         return False
-    ends = np.array([(depth.min(), depth.max()) for depth in depths])
+    ends = np.array([(x.min(), x.max()) for x, shown in zip(depths, read, strict=True) if shown])
     return bool(np.ptp(ends, axis=0).max() <= _UNEQUAL * np.ptp(ends))
 
 

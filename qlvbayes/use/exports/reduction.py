@@ -250,6 +250,7 @@ def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
         all_tests=pad.all_tests,
         keep_all_readings=choices.keep_all_readings,
         use=choices.use,
+        leave_out=choices.leave_out,
     )
     return replace(tests, rested=choices.rested), ""
 
