@@ -21,7 +21,7 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.conversion import convert, in_short
 from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
@@ -109,7 +109,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
     write_tidy(conversion, folder / DATA)
     options = {**said, **({"pad": ",".join(pads)} if pads else {})}
     made = {"files": [file.name for file in files], "options": options}
-    return {"data": str(folder / DATA), "notices": list(conversion.notices), "made": made}
+    return {"data": str(folder / DATA), "notices": in_short(conversion.notices), "made": made}
 
 
 def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:

@@ -17,6 +17,7 @@ HOW = "specimens"  # the answer that says whether the tests are of ``ONE`` pad o
 ONE, SEVERAL = "one", "several"
 _PAD = "pad{}"  # the answer that names the pad of a test, by the test's number
 _SEARCH = "import json, re, sys; p, all = json.load(sys.stdin); [re.search(p, n) for n in all]"
+_SHOWN = 200  # characters of a pattern that an error shows
 _PATIENCE = (
     2.0  # s for a pattern that is looked for in all names: one that does not explode takes ms
 )
@@ -36,8 +37,8 @@ def asked(conversion: Conversion) -> dict[str, Any]:
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     way = "1" if units.dimensionless else units.displacement
     head = [
-        "test", "rows", "duration (s)", f"largest {units.displacement_name} ({way})",
-        f"largest {units.force_name} ({units.force})",
+        "Test", "Rows", "Duration (s)", f"Largest {units.displacement_name} ({way})",
+        f"Largest {units.force_name} ({units.force})",
     ]  # fmt: skip
     rows = [
         [
@@ -77,7 +78,7 @@ def pads_by(names: Sequence[str], text: str) -> list[str]:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise InputError(
-            f"the pattern {text!r} takes too long on these names",
+            f"the pattern '{text[:_SHOWN]}' takes too long on these names",
             remedy="write it without a repetition within another one, as in (a+)+",
         ) from None
     return [pad_in(name, pattern) for name in names]

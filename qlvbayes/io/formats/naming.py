@@ -61,7 +61,7 @@ def pattern_of(text: str) -> re.Pattern[str]:
         return re.compile(text)
     except (re.error, RecursionError, OverflowError) as error:
         remedy = "write for example '^[A-Z]+', which finds AA in AA1"
-        what = f"{text[:_SHOWN]!r} is no pattern of pads' names ({error})"
+        what = f"'{text[:_SHOWN]}' is no pattern of pads' names ({error})"
         raise InputError(what, remedy=remedy) from None
 
 
@@ -74,7 +74,7 @@ def pad_in(name: str, pattern: re.Pattern[str]) -> str:
     pad = (match[1] if match and match.re.groups else match and match[0]) or ""
     if not pad:
         raise InputError(
-            f"the pattern {pattern.pattern[:_SHOWN]!r} finds nothing in the name '{name}'",
+            f"the pattern '{pattern.pattern[:_SHOWN]}' finds nothing in the name '{name}'",
             remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
         )
     return _pad_name(pad)
