@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.endtoend import call, one_line
 from support.exported_pad import exported
-from support.machine_files import Pressed, _workbook, pressed
+from support.machine_files import Pressed, pressed, workbook
 
 from qlvbayes.comparison.side import Side, unheld_times
 from qlvbayes.fitting.fit import separated_start
@@ -213,19 +213,6 @@ def test_a_strain_in_per_cent_is_no_displacement(tmp_path):
     (found,) = convert([path]).tests
     assert found.units.dimensionless
     assert found.displacement[-1] == pytest.approx(0.39)
-
-
-SHEETS = ("Temps d'essai", "Allongement", "Force standard")
-
-
-def workbook(path, titles, above=()):
-    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
-    head = [list(SHEETS), ["s", "mm", "N"]]
-    path.write_bytes(
-        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
-                   for title in titles})
-    )  # fmt: skip
-    return path
 
 
 @pytest.mark.parametrize(

@@ -186,6 +186,20 @@ def testxpert_excel(test):
     return _workbook({"Ergebnisse": results, "Probe 1": head + table, "Mittelwertprobe": mean})
 
 
+FRENCH = ("Temps d'essai", "Allongement", "Force standard")
+
+
+def workbook(path, titles, above=()):
+    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
+    head = [list(FRENCH), ["s", "mm", "N"]]
+    """A French workbook of testXpert: a sheet with the same test for each title."""
+    path.write_bytes(
+        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
+                   for title in titles})
+    )  # fmt: skip
+    return path
+
+
 def testxpert_excel_english(test):
     table = _columns(test, -1, -1).tolist()
     head = [["Test time [s]", "Standard travel [mm]", "Standard force [N]"]]

@@ -20,7 +20,7 @@ export function specimens(session, { rows: [head, ...rows], ask: [how, ...tests]
   const fields = el("fieldset", { class: "choices" }, el("legend", {}, "These tests are of"), choice(ONE, "one pad"), choice(SEVERAL, "several pads"));
   const naming = el("div", { class: "naming" },
     el("label", { for: pattern.id }, "Find the pad in each test's name by this pattern"), pattern,
-    el("p", { class: "hint", id: "pattern-hint" }, "A regular expression: its first group is the pad's name, or without a group all that it matches. ^[A-Z]+ finds AA in AA1. The names in the table can also be changed one by one."),
+    el("p", { class: "hint", id: "pattern-hint" }, "A regular expression: its first group is the pad's name, or without a group all that it matches. ", el("code", {}, "^[A-Z]+"), " finds AA in AA1. The names in the table can also be changed one by one."),
     wrong, counted);
   const cell = (text) => el("td", { class: "n" }, text);
   const padHead = el("th", { scope: "col" }, "Pad");
