@@ -8,12 +8,14 @@ const HOW = "specimens", ONE = "one", SEVERAL = "several";
 
 /** The fields of the form, what is below it, and `given()`: the answers, or null where the pattern is of no use. */
 export function specimens(session, { rows: [head, ...rows], ask: [how, ...tests], pad_from: suggested }) {
-  const inputs = tests.map(({ name, text, value }) => el("input", { id: `ask-${name}`, name, value: value ?? "", "aria-label": `Pad of ${text}`, autocomplete: "off", spellcheck: "false", oninput: () => count() }));
+  const own = new Set(); // fields written in since the pattern was: its answer, which may come late, leaves them
+  const inputs = tests.map(({ name, text, value }) => el("input", { id: `ask-${name}`, name, value: value ?? "", "aria-label": `Pad of ${text}`, autocomplete: "off", spellcheck: "false", oninput: (event) => { own.add(event.target); count(); } }));
   const wrong = el("p", { class: "wrong", id: "pattern-wrong", role: "alert", hidden: true });
   const counted = el("p", { role: "status" });
   const pattern = el("input", { id: "ask-pad_from", name: "pad_from", value: suggested, autocomplete: "off", spellcheck: "false", "aria-describedby": "pattern-hint pattern-wrong", oninput: () => wait(), onkeydown: (event) => {
     if (event.key !== "Enter") return;
     event.preventDefault(); // the names are shown before anything is read by them
+    own.clear();
     find();
   } });
   const choice = (value, text) => el("label", {}, el("input", { type: "radio", name: HOW, value, checked: value === how.value, onchange: show }), text);
@@ -40,6 +42,7 @@ export function specimens(session, { rows: [head, ...rows], ask: [how, ...tests]
   }
 
   function wait() {
+    own.clear();
     clearTimeout(due);
     due = setTimeout(find, PAUSE);
   }
@@ -53,7 +56,7 @@ export function specimens(session, { rows: [head, ...rows], ask: [how, ...tests]
     if (pad_from) {
       try {
         const { pads } = await post(`${session.path}/specimens`, { pad_from });
-        if (mine === asked) pads.forEach((pad, row) => { inputs[row].value = pad; });
+        if (mine === asked) pads.forEach((pad, row) => { if (!own.has(inputs[row])) inputs[row].value = pad; });
       } catch (refusal) {
         if (!refusal.told) throw refusal;
         refused = refusal;
