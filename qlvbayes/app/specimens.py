@@ -16,11 +16,9 @@ from qlvbayes.io.wording import plain
 HOW = "specimens"  # the answer that says whether the tests are of ``ONE`` pad or of ``SEVERAL``
 ONE, SEVERAL = "one", "several"
 _PAD = "pad{}"  # the answer that names the pad of a test, by the test's number
-_SEARCH = "import json, re, sys; p, all = json.load(sys.stdin); [re.search(p, n) for n in all]"
+_SEARCH = "import json, re, sys; p, names = json.load(sys.stdin); [re.search(p, n) for n in names]"
 _SHOWN = 200  # characters of a pattern that an error shows
-_PATIENCE = (
-    2.0  # s for a pattern that is looked for in all names: one that does not explode takes ms
-)
+_PATIENCE = 5.0  # s in which a pattern is looked for in all names; a sound one takes milliseconds
 
 
 def asked(conversion: Conversion) -> dict[str, Any]:
@@ -66,7 +64,7 @@ def asked(conversion: Conversion) -> dict[str, Any]:
 def pads_by(names: Sequence[str], text: str) -> list[str]:
     """Return the pads that a pattern finds in the names of tests.
 
-    An InputError is raised where it is none, finds none, or is not done in two seconds: a
+    An InputError is raised where it is none, finds none, or is not done in five seconds: a
     repetition within another may take years, and nothing else would be answered meanwhile.
     """
     pattern = pattern_of(text)

@@ -102,7 +102,7 @@ class Conversion:
         return (
             f"the tests of one file are taken as those of one pad ({names}): if they are several "
             "specimens, --pad-from REGEX of convert finds the pads' names in the tests', or --pad "
-            "gives one a test",
+            "names the pad of each test",
         )
 
     @property
