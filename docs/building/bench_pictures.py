@@ -11,7 +11,8 @@ from pathlib import Path
 from playwright.sync_api import Page, expect, sync_playwright
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "app")]
+from support.machine_files import workbook  # noqa: E402
 from support.running_app import PATIENCE, Visit, running_app  # noqa: E402
 from test_app_browser import UNCLEAR, chromium, drop  # noqa: E402
 
@@ -51,6 +52,17 @@ def asked(visit: Visit, folder: Path, end: str) -> None:
     take(visit.page, folder / f"bench_asked{end}.png")
 
 
+def pads_asked(visit: Visit, folder: Path, end: str) -> None:
+    """The form for a file of several tests, which may be several specimens."""
+    page = visit.page
+    page.goto(visit.home)
+    with tempfile.TemporaryDirectory() as made:
+        file = workbook(Path(made) / "specimens.xlsx", ["AA1", "AA2", "BB1", "BB2"])
+        page.locator("#files").set_input_files(file)
+        page.get_by_label("several pads").check()
+    take(page, folder / f"bench_pads{end}.png")
+
+
 def press(page: Page, name: str) -> None:
     """A button by its whole name."""
     page.get_by_role("button", name=name, exact=True).click()
@@ -75,6 +87,7 @@ def main(folder: Path) -> None:
         for width, end in ((WIDE, ""), (NARROW, "_narrow")):
             visit = Visit(browser, app, width)
             asked(visit, folder, end)
+            pads_asked(visit, folder, end)
             walk(visit, folder, end)
             visit.close()
         browser.close()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from qlvbayes.app.bench.bench import Bench
 from qlvbayes.app.bench.model import ByHand
 from qlvbayes.app.intake import opened, read_in
+from qlvbayes.app.specimens import pads_by
 from qlvbayes.app.tables import constants_csv, residuals_csv
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
@@ -134,6 +135,11 @@ def _written(model: ByHand) -> Answer:
 def read(folder: str, uploads: list[str], answers: dict[str, str]) -> Answer:
     """Convert uploaded files to one tidy file in a session's folder, or to questions."""
     return read_in(Path(folder), [Path(one) for one in uploads], answers)
+
+
+def specimens(names: list[str], pattern: str) -> Answer:
+    """Return the pads that a pattern finds in the names of tests."""
+    return {"pads": pads_by(names, pattern)}
 
 
 def unpack(folder: str, archive: str) -> Answer:
@@ -331,12 +337,12 @@ def constants(
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, unpack, pads, lay, warm, measured, catalogue, parameters, curves, signature, change,
-        held_out, bands, residuals, constants,
+        read, specimens, unpack, pads, lay, warm, measured, catalogue, parameters, curves,
+        signature, change, held_out, bands, residuals, constants,
     )
 }  # fmt: skip
 """The calls by name."""
-FIRST = frozenset({"pads", "measured", "catalogue", "parameters", "curves"})
+FIRST = frozenset({"pads", "specimens", "measured", "catalogue", "parameters", "curves"})
 """Calls that take some milliseconds and that the page waits for; they precede the others."""
 
 

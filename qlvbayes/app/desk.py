@@ -112,13 +112,36 @@ class Desk:
         if archives:
             self._later(session, self._unpack(session, archives[0]))
         else:
-            self._later(session, self._read(session, {}))
+            self._later(session, self._read(session))
 
-    def answer(self, session: Session, answers: dict[str, str]) -> None:
-        """Continue with the answers to the questions."""
-        if session.stage != "asking":
+    async def answer(self, session: Session, answers: dict[str, str]) -> None:
+        """Continue with the answers to the questions.
+
+        A RefusedError is raised where one cannot be used; the questions then stay.
+        """
+        self._asked(session)
+        told = session.answers | answers
+        result = await self._ask(
+            "read", folder=str(session.folder), uploads=session.uploads, answers=told
+        )
+        self._asked(session)  # and not answered twice meanwhile
+        session.answers = told
+        self._stage(session, "reading")
+        self._later(session, self._take(session, result))
+
+    async def specimens(self, session: Session, pattern: str) -> dict[str, Any]:
+        """Return the pads that a pattern finds in the names of the tests that are asked about."""
+        names = self._asked(session).get("names")
+        if names is None:
+            raise refused(409, "no test is asked about", "ask for the session's state")
+        found: dict[str, Any] = await self._ask("specimens", names=names, pattern=pattern)
+        return found
+
+    def _asked(self, session: Session) -> dict[str, Any]:
+        """Return the questions; raise RefusedError where nothing is asked."""
+        if session.stage != "asking" or session.questions is None:
             raise refused(409, "nothing is asked", "ask for the session's state")
-        self._later(session, self._read(session, answers))
+        return session.questions
 
     def resume(self, session: Session) -> None:
         """Open a session that is stored in its folder."""
@@ -141,16 +164,20 @@ class Desk:
         session.data = unpacked["data"]
         await self._prepare(session)
 
-    async def _read(self, session: Session, answers: dict[str, str]) -> None:
+    async def _read(self, session: Session) -> None:
         self._stage(session, "reading")
         result = await self._ask(
-            "read", folder=str(session.folder), uploads=session.uploads, answers=answers
+            "read", folder=str(session.folder), uploads=session.uploads, answers={}
         )
+        await self._take(session, result)
+
+    async def _take(self, session: Session, result: dict[str, Any]) -> None:
+        """Go on with what reading gave: questions, or the measurements."""
         session.questions = result.get("questions")
         if session.questions is not None:
             self._stage(session, "asking")
             return
-        session.data = result["data"]
+        session.data, session.made = result["data"], result.get("made")
         await self._prepare(session, result.get("notices", []))
 
     async def _prepare(self, session: Session, notices: list[str] | None = None) -> None:

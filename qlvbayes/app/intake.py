@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from qlvbayes.app.columns import asked, renamed
+from qlvbayes.app import columns, specimens
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.conversion import convert, in_short
 from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
@@ -35,6 +35,7 @@ _DAMAGED = (
 )  # fmt: skip
 _MOST_FILES = 10_000  # of a saved session: a pad has about forty
 _AT_ONCE = 2**20  # bytes
+_OPTIONS = ("sign", "contact", "units", "area")  # of ``convert``, that a question asks for
 _KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
 """Suffixes of files that the commands leave in a folder; other files in an archive are ignored."""
 
@@ -88,11 +89,10 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
     """Convert machine files to a tidy file, or return the one question that they leave open."""
+    said = {name: answers[name] for name in _OPTIONS if answers.get(name)}
+    pads = specimens.pads_of(answers)
     stated = Answers.of(
-        answers.get("sign") or None,
-        answers.get("contact") or None,
-        answers.get("units") or None,
-        _number(answers.get("area")),
+        said.get("sign"), said.get("contact"), said.get("units"), _number(said.get("area")), pads
     )
     try:
         conversion = convert(files, stated)
@@ -104,16 +104,20 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
         text = str(_by_name(error, files))
         questions = {"file": name, "kind": "machine", "rows": [], "ask": [ask], "text": text}
         return {"questions": questions}
+    if conversion.undivided:
+        return {"questions": specimens.asked(conversion)}
     write_tidy(conversion, folder / DATA)
-    return {"data": str(folder / DATA), "notices": list(conversion.notices)}
+    options = {**said, **({"pad": ",".join(pads)} if pads else {})}
+    made = {"files": [file.name for file in files], "options": options}
+    return {"data": str(folder / DATA), "notices": in_short(conversion.notices), "made": made}
 
 
 def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
     """Convert a table of unknown columns, once the user has stated them."""
     if not answers:
-        return {"questions": asked(file)}
+        return {"questions": columns.asked(file)}
     described = folder / DATA
-    write_whole(described, renamed(file, answers))
+    write_whole(described, columns.renamed(file, answers))
     try:
         read_measurements(described)
     except InputError as error:

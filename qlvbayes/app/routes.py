@@ -56,6 +56,7 @@ class Routes:
             ("DELETE", "/api/s/{id}", self.forget),
             ("GET", "/api/s/{id}/events", self.events),
             ("POST", "/api/s/{id}/answers", self.answers),
+            ("POST", "/api/s/{id}/specimens", self.specimens),
             ("GET", "/api/s/{id}/tidy.csv", self.tidy),
             ("POST", "/api/s/{id}/guess", self.guess),
             ("POST", "/api/s/{id}/jobs", self.order),
@@ -172,8 +173,15 @@ class Routes:
         if not isinstance(given, dict):
             raise refused(422, "there are no answers", "see docs/app_api.md")
         words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
-        self.desk.answer(self._session(request), words)
+        await self.desk.answer(self._session(request), words)
         return JSONResponse({"ok": True})
+
+    async def specimens(self, request: Request) -> Response:
+        """Return the pads that a pattern finds in the tests' names."""
+        pattern = (await _body(request)).get("pad_from")
+        if not isinstance(pattern, str):
+            raise refused(422, "no pattern is given", "see docs/app_api.md")
+        return JSONResponse(await self.desk.specimens(self._session(request), pattern))
 
     async def tidy(self, request: Request) -> Response:
         """Return the measurements."""

@@ -13,8 +13,9 @@ def script(session: Session, pad: str) -> str:
     """Return a script that arrives at the current state's constants by the same steps."""
     own = session.pad(pad)
     data = Path(session.data).name
+    made = [f" {data} is made by: {as_typed(*words)}" for words in _convert(session)]
     lines = [
-        repr(f"Repeats what was done by hand to pad {pad} of {session.name}."),
+        repr(f"Repeats what was done by hand to pad {pad} of {session.name}.{''.join(made)}"),
         "",
         "import qlvbayes as q",
         "",
@@ -78,7 +79,10 @@ def _by_hand(model: dict[str, Any]) -> str:
 
 
 def commands(session: Session, pad: str) -> str:
-    """Return command lines that sample the current state's model, check it, and diagnose."""
+    """Return command lines that sample the current state's model, check it, and diagnose.
+
+    Where the measurements were read from files of testing machines, the first line does so.
+    """
     own = session.pad(pad)
     state = own.state(own.current)
     data = Path(session.data).name
@@ -86,9 +90,22 @@ def commands(session: Session, pad: str) -> str:
     fit += ["--elastic", state.elastic, "--relaxation", state.relaxation]
     fit += [word for name in state.effects for word in ("--add", name)]
     lines = [
+        *_convert(session),
         [*fit, "-o", "out"],
         ["qlvbayes", "check", "out"],
         ["qlvbayes", "diagnose", data, "--pads", pad, "-o", "out"],
         ["qlvbayes", "report", "out"],
     ]
     return "\n".join(as_typed(*words) for words in lines) + "\n"
+
+
+def _convert(session: Session) -> list[list[str]]:
+    """Return the command that makes the measurements, where they were files of other layouts."""
+    if session.made is None:
+        return []
+    options = [
+        word for name, value in session.made["options"].items() for word in (f"--{name}", value)
+    ]
+    files = [f"./{name}" if name.startswith("-") else name for name in session.made["files"]]
+    data = Path(session.data).name
+    return [["qlvbayes", "convert", *files, *options, "-o", data]]

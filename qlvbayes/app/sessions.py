@@ -17,6 +17,8 @@ from qlvbayes.app.failures import ErrorContent, refused
 from qlvbayes.io.files import write_json
 
 BENCH = "bench.json"
+CONVERT_OPTIONS = frozenset({"sign", "contact", "units", "area", "pad"})
+"""Options of ``convert`` that a session may have: what its questions ask for."""
 _PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown yet
 
 
@@ -85,7 +87,8 @@ class Session:
     """Hold one session.
 
     ``stage``, ``error``, ``questions`` and ``guess`` are those of docs/app_api.md; ``data`` is the
-    tidy file.
+    tidy file, and ``answers`` are those so far. ``made`` holds ``files`` and ``options`` of
+    ``convert`` where the tidy file was made of files of testing machines.
     """
 
     id: str
@@ -102,6 +105,8 @@ class Session:
     bench: dict[str, OnBench] = field(default_factory=dict)
     deal: int | None = None
     uploads: list[str] = field(default_factory=list)
+    answers: dict[str, str] = field(default_factory=dict)
+    made: dict[str, Any] | None = None
 
     @property
     def hides(self) -> bool:
@@ -175,6 +180,7 @@ class Session:
         }
         content = {"schema": 1, "name": self.name, "data": Path(self.data).name}
         content |= {"notices": self.notices, "guess": self.guess, "pads": pads}
+        content["made"] = self.made
         self.folder.mkdir(parents=True, exist_ok=True)
         write_json(self.folder / BENCH, content)
 
@@ -193,11 +199,22 @@ class Session:
             }
             self.name, self.guess = str(content["name"]), content["guess"]
             self.notices, name = list(content["notices"]), str(content["data"])
+            self.made = _made(content.get("made"))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return
         self.bench = pads
         if name and "/" not in name and "\\" not in name and (self.folder / name).is_file():
             self.data = str(self.folder / name)
+
+
+def _made(stored: Any) -> dict[str, Any] | None:
+    """Return files and options of ``convert`` as stored, of a session that may be a stranger's."""
+    if stored is None:
+        return None
+    options = {str(name): str(value) for name, value in stored["options"].items()}
+    if not CONVERT_OPTIONS.issuperset(options):
+        raise ValueError(options)
+    return {"files": [str(name) for name in stored["files"]], "options": options}
 
 
 def entry(state: HistoryState) -> dict[str, Any]:

@@ -6,23 +6,18 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import Fitted, Seed, Style, WorkOptions, with_groups
-from qlvbayes.cli.tables import pads_table
-from qlvbayes.cli.terminal import Terminal, show_done, show_figures
-from qlvbayes.fitting.results import load
-from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.parallel.faults import Fault, fault_of
-from qlvbayes.pipeline.checking import FIGURES, CheckStep
-from qlvbayes.pipeline.drawing import draw_forces_at_rates
-from qlvbayes.pipeline.gathering import Reader
-from qlvbayes.pipeline.many import Work, raise_failed, run_pads
-from qlvbayes.report.page import MOST_ON_A_PAGE
+
+if TYPE_CHECKING:
+    from qlvbayes.pipeline.gathering import Reader
+    from qlvbayes.pipeline.many import Work
 
 
 @with_groups
@@ -43,6 +38,13 @@ def check(
     Leaves OUT/<pad>/check.json, curves.json and the figures forces, hysteresis and residual_map
     (PNG and PDF); for two pads or more the figure OUT/forces_at_rates too.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal, show_done, show_figures
+    from qlvbayes.pipeline.checking import FIGURES
+    from qlvbayes.pipeline.drawing import draw_forces_at_rates
+    from qlvbayes.pipeline.gathering import Reader
+    from qlvbayes.pipeline.many import raise_failed, run_pads
+
     part = work.part
     files = part.part(sorted(folder.glob("*/posterior.nc")))
     if not files and part.count == 1:
@@ -62,6 +64,10 @@ def check(
 
 
 def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | Fault]:
+    from qlvbayes.fitting.results import load
+    from qlvbayes.pipeline.checking import CheckStep
+    from qlvbayes.pipeline.many import Work
+
     for file in files:
         try:
             study = reader.study(load(file))
@@ -73,6 +79,10 @@ def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | F
 
 
 def _show_constants(files: Sequence[Path]) -> None:
+    from qlvbayes.cli.tables import pads_table
+    from qlvbayes.fitting.summary import FitSummary
+    from qlvbayes.report.page import MOST_ON_A_PAGE
+
     paths = [file.with_name("summary.json") for file in files]
     summaries = [FitSummary.read(path) for path in paths if path.exists()]
     if 0 < len(summaries) <= MOST_ON_A_PAGE:

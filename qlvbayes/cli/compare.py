@@ -12,22 +12,11 @@ import typer
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Fitted, Seed, Style, known_names, split_names
-from qlvbayes.cli.tables import contrasts_table
-from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.io.checks import InputError
-from qlvbayes.pipeline.comparing import (
-    FOLDER,
-    Group,
-    compare_into,
-    fitted_pads,
-    fluid_pairs,
-    pad_pairs,
-    saved_pads,
-)
-from qlvbayes.report.page import MOST_ON_A_PAGE
 
 if TYPE_CHECKING:
     from qlvbayes.fitting.results import Saved
+    from qlvbayes.pipeline.comparing import Group
 
 
 def compare_command(
@@ -70,6 +59,11 @@ def compare_command(
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.tables import contrasts_table
+    from qlvbayes.cli.terminal import Terminal, show_figures
+    from qlvbayes.pipeline.comparing import FOLDER, compare_into, fitted_pads, saved_pads
+
     names = list(dict.fromkeys(known_names(pads, fitted_pads(folder), folder)))
     pairs = _pairs(saved_pads(folder, data, only=names), folder, bool(names), fluids)
     watcher = Terminal(quiet=as_json)
@@ -104,6 +98,9 @@ def _pairs(
     fits: Sequence[Saved], folder: Path, named: bool, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
     """Return what is compared; raise InputError where there are no two of it, or too many."""
+    from qlvbayes.pipeline.comparing import fluid_pairs, pad_pairs
+    from qlvbayes.report.page import MOST_ON_A_PAGE
+
     if fluids is None:
         fluids = not named and bool(fluid_pairs(fits))
     if not (fluids or named) and len(fits) > MOST_ON_A_PAGE:

@@ -23,7 +23,9 @@ from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.wording import plain
 
 Files = Annotated[list[Path], typer.Argument(help="Files as machines write them.")]
-PadName = Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")]
+PadName = Annotated[
+    str, typer.Option(help="Pad's name: one for all files, one a file, or one a test.")
+]
 PadFrom = Annotated[
     str | None,
     typer.Option(

@@ -11,14 +11,13 @@ from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Seed, Style, known_names, split_names
-from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.diagnosis.nexttest.series import MOST
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
     from qlvbayes.diagnosis.nexttest.result import NextTests
 
+MOST = 5  # tests in a series, as in diagnosis/nexttest/series.py
 _FILES = ("posterior.nc", "diagnosis.json")
 
 
@@ -64,6 +63,9 @@ def design_command(
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'predict
     --program') and the figure design.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal, show_figures
+
     # imported here, so that other commands do not wait for JAX
     from qlvbayes.pipeline.designing import design_into
 

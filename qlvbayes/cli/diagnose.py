@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.options import (
+    EVIDENCES,
     AsJson,
     Files,
     ModelOptions,
@@ -20,13 +21,11 @@ from qlvbayes.cli.options import (
     thresholds,
     with_groups,
 )
-from qlvbayes.cli.terminal import Terminal, show_done
-from qlvbayes.diagnosis.diagnose import EVIDENCES
-from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements
-from qlvbayes.pipeline.diagnosing import DiagnoseStep
-from qlvbayes.pipeline.many import raise_failed, run_step
+
+if TYPE_CHECKING:
+    from qlvbayes.io.data import Measurements
+    from qlvbayes.pipeline.diagnosing import DiagnoseStep
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
@@ -50,6 +49,12 @@ def diagnose_command(
     Looks at all tests of each pad together. Leaves OUT/<pad>/diagnosis.json, diagnosis.txt and the
     figures residuals_before_after, forces_before_after, evidence and error_staircase.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal, show_done
+    from qlvbayes.fitting.runs import record_run
+    from qlvbayes.pipeline.diagnosing import DiagnoseStep
+    from qlvbayes.pipeline.many import raise_failed, run_step
+
     if evidence not in EVIDENCES:
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
     settings = thresholds(tolerance)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, EffectsFile
-from qlvbayes.effects.catalogue import by_family
-from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.units import PAD
-from qlvbayes.model.choices import Choices
+
+if TYPE_CHECKING:
+    from qlvbayes.effects.effect import AbstractEffect
 
 
 def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
@@ -19,6 +20,10 @@ def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
 
     Under each listed effect stand its other forms; those that name nothing come after the list.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.effects.catalogue import by_family
+    from qlvbayes.model.choices import Choices
+
     own = None if effects_file is None else str(effects_file.resolve())
     families = by_family(Choices(effects_file=own).kinds)
     kinds = [kind for members in families.values() for kind in members]

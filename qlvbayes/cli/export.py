@@ -11,10 +11,27 @@ import typer
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
 from qlvbayes.io.checks import InputError
-from qlvbayes.use.exports.catalogue import TARGETS, find
-from qlvbayes.use.exports.write import DRAWS, export
 
-_NAMES = "|".join(target.name for target in TARGETS)
+TARGETS = (
+    "c",
+    "fmu",
+    "mujoco",
+    "drake",
+    "isaac",
+    "matlab",
+    "abaqus",
+    "ansys",
+    "febio",
+    "comsol",
+    "ls-dyna",
+    "nastran",
+    "radioss",
+    "curves",
+    "json",
+)
+"""Names of the targets, as in use/exports/catalogue.py."""
+_NAMES = "|".join(TARGETS)
+DRAWS = 64  # of the posterior, as in use/exports/write.py
 
 
 def export_command(
@@ -49,6 +66,10 @@ def export_command(
     material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
     date, what was tested, the 90 % intervals, and what it cannot carry.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.use.exports.catalogue import find
+    from qlvbayes.use.exports.write import export
+
     names = split_names(to)
     if not names:
         raise InputError("no target", remedy=f"give --to {_NAMES}")

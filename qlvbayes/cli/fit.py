@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.options import (
+    METHODS,
     Files,
     ModelOptions,
     Out,
@@ -18,15 +19,11 @@ from qlvbayes.cli.options import (
     WorkOptions,
     with_groups,
 )
-from qlvbayes.cli.terminal import Terminal, show_done
-from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import METHODS
-from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements
-from qlvbayes.pipeline.drawing import draw_constants, find_references
-from qlvbayes.pipeline.fitting import FitStep
-from qlvbayes.pipeline.many import raise_failed, run_step
+
+if TYPE_CHECKING:
+    from qlvbayes.io.data import Measurements
+    from qlvbayes.pipeline.fitting import FitStep
 
 
 @with_groups
@@ -53,6 +50,14 @@ def fit(
     An interrupted run resumes when the same command is given again; pads that are finished are not
     fitted again.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal, show_done
+    from qlvbayes.fitting.ensemble import Settings
+    from qlvbayes.fitting.runs import record_run
+    from qlvbayes.pipeline.drawing import draw_constants, find_references
+    from qlvbayes.pipeline.fitting import FitStep
+    from qlvbayes.pipeline.many import raise_failed, run_step
+
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")

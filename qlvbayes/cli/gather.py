@@ -9,12 +9,9 @@ import typer
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import Cluster, Jobs, References, Style
-from qlvbayes.cli.terminal import Terminal
 from qlvbayes.io.runtime import cores
 from qlvbayes.parallel.engines import opened_engine
 from qlvbayes.parallel.faults import FailedError
-from qlvbayes.pipeline.gathering import gather
-from qlvbayes.report.page import REPORT
 
 
 def gather_command(
@@ -30,6 +27,11 @@ def gather_command(
     later. Of a study, pads whose last fit hangs on what others lack are fitted first. Leaves what
     the same run without --shard leaves, and names the pads that failed.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal
+    from qlvbayes.pipeline.gathering import gather
+    from qlvbayes.report.page import REPORT
+
     with opened_engine(jobs or cores(), cluster) as engine:
         tally = gather(folder, references=references, engine=engine, watcher=Terminal())
     count = len(tally.pads)

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, LawsFile
 from qlvbayes.io.units import PAD
-from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.model.choices import Choices
 
-Kind = type[AbstractElastic] | type[AbstractRelaxation]
+if TYPE_CHECKING:
+    from qlvbayes.laws.elastic.law import AbstractElastic
+    from qlvbayes.laws.relaxation.law import AbstractRelaxation
+
+    Kind = type[AbstractElastic] | type[AbstractRelaxation]
 
 
 def laws(laws_file: LawsFile = None, as_json: AsJson = False) -> None:
     """List the laws by name, with equation, constants and source."""
+    from qlvbayes.model.choices import Choices  # here, so that the help does not wait for it
+
     own = None if laws_file is None else str(laws_file.resolve())
     known = Choices(laws_file=own).laws
     every: dict[str, tuple[Kind, ...]] = {

@@ -1,4 +1,8 @@
-"""Define options that several commands share."""
+"""Define options that several commands share.
+
+What their help does not need is imported where it is used: a model takes seconds to import. Names
+that the help lists stand here again (``tests/cli/test_help.py`` compares them with the catalogues).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,23 +25,27 @@ from qlvbayes.cli.plainoptions import (
     split_names,
     with_groups,
 )
-from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
-from qlvbayes.laws.catalogue import LAWS, names
-from qlvbayes.laws.relaxation.prony import MOST, Prony
-from qlvbayes.model.choices import Choices
-from qlvbayes.model.noise import NOISES
-from qlvbayes.motion.leavingout import refuse_unknown
 from qlvbayes.parallel.engines import Engine, opened_engine
 from qlvbayes.parallel.shards import Shard
-from qlvbayes.pipeline.source import Source
+
+if TYPE_CHECKING:
+    from qlvbayes.diagnosis.settings import DiagnosisSettings
+    from qlvbayes.io.data import Measurements
+    from qlvbayes.model.choices import Choices
+    from qlvbayes.pipeline.source import Source
 
 # defined in plainoptions.py; commands that load a model import all options from here
 __all__ = ["AsJson", "Pads", "Style", "among", "split_names", "with_groups"]
+
+ELASTIC = ("exponential", "linear", "hertz", "polynomial:2", "polynomial:3", "toe", "spline")
+RELAXATION = ("prony", "fung", "power-law", "stretched", "log-normal")
+NOISES = ("floor", "correlated", "white", "student-t")
+PRONY, MOST = "prony", 6
+METHODS = ("emcee", "least-squares", "two-step")
+EVIDENCES = ("laplace", "nested")
 
 Files = Annotated[
     list[Path],
@@ -49,14 +57,11 @@ Files = Annotated[
 ]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
-Elastic = Annotated[
-    str, typer.Option(help=f"Elastic law, one of {', '.join(names(LAWS.elastic))}.")
-]
+Elastic = Annotated[str, typer.Option(help=f"Elastic law, one of {', '.join(ELASTIC)}.")]
 Relaxation = Annotated[
     str | None,
     typer.Option(
-        help=f"Relaxation, one of {', '.join(names(LAWS.relaxation))}; prony:3 has 3 modes. "
-        "Default: prony:2.",
+        help=f"Relaxation, one of {', '.join(RELAXATION)}; prony:3 has 3 modes. Default: prony:2.",
         show_default=False,
     ),
 ]
@@ -177,6 +182,9 @@ class ModelOptions:
 
     def choices(self, study: Measurements) -> Choices:
         """Return the model's description; raise InputError where an option cannot be used."""
+        from qlvbayes.effects.catalogue import find
+        from qlvbayes.model.choices import Choices
+
         law, count = relaxation_of(self.relaxation, self.modes)
         bonded = study.units.bonded_default if self.bonded is None else self.bonded
         choices = Choices(
@@ -204,6 +212,8 @@ class ModelOptions:
 
         Of several files one is read at a time, so that no test can be missed before the last.
         """
+        from qlvbayes.motion.leavingout import refuse_unknown
+
         choices = self.choices(source.whole)
         if source.read is not None:
             refuse_unknown(source.read.pads, choices.use, choices.leave_out)
@@ -221,6 +231,8 @@ def share_of(text: str) -> float:
 
 def thresholds(tolerance: str) -> DiagnosisSettings:
     """Return the thresholds of the diagnosis with a tolerance, as ``1%``."""
+    from qlvbayes.diagnosis.settings import DiagnosisSettings
+
     return DiagnosisSettings(tolerance=share_of(tolerance))
 
 
@@ -229,15 +241,15 @@ def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
 
     Raises InputError where they contradict each other.
     """
-    name, colon, number = (relaxation or Prony.name).partition(":")
+    name, colon, number = (relaxation or PRONY).partition(":")
     if not colon:
-        if modes is not None and name != Prony.name:
+        if modes is not None and name != PRONY:
             raise InputError(f"--modes is of a Prony series, not of {name}", remedy="leave it out")
         return name, 2 if modes is None else modes
-    if name != Prony.name or not number.isdecimal() or not 1 <= int(number) <= MOST:
-        known = ", ".join(names(LAWS.relaxation))
+    if name != PRONY or not number.isdecimal() or not 1 <= int(number) <= MOST:
+        known = ", ".join(RELAXATION)
         raise InputError(
-            f"no relaxation {relaxation!r}", remedy=f"use {Prony.name}:1 to :{MOST}, or {known}"
+            f"no relaxation {relaxation!r}", remedy=f"use {PRONY}:1 to :{MOST}, or {known}"
         )
     if modes not in (None, int(number)):
         raise InputError(f"--relaxation {relaxation} and --modes {modes} differ", remedy="give one")
@@ -262,6 +274,8 @@ def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
 
     Raise InputError on an unknown name in a single file.
     """
+    from qlvbayes.pipeline.source import Source
+
     source = Source.from_files(files, shard=part)
     if source.read is None:
         return replace(source, only=tuple(split_names(pads)))

@@ -7,11 +7,12 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from qlvbayes.io.data import Measurements, Pad
+if TYPE_CHECKING:
+    from qlvbayes.io.data import Measurements, Pad
 
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
 KeepAllReadings = Annotated[

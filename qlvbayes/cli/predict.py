@@ -12,12 +12,10 @@ from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
-from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.checks import InputError
-from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
 
 if TYPE_CHECKING:
+    from qlvbayes.cli.terminal import Terminal
     from qlvbayes.fitting.results import Saved
     from qlvbayes.use.prescribed.forecast import Forecast
     from qlvbayes.use.prescribed.hypotheses import Hypotheses
@@ -53,6 +51,9 @@ def predict_command(
     says. Warns where it leaves the depths, speeds and times that were tested. Leaves
     OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and PDF).
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal, show_figures
+
     # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.prediction import plot_prediction
@@ -88,6 +89,7 @@ def _sources(
 
     Raises InputError where there is neither.
     """
+    from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
     averaged = which == "averaged"
@@ -124,6 +126,8 @@ def _source(
 
 def _undecided(pad_folder: Path) -> bool:
     """Return whether a diagnosis, whose draws are not saved, left several hypotheses."""
+    from qlvbayes.diagnosis.result import DiagnosisResult
+
     file = pad_folder / "diagnosis.json"
     return file.is_file() and len(DiagnosisResult.read(file).alternatives) > 1
 

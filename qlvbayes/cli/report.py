@@ -8,11 +8,9 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.app.intake import opened
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole
-from qlvbayes.report.page import write_report
 
 
 def report(
@@ -26,12 +24,18 @@ def report(
     It says what was not done yet, and which command does it. The page of a saved session
     (SESSION.zip) is SESSION.html beside it.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.report.page import write_report
+
     with waiting("report"):
         path = _of_session(folder) if folder.suffix.lower() == ".zip" else write_report(folder)
     out.print(f"report in {path}", soft_wrap=True)
 
 
 def _of_session(archive: Path) -> Path:
+    from qlvbayes.app.intake import opened
+    from qlvbayes.report.page import write_report
+
     if not archive.is_file():
         raise InputError("no such file", file=archive, remedy="check the path")
     path = archive.with_suffix(".html")

@@ -20,12 +20,7 @@ from qlvbayes.cli.options import (
     thresholds,
     with_groups,
 )
-from qlvbayes.cli.terminal import Terminal
-from qlvbayes.diagnosis.phrases import terminal_line
-from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.parallel.faults import FailedError
-from qlvbayes.pipeline.run import run_study
-from qlvbayes.report.page import REPORT
 
 
 @with_groups
@@ -49,6 +44,13 @@ def study_command(
     with the effects that it names, the fit to all tests and its check. Where nothing is named,
     OUT/<pad> holds the plain model. OUT/report.html tells the whole story in one file.
     """
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.terminal import Terminal
+    from qlvbayes.diagnosis.phrases import terminal_line
+    from qlvbayes.fitting.ensemble import Settings
+    from qlvbayes.pipeline.run import run_study
+    from qlvbayes.report.page import REPORT
+
     judging = thresholds(tolerance)
     watcher = Terminal()
     source = watcher.reading(file, pads, work.part)

@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from support.machine_files import workbook
 from support.running_app import Visit, errors, now, running_app, until
 
 from qlvbayes.io.checks import InputError
@@ -122,6 +123,55 @@ def test_columns_that_are_not_clear_are_asked_for_with_the_first_rows_and_curves
     page.get_by_role("button", name="Read it so").click()
     expect(asked).to_be_hidden()
     assert visit.said == []
+
+
+def test_which_test_is_of_which_pad_is_said_by_keyboard(visit, tmp_path):
+    """By a pattern that is tried as it is typed, and by a name in the table; markup stays text."""
+    pytest.importorskip("openpyxl")
+    page, keys = visit.page, visit.page.keyboard
+    expect(page.locator(".drop")).to_be_visible()
+    page.locator("#files").set_input_files(
+        workbook(tmp_path / "pads.xlsx", ["<b>A1", "<b>A2", "B1", "B2"])
+    )
+    asked = page.locator("#asking")
+    one, several = asked.get_by_label("one pad"), asked.get_by_label("several pads")
+    expect(one).to_be_focused()
+    expect(one).to_be_checked()
+    expect(asked.locator("tbody th")).to_have_text(["<b>A1", "<b>A2", "B1", "B2"])
+    expect(asked.locator("#ask-pad0")).to_be_hidden()
+    keys.press("ArrowDown")
+    expect(several).to_be_checked()
+    counted = asked.get_by_role("status")
+    expect(counted).to_have_text("2 pads: <b>A (2 tests), B (2 tests).")
+    keys.press("Tab")
+    expect(asked.locator("#ask-pad_from")).to_be_focused()
+    keys.press("ControlOrMeta+a")
+    keys.type("(B|A")
+    wrong = asked.locator("#pattern-wrong")
+    expect(wrong).to_contain_text("'(B|A' is no pattern")
+    assert "\n" not in wrong.inner_text()
+    keys.type(")")
+    expect(wrong).to_be_hidden()
+    expect(counted).to_have_text("2 pads: A (2 tests), B (2 tests).")
+    keys.press("Enter")  # tries the pattern, and reads nothing yet
+    for pad in ("AA", "AA", "B", "C/D"):
+        keys.press("Tab")  # into the table at first, which scrolls
+        if page.evaluate("document.activeElement.tagName") != "INPUT":
+            keys.press("Tab")
+        keys.press("ControlOrMeta+a")
+        keys.type(pad)
+    expect(counted).to_have_text("3 pads: AA (2 tests), B (1 test), C/D (1 test).")
+    assert asked.locator("input, button, a").evaluate_all(NAMELESS) == []
+    keys.press("Enter")
+    refused = asked.locator("form > .wrong")
+    expect(refused).to_contain_text("write it as 'C-D'")
+    keys.press("ControlOrMeta+a")
+    keys.type("C")
+    keys.press("Enter")
+    expect(asked).to_be_hidden()
+    until(page, "bench.store.now.pads.length")
+    assert now(page, "pads") == ["AA", "B", "C"]
+    assert [text for text in visit.said if "422" not in text] == []
 
 
 @pytest.mark.slow

@@ -1,13 +1,19 @@
 """What is dropped onto the bench: files of any kind, and sessions saved before."""
 
 import json
+import shlex
 import stat
 import zipfile
 
 import pytest
+from support.endtoend import call
+from support.machine_files import workbook
 
 from qlvbayes.app.intake import opened, read_in
 from qlvbayes.app.job import deal
+from qlvbayes.app.scripts import commands, script
+from qlvbayes.app.sessions import HistoryState, OnBench, Session
+from qlvbayes.app.specimens import pads_by
 from qlvbayes.cli.main import run
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
@@ -83,6 +89,111 @@ def test_a_bad_row_under_unknown_columns_keeps_its_line_and_its_files_name(tmp_p
     with pytest.raises(InputError, match=r"^unclear.csv, line 51: "):
         read_in(tmp_path / "session", [file], ANSWERS)
     assert not (tmp_path / "session" / "data.csv").exists()
+
+
+@pytest.fixture
+def specimens(tmp_path):
+    """A workbook of two specimens, with two tests and one."""
+    pytest.importorskip("openpyxl")
+    return workbook(tmp_path / "two pads.xlsx", ["AA1", "AA2", "BB1"])
+
+
+def test_which_test_is_of_which_pad_is_asked_where_a_file_holds_several(tmp_path, specimens):
+    asked = read_in(tmp_path / "session", [specimens], {})["questions"]
+    assert asked["kind"] == "specimens"
+    assert asked["text"].startswith("two pads.xlsx holds 3 tests.")
+    assert [row[0] for row in asked["rows"][1:]] == asked["names"] == ["AA1", "AA2", "BB1"]
+    assert pads_by(asked["names"], asked["pad_from"]) == ["AA", "AA", "BB"]
+    values = {one["name"]: one["value"] for one in asked["ask"]}
+    assert values == {"specimens": "one", "pad0": "AA", "pad1": "AA", "pad2": "BB"}
+    assert not (tmp_path / "session" / "data.csv").exists()
+
+
+def test_a_file_with_one_test_asks_for_no_pads(tmp_path):
+    pytest.importorskip("openpyxl")
+    one = workbook(tmp_path / "one.xlsx", ["AA1"])
+    assert "data" in read_in(tmp_path / "session", [one], {})
+
+
+@pytest.mark.parametrize(
+    ("answers", "tests"),
+    [
+        ({"specimens": "one"}, {"pad": ["AA1", "AA2", "BB1"]}),
+        (
+            {"specimens": "several", "pad0": "x y", "pad1": "B", "pad2": "x y"},
+            {"x y": ["AA1", "BB1"], "B": ["AA2"]},
+        ),
+    ],
+)
+def test_the_command_of_a_session_divides_the_tests_as_the_answers_did(
+    tmp_path, monkeypatch, specimens, answers, tests
+):
+    folder = tmp_path / "session"
+    found = read_in(folder, [specimens], answers)
+    study = read_measurements(found["data"])
+    assert {pad.name: [test.name for test in pad.tests] for pad in study.pads} == tests
+    assert not any("--pad-from" in text for text in found["notices"])
+    pad = study.pads[0].name
+    begun = HistoryState(0, None, "start", "exponential", "prony:2", [], {}, 0.1)
+    session = Session("s", folder, folder, specimens.name, data=found["data"], made=found["made"])
+    session.pads, session.bench = list(tests), {pad: OnBench(history=[begun])}
+    session.save()
+    again = Session("s", folder, folder, "", pads=list(tests))
+    again.load()
+    line = commands(again, pad).splitlines()[0]
+    assert line in eval(script(again, pad).split("\n")[0])  # its first statement is a text
+    monkeypatch.chdir(tmp_path)
+    status, _, err = call(*shlex.split(line)[1:])
+    assert status == 0, err
+    repeated = read_measurements(tmp_path / "data.csv")
+    for one, other in zip(repeated.pads, study.pads, strict=True):
+        assert (one.name, [t.name for t in one.tests]) == (
+            other.name,
+            [t.name for t in other.tests],
+        )
+        for mine, its in zip(one.tests, other.tests, strict=True):
+            assert (mine.displacement == its.displacement).all()
+            assert (mine.force == its.force).all()
+
+
+def test_a_stranger_s_session_can_add_no_other_option_to_the_command(tmp_path):
+    made = {"files": ["a.xlsx"], "options": {"formats-file": "evil.py"}}
+    Session("s", tmp_path, tmp_path, "a.xlsx", made=made).save()
+    again = Session("s", tmp_path, tmp_path, "")
+    again.load()
+    assert again.made is None
+
+
+@pytest.mark.parametrize(
+    ("answers", "told"),
+    [
+        ({}, "test 1 has no pad"),
+        ({"pad0": "A", "pad2": "A"}, "test 2 has no pad"),
+        ({"pad0": "A", "pad1": "A,B", "pad2": "A"}, "the name 'A,B' cannot be used"),
+        ({"pad0": "A", "pad1": "a", "pad2": "B"}, "differ in upper and lower case only"),
+        ({"pad0": "A", "pad1": "compare", "pad2": "B"}, "that of a file of results"),
+        ({"pad0": "A", "pad1": "B"}, "names 2 pads; the number of files is 1, that of tests 3"),
+    ],
+)
+def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, answers, told):
+    with pytest.raises(InputError, match=told):
+        read_in(tmp_path / "session", [specimens], {"specimens": "several", **answers})
+    assert not (tmp_path / "session" / "data.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "told"),
+    [
+        ("(A", "'(A' is no pattern"),
+        ("x", "'x' finds nothing in the name 'aaa"),
+        ("(a+)+$", "takes too long"),
+    ],
+)
+def test_a_pattern_of_no_use_is_told_in_a_line(pattern, told):
+    with pytest.raises(InputError) as refused:
+        pads_by(["a" * 40 + "!"], pattern)
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x7fELF\0\0\0\0", b"nothing\nhere\n"])

@@ -20,6 +20,7 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not served")
 httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
 
+from support.machine_files import mach_1, mach_1_blocks, pressed  # noqa: E402
 from support.two_tests import two_tests  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
@@ -196,6 +197,47 @@ def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
     error = served.until(session, "failed")["error"]
     assert error["text"] == str(told.value).replace(str(file), "broken.csv")
     assert (error["file"], error["line"]) == ("broken.csv", 4)
+
+
+def test_answers_that_cannot_be_used_are_told_and_the_questions_stay(served):
+    """A file of two tests: the pattern is tried, a wrong pad refused, then both are read."""
+    blocks = mach_1_blocks(pressed())
+    session = served.upload(("blocks.txt", blocks), ("more.txt", mach_1(pressed())))
+    path = f"/api/s/{session}"
+    asked = served.until(session, "asking", "failed")["questions"]
+    assert asked["text"].startswith("blocks.txt and 1 more hold 3 tests.")
+    names = asked["names"]
+    assert len(names) == 3
+    pads = served.post(f"{path}/specimens", {"pad_from": "^."})["pads"]
+    assert pads == [name[0] for name in names]
+    for pattern, told in (("(", "is no pattern"), ("none", "finds nothing"), (7, "no pattern is")):
+        answer = served.client.post(f"{path}/specimens", json={"pad_from": pattern})
+        assert answer.status_code == 422
+        assert told in answer.json()["error"]["text"]
+    several = {"specimens": "several", "pad0": "A", "pad1": "B", "pad2": "a/b"}
+    answer = served.client.post(f"{path}/answers", json={"answers": several})
+    assert answer.status_code == 422
+    assert "a/b" in answer.json()["error"]["text"]
+    state = served.get(path)
+    assert (state["stage"], state["questions"]) == ("asking", asked)
+    served.post(f"{path}/answers", {"answers": several | {"pad2": "A"}})
+    assert served.until(session, "preparing", "ready", "failed")["pads"] == ["A", "B"]
+    assert served.client.post(f"{path}/specimens", json={"pad_from": "A"}).status_code == 409
+    assert served.client.post(f"{path}/answers", json={"answers": several}).status_code == 409
+
+
+def test_a_second_question_keeps_the_answer_to_the_first(served):
+    """The contact of two tests that begin in it, and then their pads."""
+    session = served.upload(("a.txt", mach_1_blocks(pressed(approach=-0.3))))
+    path = f"/api/s/{session}"
+    first = served.until(session, "asking", "failed")["questions"]
+    assert [one["name"] for one in first["ask"]] == ["contact"]
+    served.post(f"{path}/answers", {"answers": {"contact": "file"}})
+    served.until(session, "asking", "failed")
+    second = served.get(path)["questions"]
+    assert second["kind"] == "specimens"
+    served.post(f"{path}/answers", {"answers": {"specimens": "one"}})
+    assert served.until(session, "preparing", "ready", "failed")["pads"] == ["pad"]
 
 
 def test_a_name_is_never_a_path(served, tmp_path):

@@ -152,7 +152,7 @@ def test_several_files_several_pads_and_their_clock(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--pad", "A,B"], "--pad names 2 pads and there are 1 files"),
+        (["--pad", "A,B"], "--pad names 2 pads; the number of files is 1, that of tests 1 (pad B)"),
         (["--test", "a,b"], "--test names 2 tests and there are 1 (pad B)"),
         (["--pad", "a/b"], "the name 'a/b' cannot be used; write it as 'a-b'"),
         (["--sign", "down"], "no sign 'down'; use one of none, displacement, force, both"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.endtoend import call, one_line
 from support.exported_pad import exported
-from support.machine_files import Pressed, _workbook, pressed
+from support.machine_files import Pressed, pressed, workbook
 
 from qlvbayes.comparison.side import Side, unheld_times
 from qlvbayes.fitting.fit import separated_start
@@ -18,7 +18,7 @@ from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.contact import find_contact, is_dead
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.naming import is_mean
+from qlvbayes.io.formats.naming import is_mean, pad_in, pattern_of, suggested_pattern
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.covered import Covered
@@ -216,19 +216,6 @@ def test_a_strain_in_per_cent_is_no_displacement(tmp_path):
     assert found.displacement[-1] == pytest.approx(0.39)
 
 
-SHEETS = ("Temps d'essai", "Allongement", "Force standard")
-
-
-def workbook(path, titles, above=()):
-    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
-    head = [list(SHEETS), ["s", "mm", "N"]]
-    path.write_bytes(
-        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
-                   for title in titles})
-    )  # fmt: skip
-    return path
-
-
 @pytest.mark.parametrize(
     "mean", ["Eprouvette moyenne", "Mittelwert", "media", "Probeta media", "Mean 2"]
 )
@@ -250,10 +237,37 @@ def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
     assert [(t.pad, t.test) for t in found.tests] == [("AA", "AA1"), ("AA", "AA2"), ("BB", "BB1")]
     assert not found.remarks
     assert "--pad-from" in convert([path]).remarks[0]
+    by_name = convert([path], Answers.of(pads=("AA", "AA", "BB")))
+    assert [test.pad for test in by_name.tests] == [test.pad for test in found.tests]
+    assert [test.zero for test in by_name.tests] == [test.zero for test in found.tests]
+    assert not by_name.remarks
     with pytest.raises(InputError, match="finds nothing in the name 'AA1'"):
         convert([path], Answers.of(pad_from="x+"))
-    with pytest.raises(InputError, match="is no pattern"):
-        Answers.of(pad_from="(")
+    for none in ("(", "a{99999999999}", "(" * 5000):
+        with pytest.raises(InputError, match="is no pattern"):
+            Answers.of(pad_from=none)
+    with pytest.raises(InputError, match="names 2 pads; the number of files is 1, that of tests 3"):
+        convert([path], Answers.of(pads=("AA", "BB")))
+    with pytest.raises(InputError, match="differ in upper and lower case only"):
+        convert([path], Answers.of(pads=("AA", "aa", "BB")))
+
+
+@pytest.mark.parametrize(
+    ("names", "pads"),
+    [
+        (["AA1", "AA2", "BB1"], ["AA", "AA", "BB"]),
+        (["P1_slow", "P1_fast", "P2_slow"], ["P1", "P1", "P2"]),
+        (["pad 1 - slow", "pad 1 - fast", "pad 2 - slow"], ["pad 1", "pad 1", "pad 2"]),
+        (["Specimen 1", "Specimen 2"], ["Specimen 1", "Specimen 2"]),
+    ],
+)
+def test_a_pattern_is_suggested_for_the_names_of_a_file(names, pads):
+    pattern = pattern_of(suggested_pattern(names))
+    assert [pad_in(name, pattern) for name in names] == pads
+
+
+def test_no_pattern_is_suggested_where_no_folder_could_be_so_named():
+    assert suggested_pattern(["/", "."]) == ""
 
 
 def rheometer(intervals=1):

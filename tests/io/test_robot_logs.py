@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 from support.endtoend import call, one_line
-from support.machine_files import EPOCH, pressed, ros_table, ros_table_plain, rosbag_joints
+from support.machine_files import (
+    EPOCH,
+    pressed,
+    ros_table,
+    ros_table_plain,
+    rosbag_1_joints,
+    rosbag_joints,
+)
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats import namedarrays
@@ -115,16 +122,21 @@ def test_a_bag_without_its_library_is_refused_with_the_command_that_installs_it(
         RosBag.read(tmp_path / "a.mcap")
 
 
-def test_a_damaged_bag_is_refused_in_one_line(tmp_path):
-    path = bag(tmp_path, rosbag_joints)
+ROS_1_AND_2 = pytest.mark.parametrize("made", [rosbag_1_joints, rosbag_joints])
+
+
+@ROS_1_AND_2
+def test_a_damaged_bag_is_refused_in_one_line(tmp_path, made):
+    path = bag(tmp_path, made)
     path.write_bytes(path.read_bytes()[:20_000])
     status, _, err = call("look", path, "-o", tmp_path / "out")
     assert status == 2
     assert "cut off, damaged" in one_line(err)
 
 
-def test_a_joint_may_turn_or_slide_so_that_its_unit_is_asked(tmp_path):
-    path = bag(tmp_path, rosbag_joints)
+@ROS_1_AND_2
+def test_a_joint_may_turn_or_slide_so_that_its_unit_is_asked(tmp_path, made):
+    path = bag(tmp_path, made)
     with pytest.raises(UnsureError, match="unit"):
         convert([path])
     (test,) = convert([path], Answers.of(units="s,m,N")).tests

@@ -186,6 +186,20 @@ def testxpert_excel(test):
     return _workbook({"Ergebnisse": results, "Probe 1": head + table, "Mittelwertprobe": mean})
 
 
+FRENCH = ("Temps d'essai", "Allongement", "Force standard")
+
+
+def workbook(path, titles, above=()):
+    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
+    head = [list(FRENCH), ["s", "mm", "N"]]
+    """A French workbook of testXpert: a sheet with the same test for each title."""
+    path.write_bytes(
+        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
+                   for title in titles})
+    )  # fmt: skip
+    return path
+
+
 def testxpert_excel_english(test):
     table = _columns(test, -1, -1).tolist()
     head = [["Test time [s]", "Standard travel [mm]", "Standard force [N]"]]
@@ -496,32 +510,40 @@ def ros_table_plotjuggler(test):
     return (head + "".join(row for _, row in sorted(rows))).encode()
 
 
-def _bag(test, plugin, suffix, *, joints=False):
+def _bag(test, suffix, *, joints=False):
     """A bag of a wrench and of a pose, or of two joints; with the files' own definitions."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.LATEST)
-    kinds = store.types
+    first = suffix == ".bag"  # of ROS 1, whose headers count the messages too
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.LATEST)
+    kinds, serialized = store.types, store.serialize_ros1 if first else store.serialize_cdr
 
     def header(time):
         sec, fine = divmod(EPOCH * 10**9 + round(1e9 * time), 10**9)
         stamp = kinds["builtin_interfaces/msg/Time"](sec, fine)
-        return kinds["std_msgs/msg/Header"](stamp, "tool0")
+        return kinds["std_msgs/msg/Header"](*([0] if first else []), stamp, "tool0")
 
     def vector(kind, z):
         return kinds[f"geometry_msgs/msg/{kind}"](0.01 * z, 0.0, z)
 
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "bag"
-        with Writer(path, version=9, storage_plugin=StoragePlugin[plugin]) as bag:
+        path = Path(folder) / f"bag{suffix}"
+        if first:
+            writer = rosbag1.Writer(path)
+        else:
+            plugin = (
+                rosbag2.StoragePlugin.MCAP if suffix == ".mcap" else rosbag2.StoragePlugin.SQLITE3
+            )
+            writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
+        with writer as bag:
 
             def topic(name, kind, messages):
                 link = bag.add_connection(name, kind, typestore=store)
                 for time, fields in messages:
                     message = kinds[kind](header(time), *fields)
                     received = EPOCH * 10**9 + round(1e9 * time) + 2_000_000  # 2 ms later
-                    bag.write(link, received, store.serialize_cdr(message, kind))
+                    bag.write(link, received, serialized(message, kind))
 
             wrench = kinds["geometry_msgs/msg/Wrench"]
             loads = (
@@ -543,19 +565,27 @@ def _bag(test, plugin, suffix, *, joints=False):
             else:
                 poses = ((t, [pose(vector("Point", 1e-3 * d), still)]) for t, d in posed)
                 topic("/tool", "geometry_msgs/msg/PoseStamped", poses)
-        return next(path.glob(f"*{suffix}")).read_bytes()
+        return (path if first else next(path.glob(f"*{suffix}"))).read_bytes()
 
 
 def rosbag_mcap(test):
-    return _bag(test, "MCAP", ".mcap")
+    return _bag(test, ".mcap")
 
 
 def rosbag_sqlite(test):
-    return _bag(test, "SQLITE3", ".db3")
+    return _bag(test, ".db3")
+
+
+def rosbag_1(test):
+    return _bag(test, ".bag")
 
 
 def rosbag_joints(test):
-    return _bag(test, "MCAP", ".mcap", joints=True)
+    return _bag(test, ".mcap", joints=True)
+
+
+def rosbag_1_joints(test):
+    return _bag(test, ".bag", joints=True)
 
 
 FIXTURES = (
@@ -594,6 +624,7 @@ FIXTURES = (
     Fixture("ros-table", "c.csv", ros_table_plotjuggler),
     Fixture("rosbag", "a.mcap", rosbag_mcap, needs="rosbags"),
     Fixture("rosbag", "b.db3", rosbag_sqlite, needs="rosbags"),
+    Fixture("rosbag", "c.bag", rosbag_1, needs="rosbags"),
     Fixture("two-clocks", "a.csv", two_clocks),
     Fixture("two-clocks", "b.csv", two_clocks_tidy, (1, -1)),
 )

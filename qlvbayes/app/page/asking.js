@@ -5,32 +5,47 @@ import { report } from "./report.js";
 import { Loops } from "./loops.js";
 import { TimeChart } from "./timechart.js";
 import { plain } from "./numbers.js";
+import { specimens } from "./specimens.js";
 
 export function ask(session) {
   const { questions } = session.store.now, host = at("#asking");
   const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
-  const fields = questions.ask.map((one) => field(one));
+  const { title, fields, below, given, shown } = questions.kind === "specimens" ? specimens(session, questions) : unknown(questions);
+  const read = el("button", { type: "submit", class: "main" }, "Read it so");
   const send = async (event) => {
     event.preventDefault();
     wrong.hidden = true;
+    read.disabled = true;
     try {
-      await post(`${session.path}/answers`, { answers: answersOf(host, questions.ask) });
+      const answers = await given();
+      if (!answers) return;
+      session.store.set({ busy: "Reading …" });
+      await post(`${session.path}/answers`, { answers });
+      host.hidden = true; // another question is then asked anew
       await session.refresh();
     } catch (refusal) {
       if (!refusal.told) throw refusal;
       wrong.textContent = refusal.message;
       wrong.hidden = false;
+    } finally {
+      read.disabled = false;
+      session.store.set({ busy: null });
     }
   };
-  const curves = el("div", { class: "asked-curves" });
   host.replaceChildren(
-    el("h2", {}, `What is what in ${questions.file}?`),
+    el("h2", {}, title),
     el("p", {}, questions.text),
-    el("form", { onsubmit: send }, el("div", { class: "fields" }, fields), wrong,
-      el("div", { class: "controls" }, el("button", { type: "submit", class: "main" }, "Read it so"), el("a", { href: "/" }, "Open something else"))),
-    table(questions.rows), curves);
-  if (questions.curves) draw(curves, questions.curves);
-  fields[0]?.querySelector("select, input")?.focus();
+    el("form", { onsubmit: send }, fields, wrong, el("div", { class: "controls" }, read, el("a", { href: "/" }, "Open something else"))),
+    ...below);
+  shown(); // once the curves have a width
+  host.querySelector("select, input:checked, input:not([type=radio])")?.focus();
+}
+
+/** A field for each thing that is open, above the first rows and the curves. */
+function unknown({ file, ask: asked, rows, curves }) {
+  const fields = el("div", { class: "fields" }, asked.map((one) => field(one)));
+  const drawn = el("div", { class: "asked-curves" });
+  return { title: `What is what in ${file}?`, fields: [fields], below: [table(rows), drawn], given: () => answersOf(fields, asked), shown: () => curves && draw(drawn, curves) };
 }
 
 function field({ name, text, choices, value, optional }) {

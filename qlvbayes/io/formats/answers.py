@@ -8,6 +8,7 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.machineunits import named_units
+from qlvbayes.io.formats.naming import pattern_of
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
 """Which columns change sign, with the factors of displacement and force."""
@@ -28,7 +29,9 @@ class Answers:
         Units of time, displacement and force.
     area
         The specimen's area (mm2).
-    pads, tests
+    pads
+        One name for all, one a file, or one a test.
+    tests
         Their names.
     pad_from
         The pattern that finds a pad's name in a test's own.
@@ -66,7 +69,7 @@ class Answers:
         if pad_from is not None and pads:
             remedy = "give one of them"
             raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
-        pattern = None if pad_from is None else _pattern(pad_from)
+        pattern = None if pad_from is None else pattern_of(pad_from)
         return cls(sign, position, named, area, pads, tests, pattern)
 
 
@@ -86,14 +89,6 @@ class UnsureError(InputError):
         """Return the same error for a command that lacks the option, naming one that has it."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
-
-
-def _pattern(text: str) -> re.Pattern[str]:
-    try:
-        return re.compile(text)
-    except re.error as error:
-        remedy = "write for example '^[A-Z]+', which finds AA in AA1"
-        raise InputError(f"--pad-from {text!r} is no pattern ({error})", remedy=remedy) from None
 
 
 def _position(text: str) -> float | str:

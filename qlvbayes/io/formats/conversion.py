@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.contact import FirstContact, Signs, find_contact, find_signs, is_dead
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import Unit, unit_of
-from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, tests_of
+from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, pads_of_tests, tests_of
 from qlvbayes.io.formats.recognition import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
 from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
@@ -31,15 +32,17 @@ class Tidied:
     """Hold one test made tidy, and the findings of the conversion, each with its numbers.
 
     ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
-    positive. ``start_s`` is the pad's clock at the first row, where the files state it. ``contact``
-    is the contact that the rise of the force shows, in the file's own zero; ``zero`` was subtracted
-    from the displacement, and ``zero_sd`` is its standard error, where it was measured.
+    positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
+    row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
+    the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
+    standard error, where it was measured.
     """
 
     file: Path
     format: type[AbstractFormat]
     pad: str
     test: str
+    named: str
     units: UnitSystem
     time: Floats
     displacement: Floats
@@ -81,14 +84,26 @@ class Tidied:
 class Conversion:
     """Hold all tests of some files, in one system of units.
 
-    ``faults`` are the errors of files that could not be used; ``remarks`` concern all tests
-    together.
+    ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
+    one file are taken as those of one pad, although nobody has said so.
     """
 
     tests: tuple[Tidied, ...]
     units: UnitSystem
     faults: tuple[InputError, ...] = ()
-    remarks: tuple[str, ...] = ()
+    undivided: bool = False
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Return what concerns all tests together: several of one file may be several specimens."""
+        if not self.undivided:
+            return ()
+        names = ", ".join(test.test for test in _together(self.tests)[:6])
+        return (
+            f"the tests of one file are taken as those of one pad ({names}): if they are several "
+            "specimens, --pad-from REGEX of convert finds the pads' names in the tests', or --pad "
+            "names the pad of each test",
+        )
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -134,20 +149,24 @@ def convert(
     InputError
         A file is of no known layout, damaged, or holds no usable test.
     """
-    pads = pads_of(files, answers.pads)
+    pads = pads_of(files, answers.pads)  # None: one a test
     faults: dict[Path, InputError] = {}
     read: list[_Prepared] = []
-    for file, pad in zip(files, pads, strict=True):
+    for file, pad in zip(files, pads or [""] * len(files), strict=True):
         try:
             kind = recognised(file, kinds)
             read += _usable_tests(file, kind, _read(file, kind), pad, answers)
         except InputError as error:
             faults[file] = error
+    one_by_one = pads is None or bool(answers.tests)  # no test may be left out of those named
+    if pads is None and not faults:
+        own = pads_of_tests([read_one.named for read_one in read], files, answers.pads)
+        read = [read_one.of(pad) for read_one, pad in zip(read, own, strict=True)]
     starts = zeros([read_one.shown for read_one in read], answers)
     for read_one, zero in zip(read, starts, strict=True):
         if isinstance(zero, UnsureError):
             faults.setdefault(read_one.file, zero)
-    if faults and (not without_faulty or len(faults) == len(set(files)) or answers.tests):
+    if faults and (not without_faulty or len(faults) == len(set(files)) or one_by_one):
         raise next(faults[file] for file in files if file in faults)
     stages = [
         _stage(read_one, zero)
@@ -163,19 +182,15 @@ def convert(
         stage.tidied(name, units, clock)
         for stage, name, clock in zip(stages, names, _clocks(stages), strict=True)
     ]
-    return Conversion(tuple(tests), units, tuple(faults.values()), _remarks(tests, answers))
+    said = bool(answers.pads) or answers.pad_from is not None
+    undivided = not said and bool(_together(tests))
+    return Conversion(tuple(tests), units, tuple(faults.values()), undivided)
 
 
-def _remarks(tests: Sequence[Tidied], answers: Answers) -> tuple[str, ...]:
-    """Return a remark that several tests of one file may be several specimens, if that is open."""
-    together = [test for test in tests if sum(o.file == test.file for o in tests) > 1]
-    if not together or answers.pad_from is not None:
-        return ()
-    names = ", ".join(test.test for test in together[:6])
-    return (
-        f"the tests of one file are taken as those of one pad ({names}): if they are several "
-        "specimens, --pad-from REGEX of convert finds the pads' names in the tests'",
-    )
+def _together(tests: Sequence[Tidied]) -> list[Tidied]:
+    """Return the tests of files that hold several."""
+    in_file = Counter(test.file for test in tests)
+    return [test for test in tests if in_file[test.file] > 1]
 
 
 def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
@@ -206,6 +221,16 @@ class _Prepared:
     sampling: Sampling
     dropped: dict[str, int]
     findings: tuple[str, str]  # on the units, on the signs
+
+    @property
+    def named(self) -> str:
+        """Return the test's name in the file, or the file's."""
+        return _name_in(self.file, self.recording)
+
+    def of(self, pad: str) -> _Prepared:
+        """Return the same recording as one of this pad."""
+        stage = (pad, *self.shown.stage[1:])
+        return replace(self, pad=pad, shown=replace(self.shown, stage=stage))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,9 +277,14 @@ class _Stage:
         if sd is not None:
             sd *= self.units.factor_to(units, "displacement")
         return Tidied(
-            self.file, self.kind, self.pad, name, units, self.time, way, load, start, self.signs,
-            self.zero.contact, self.zero.place, sd, self.sampling, self.dropped, self.findings,
+            self.file, self.kind, self.pad, name, _name_in(self.file, self.recording), units,
+            self.time, way, load, start, self.signs, self.zero.contact, self.zero.place, sd,
+            self.sampling, self.dropped, self.findings,
         )  # fmt: skip
+
+
+def _name_in(file: Path, recording: Recording) -> str:
+    return recording.name or file.stem
 
 
 def _usable_tests(
@@ -282,7 +312,7 @@ def _usable_tests(
     for recording in moving:
         own = pad
         if answers.pad_from is not None:
-            own = pad_in(recording.name or file.stem, answers.pad_from)
+            own = pad_in(_name_in(file, recording), answers.pad_from)
         prepared.append(_in_order(file, kind, recording, own, answers))
     prepared[0].dropped.update(dropped)
     return prepared
