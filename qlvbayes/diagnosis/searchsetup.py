@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.diagnosis.prior import Families
@@ -117,7 +118,9 @@ def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
         return experiment.record(experiment.trials)
     posterior = build_posterior(experiment, choices, experiment.trials)
     points = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))
-    return with_zero_errors(posterior, experiment.trials, points[0]).record
+    return with_zero_errors(
+        posterior.record, experiment.trials, posterior.bind(jnp.asarray(points[0]))[0]
+    )
 
 
 def _space(

@@ -39,7 +39,8 @@ def realisations(
 ) -> np.ndarray:
     """Return one realisation of each of F floors at n single readings, (F, n) in N.
 
-    An error of the motion is drawn once for all readings, an error of moments for each reading.
+    An error of the motion is drawn once for all readings, and so is that of the test's zero; an
+    error of moments is drawn for each reading.
     """
     time, unit = np.asarray(samples.first), np.asarray(samples.scale) * np.asarray(samples.weight)
     extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
@@ -51,7 +52,11 @@ def realisations(
     walk = _smooth_walk if floors[0].smooth else _walk
     errors = unit * (white * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
     errors += extra * rng.standard_normal((len(floors), 1))
-    return np.asarray(errors + timing * rng.standard_normal(shape))
+    errors += timing * rng.standard_normal(shape)
+    zero = np.asarray(samples.zero)
+    if zero.any():
+        errors += zero * rng.standard_normal((len(floors), 1))
+    return np.asarray(errors)
 
 
 def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -206,8 +206,10 @@ def separated_start(
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
         fitted = FitResponse(*compiled.response(posterior, points[0]))
-        posterior = with_zero_errors(posterior, trials, points[0])
-        blocks = posterior.record.blocks
+        record = with_zero_errors(
+            posterior.record, trials, posterior.bind(jnp.asarray(points[0]))[0]
+        )
+        posterior, blocks = replace(posterior, record=record), record.blocks
         likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted)
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)

@@ -45,7 +45,7 @@ from qlvbayes.model.noise import Floor
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.record import Blocks
+from qlvbayes.motion.record import Blocks, Record
 
 Array = NDArray[np.float64]
 
@@ -69,19 +69,16 @@ def has_uncertain_zeros(model: Model, trials: Sequence[Trial]) -> bool:
     return measured and not any(isinstance(effect, ContactOffset) for effect in model.effects)
 
 
-def with_zero_errors(posterior: Posterior, trials: Sequence[Trial], theta: Array) -> Posterior:
-    """Return the posterior with what errors of the tests' zeros change at theta (D,).
+def with_zero_errors(record: Record, trials: Sequence[Trial], model: Model) -> Record:
+    """Return the record of some trials with what errors of their zeros change of a model's force.
 
     They count as part of the noise floor: see `Blocks.zero`.
     """
-    model, _, _ = posterior.bind(jnp.asarray(theta))
     if not has_uncertain_zeros(model, trials):
-        return posterior
-    record = posterior.record
+        return record
     sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
     further, nearer = (compiled.beyond_gaps(model, record, sign * sds) for sign in (1.0, -1.0))
-    blocks = replace(record.blocks, zero=0.5 * (further - nearer))
-    return replace(posterior, record=replace(record, blocks=blocks))
+    return replace(record, blocks=replace(record.blocks, zero=0.5 * (further - nearer)))
 
 
 def discrepancy_of(

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.drawn_errors import discrepancy_draws, realisations
-from qlvbayes.fitting.marginal_likelihood import known_floor
+from qlvbayes.fitting.marginal_likelihood import known_floor, with_zero_errors
 from qlvbayes.inference.errors.features import Locations
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
@@ -104,6 +105,9 @@ def predict(
     rng = np.random.default_rng(seed)
     matrix = _drawn(constants, names(posterior), rng)
     forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
+    if isinstance(posterior.noise, Floor):
+        middle = posterior.with_constants(jnp.asarray(matrix.mean(axis=0)))[0]
+        posterior = replace(posterior, record=with_zero_errors(posterior.record, trials, middle))
     noise = _noise(posterior, matrix, rng)
     floor = _floor_draws(experiment, posterior, rng)
     if isinstance(posterior.noise, Floor):
@@ -172,10 +176,16 @@ def _drawn(
 
 
 def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return independent noise (DRAWS, T, B) of single samples, each draw with its own sd."""
-    weight = posterior.record.blocks.weight
+    """Return noise (DRAWS, T, B) of single samples, each draw with its own sd.
+
+    It is independent but for the error of a test's zero.
+    """
+    weight, zero = posterior.record.blocks.weight, np.asarray(posterior.record.blocks.zero)
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
-    return np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+    noise = np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+    if zero.any():
+        noise += zero * rng.standard_normal((len(matrix), len(zero), 1))
+    return noise
 
 
 def _discrepancy(
