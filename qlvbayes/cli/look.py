@@ -36,6 +36,7 @@ from qlvbayes.motion.firstlook import FirstLook, PadSeen, Shown
 from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
 from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
 from qlvbayes.pipeline.looking import look_into
+from qlvbayes.pipeline.source import files_at
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
@@ -43,7 +44,10 @@ _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 @with_groups
 def look_command(
     files: Annotated[
-        list[Path], typer.Argument(help="Measurements: tidy .csv, or as machines write them.")
+        list[Path],
+        typer.Argument(
+            help="Measurements: tidy .csv, or as machines write them; files, or folders of them."
+        ),
     ],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for look.json and the pictures.")
@@ -73,7 +77,7 @@ def look_command(
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """
-    inputs = _read(files, reading)
+    inputs = _read([file for path in files for file in files_at(path)], reading)
     parts, gaps = tuple(use or ()), tuple(leave_out or ())
     if inputs.studies:
         refuse_unknown([pad for one in inputs.studies for pad in one.study.pads], parts, gaps)

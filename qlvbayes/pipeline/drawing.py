@@ -22,9 +22,8 @@ from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.report.page import MOST_ON_A_PAGE
-
-REFERENCES = "paper_table1.csv"
 
 
 def draw_fit(folder: Path, fit: Fit, experiment: Experiment) -> list[Path]:

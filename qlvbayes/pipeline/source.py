@@ -12,8 +12,9 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.units import PAD
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
-from qlvbayes.pipeline.drawing import REFERENCES
 
+REFERENCES = "paper_table1.csv"
+"""File of reference constants, beside the measurements, that is drawn with the pads' own."""
 _UNNAMED = "pad"  # name of a file's only pad where no column names it
 _NO_MEASUREMENTS = {
     ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",
@@ -58,7 +59,7 @@ class Source:
         if len(paths) == 1 and not paths[0].is_dir():
             read = read_measurements(paths[0])
             return cls((paths[0],), _checked_names(read, only), read, shard=part)
-        files = tuple(file for path in paths for file in _files(path))
+        files = tuple(file for path in paths for file in files_at(path))
         _refuse_same_names(files)
         folder = paths[0] if len(paths) == 1 else None
         return cls(files, tuple(only), folder=folder, shard=part)
@@ -153,7 +154,7 @@ def _checked_names(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
     return tuple(study.pad(name).name for name in only)
 
 
-def _files(path: Path) -> list[Path]:
+def files_at(path: Path) -> list[Path]:
     """Return the file, or those files of a folder that may hold measurements."""
     if not path.is_dir():
         return [path]

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
@@ -246,6 +246,7 @@ def _residual(panel: Axes, step: float, exact: float) -> None:
     low, high = panel.get_ylim()
     most = max(-low, high, 1.3 * step, exact)
     panel.set_ylim(-most, most)
+    panel.yaxis.set_major_formatter(StrMethodFormatter("{x:.3g}"))  # no power of ten apart
 
 
 def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis, way: float) -> None:

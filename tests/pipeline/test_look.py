@@ -206,6 +206,15 @@ def test_a_lost_reading_is_counted_and_crossed_out(tmp_path):
     assert np.allclose(crosses[0].get_ydata(), 0.0)
 
 
+def of_a_test_that_begins_in_contact():
+    """Readings that begin after the platen has rested at 0.3 mm for a second."""
+    wait = np.arange(0.0, 1.0, 0.01)
+    time = np.arange(0.0, 3.0, 0.01)
+    depth = np.concatenate([np.full(wait.size, 0.3), 0.3 + np.minimum(time, 1.0) * 0.7])
+    time = np.arange(depth.size) * 0.01
+    return time, depth, force_of(time, depth, 5)
+
+
 def test_a_dead_load_cell_a_late_contact_a_tare_and_a_tear_are_told(tmp_path, plain):
     time, depth, force = pressed((1.0, 2.0, 10.0), wait=1.0)
     quiet = np.random.default_rng(3).normal(0.0, NOISE, time.size)
@@ -213,6 +222,7 @@ def test_a_dead_load_cell_a_late_contact_a_tare_and_a_tear_are_told(tmp_path, pl
         "dead": (time, depth, quiet),
         "late": (time, depth, force_of(time, np.maximum(depth - 0.3, 0.0), 4)),
         "tare": (time, depth, force + 0.2),
+        "in_contact": of_a_test_that_begins_in_contact(),
         "torn": (time, depth, np.where((depth > 0.79) & (time < 1.49), 0.3 * force, force)),
         "good": (time, depth, force),
     }
@@ -223,6 +233,7 @@ def test_a_dead_load_cell_a_late_contact_a_tare_and_a_tear_are_told(tmp_path, pl
     assert "0.2 N" in said["tare"][0]
     assert "from 0.78 mm on" in said["torn"][0]
     assert not said["good"]
+    assert not said["in_contact"]
     assert not plain[0].cautions
 
 
@@ -279,6 +290,16 @@ def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
     assert isinstance(result.exception, InputError)
     assert str(bad) in str(result.exception)
     assert (tmp_path / "out" / "look.json").exists()
+
+
+def test_a_folder_stands_for_its_files(tmp_path):
+    folder = tmp_path / "tests"
+    folder.mkdir()
+    for name in ("one", "two"):
+        write(folder / f"{name}.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
+    result = look(folder, "-o", tmp_path / "out")
+    assert result.exit_code == 0
+    assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/look.json")) == ["one", "two"]
 
 
 def test_a_machine_file_that_leaves_something_open_takes_the_answer_of_convert(tmp_path):

@@ -93,7 +93,7 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
         motion=_motion(trial, experiment.units),
-        contact=None if experiment.units.dimensionless else _contact(trial),
+        contact=None if experiment.units.dimensionless else _contact(experiment, trial),
         at_rest=_at_rest(experiment, trial),
         left_out=trial.left_out.count if trial.left_out is not None else 0,
     )
@@ -152,12 +152,19 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
     )
 
 
-def _contact(trial: Trial) -> ContactSeen | None:
-    """Return where the force begins to rise; None if no approach shows it."""
+def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
+    """Return where the force begins to rise; None if no approach shows it.
+
+    A test that begins beyond the file's zero under a force begins in contact: its force rises where
+    the platen begins to move.
+    """
     if _loaded(_first_ramp(trial) or trial.phases[0]):
         return None
     contact = find_contact(trial.test.displacement, trial.test.force)
     if contact is None or not np.all(np.isfinite([contact.place, contact.sd, contact.force_sd])):
+        return None
+    begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
+    if begun and contact.force > _clear(experiment):
         return None
     return ContactSeen(contact.place, contact.sd, contact.force, float(contact.force_sd))
 
@@ -179,8 +186,12 @@ def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
     if np.count_nonzero(before) < _RESTS:
         return None
     force = float(np.median(test.force[before]))
-    clear = max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
-    return force if abs(force) > clear else None
+    return force if abs(force) > _clear(experiment) else None
+
+
+def _clear(experiment: Experiment) -> float:
+    """Return the force that a load cell at rest clearly does not show."""
+    return max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
 
 
 def _peak_time(trial: Trial) -> float:
