@@ -42,7 +42,7 @@ def realisations(
     An error of the motion is drawn once for all readings, and so is that of the test's zero; an
     error of moments is drawn for each reading.
     """
-    time, unit = np.asarray(samples.first), np.asarray(samples.scale) * np.asarray(samples.weight)
+    time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
     extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
     white, ou, tau = (
         np.array([getattr(floor, name) for floor in floors])[:, None]
@@ -50,7 +50,7 @@ def realisations(
     )
     shape = (len(floors), time.size)
     walk = _smooth_walk if floors[0].smooth else _walk
-    errors = unit * (white * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
     errors += extra * rng.standard_normal((len(floors), 1))
     errors += timing * rng.standard_normal(shape)
     zero = np.asarray(samples.zero)

@@ -176,9 +176,10 @@ class Correlated(AbstractGaussian):
     """Give the force white noise plus an Ornstein-Uhlenbeck process, as a load cell has.
 
     The process has cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman filter, O(B),
-    exact for averages over evenly spaced samples and for uneven gaps between them. Where the noise
-    grows with the force, or sds were measured, it is the same process times ``Blocks.scale`` and
-    ``Blocks.weight``; errors of the motion and of its times add ``Blocks.extra`` and
+    exact for averages over evenly spaced samples and for uneven gaps between them. Measured sds
+    weight the white part only: a correlated part proportional to the data would draw the fit below
+    them (Peelle's puzzle). Noise that grows with the force is the same process times
+    ``Blocks.scale``; errors of the motion and of its times add ``Blocks.extra`` and
     ``Blocks.timing`` once a block.
 
     Parameters
@@ -223,8 +224,8 @@ class Correlated(AbstractGaussian):
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
         """Return the innovations of a Kalman filter, and their variances."""
         links = _links(blocks, self.tau)
-        unit = blocks.scale * blocks.weight
-        white = self.white**2 / blocks.count + (_motion_sd(blocks) / unit) ** 2
+        white = (self.white * blocks.weight) ** 2 / blocks.count
+        white += (_motion_sd(blocks) / blocks.scale) ** 2
 
         def step(state: tuple[Array, Array], block: tuple) -> tuple[tuple[Array, Array], tuple]:
             link, white_variance, value, real = block
@@ -243,9 +244,9 @@ class Correlated(AbstractGaussian):
 
         start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
         _, (errors, spreads) = jax.lax.scan(
-            step, start, (links, white, residual / unit, blocks.real)
+            step, start, (links, white, residual / blocks.scale, blocks.real)
         )
-        errors, spreads = errors * unit, spreads * unit**2
+        errors, spreads = errors * blocks.scale, spreads * blocks.scale**2
         return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
@@ -265,12 +266,12 @@ class Correlated(AbstractGaussian):
 
         start = self.ou * jax.random.normal(jax.random.fold_in(key, 1))
         _, means = jax.lax.scan(step, start, (links, draws.T))
-        white = self.white / jnp.sqrt(blocks.count) * draws[3]
-        return blocks.scale * blocks.weight * (means + white)
+        white = self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
+        return blocks.scale * (means + white)
 
     def sample_sd(self, weight: Array) -> Array:
-        """Return weight times the square root of white^2 + ou^2 (N)."""
-        return jnp.hypot(self.white, self.ou) * weight
+        """Return the square root of (white weight)^2 + ou^2 (N)."""
+        return jnp.hypot(self.white * weight, self.ou)
 
 
 class Floor(AbstractGaussian):
@@ -326,7 +327,7 @@ class Floor(AbstractGaussian):
         return self._alone.draw(key, blocks)
 
     def sample_sd(self, weight: Array) -> Array:
-        """Return weight times the square root of white^2 + ou^2 (N)."""
+        """Return the square root of (white weight)^2 + ou^2 (N)."""
         return self._alone.sample_sd(weight)
 
 

@@ -26,14 +26,13 @@ def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
     cells = {}
     for k, trial in enumerate(samples.trials):
         time, phases = trial.test.time[samples.rows[k]], samples.phases(k)
-        weights = samples.weights[k]
+        white = floor.white * samples.weights[k]
         for kind in KINDS:
             here = phases == kind
             if here.any():
                 gaps = np.abs(time[here][:, None] - time[here])
-                unit = floor.ou**2 * np.exp(-gaps / floor.memory)
-                unit += floor.white**2 * np.eye(len(unit))
-                cells[trial.name, kind] = unit * np.outer(weights[here], weights[here])
+                covariance = floor.ou**2 * np.exp(-gaps / floor.memory)
+                cells[trial.name, kind] = covariance + np.diag(white[here] ** 2)
     level = FALSE_ALARMS / max(len(cells), 1)
     return {cell: _limit(covariance, level) for cell, covariance in cells.items()}
 

@@ -214,7 +214,7 @@ def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.n
     white, ou, tau = floor.white, floor.ou, floor.memory
     apart = np.abs(time[:, None] - time) / tau
     variance = (white * weights) ** 2 + _RIDGE * (white**2 + ou**2)
-    return ou**2 * np.exp(-apart) * np.outer(weights, weights) + np.diag(variance)
+    return ou**2 * np.exp(-apart) + np.diag(variance)
 
 
 def structured(

@@ -120,7 +120,8 @@ class Samples:
 
     def floor(self, k: int) -> Array:
         """Return the sd (n,) of the noise at rest of the samples of test k (N)."""
-        return self.experiment.floor.total * self.weights[k]
+        floor = self.experiment.floor
+        return np.hypot(floor.white * self.weights[k], floor.ou)
 
 
 def _split(rows: Sequence[NDArray[np.intp]], size: int) -> tuple[tuple[NDArray[np.intp], ...], ...]:

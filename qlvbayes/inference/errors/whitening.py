@@ -129,9 +129,8 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
             *(blocks.scale, blocks.extra, blocks.timing, blocks.zero),
         ),
     )
-    unit = scale * weight
-    white = (floor.white * unit) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
-    correlated = floor.ou**2 * np.outer(unit, unit)
+    white = (floor.white * weight * scale) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
+    correlated = floor.ou**2 * np.outer(scale, scale)
     correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
     moving = (extra > 0.0).astype(float)
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
