@@ -334,3 +334,21 @@ def test_what_few_readings_do_not_show_is_as_large_as_the_white_noise():
     found = measure(records, phases)
     assert found.ou == found.white
     assert found.tau == pytest.approx(0.05 * 3 * 6.4, rel=0.01)
+
+
+def test_what_is_open_of_the_floor_is_averaged_over_but_where_sds_were_measured():
+    """In one thinned test the correlated part is open; its variance is a mean over what may be."""
+    rows = np.unique(np.geomspace(1, TIME.size - 1, 150).astype(int))
+    records, phases = pad(np.random.default_rng(1), rows=rows, tests=1)
+    floor = measure(records, phases)
+    floors, weights = floor.likely()
+    assert weights.sum() == pytest.approx(1.0)
+    powers = np.array([one.ou**2 for one in floors])
+    assert floor.expected().ou ** 2 == pytest.approx(weights @ powers)
+    assert powers.max() > 2.0 * powers[weights > 0.0].min()
+    slow = [one.ou**2 * one.tau for one in floors]
+    assert slow == sorted(slow)
+    assert weights[-1] == 0.0  # the slowest
+    sds = [Record(r.time, r.force, np.full(r.time.size, 0.01)) for r in records]
+    given = measure(sds, phases)
+    assert given.likely()[0] == [given]

@@ -28,9 +28,9 @@ class NoiseFloor:
     Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
     noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
     variance of step^2/12 is in ``white``. ``ou`` is 0 where no correlation is seen; ``tau`` is then
-    a neutral tenth of a hold. ``testable``: False where no hold shows whether the noise is
-    correlated; ``notices``: what the reader must know, in words; ``dwells``: the readings behind
-    it, None where there were none.
+    a neutral tenth of a hold. ``weighted_by_sds``: whether each reading has a measured sd.
+    ``testable``: False where no hold shows whether the noise is correlated; ``notices``: what the
+    reader must know, in words; ``dwells``: the readings behind it, None where there were none.
     """
 
     white: float
@@ -40,6 +40,7 @@ class NoiseFloor:
     level: float = 0.0
     step: float = 0.0
     smooth: bool = False
+    weighted_by_sds: bool = False
     testable: bool = True
     notices: tuple[str, ...] = ()
     dwells: Dwells | None = field(default=None, repr=False, compare=False)
@@ -91,8 +92,12 @@ class NoiseFloor:
         """Return floors with weights of sum 1, without the twentieth that has the most slow noise.
 
         Noise slower than the trend of a dwell is next to free. A mean of variances that counted it
-        would be a mean of that alone.
+        would be a mean of that alone. Where readings have measured sds it is this floor alone:
+        these weight the white part only, so that what is open of the correlated part, which was
+        found in readings divided by their sds, is of no known size.
         """
+        if self.weighted_by_sds:
+            return [self], np.ones(1)
         floors, weights = self.weighted(_SPREAD)
         order = np.argsort([one.ou**2 * one.tau for one in floors])
         below = np.minimum(np.cumsum(weights[order]), _KEPT)

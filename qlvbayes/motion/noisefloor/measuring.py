@@ -86,6 +86,7 @@ def measure(
         floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
     else:
         floor = _without_dwells(tests, phases, known, quickest)
+    floor = replace(floor, weighted_by_sds=known == 0.0 < peak)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
