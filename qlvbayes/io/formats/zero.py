@@ -215,11 +215,11 @@ def _at_start(one: OrientedRecording) -> Zero | UnsureError:
         )
     position = float(way[0])
     near = abs(position) <= _NEAR * float(np.ptp(way))
-    where = "the file's own zero" if near else f"the first row, {one.written(position)}"
+    where = "the file's own zero" if near else f"the first row, {one.written(position)} {length}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
     reach = abs(first) / peak * float(way[int(np.argmax(load))] - position)
     finding = (
-        f"contact at {where} {length}: there is no approach, and the first row has "
+        f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {reach:.2g} {length} higher)"
     )
     return Zero(0.0 if near else position, 0.0, finding)
