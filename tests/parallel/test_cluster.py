@@ -140,7 +140,9 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
         )
         assert listener.notices == ["pad A: done", "pad B: done"]
         assert not [path for path in out.iterdir() if path.name.startswith(".shared")]
-        own.workers.wait(60)  # a worker at work keeps its pad's folder locked until it has ended
+        # a worker at work keeps its pad's folder locked until it has ended
+        own.workers.terminate()
+        own.workers.wait(120)
         again = Listener()  # as if the same command were given
         work = [Work(SlowStep(0.0), one.study, one.folder) for one in work]
         run_pads(out, work, size=3, watcher=again)
