@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from qlvbayes.app import columns, specimens
+from qlvbayes.app.sessions import ASKED
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import results_folder, write_whole
@@ -35,7 +36,6 @@ _DAMAGED = (
 )  # fmt: skip
 _MOST_FILES = 10_000  # of a saved session: a pad has about forty
 _AT_ONCE = 2**20  # bytes
-_OPTIONS = ("sign", "contact", "units", "area")  # of ``convert``, that a question asks for
 _KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
 """Suffixes of files that the commands leave in a folder; other files in an archive are ignored."""
 
@@ -89,7 +89,7 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
     """Convert machine files to a tidy file, or return the one question that they leave open."""
-    said = {name: answers[name] for name in _OPTIONS if answers.get(name)}
+    said = {name: answers[name] for name in ASKED if answers.get(name)}
     pads = specimens.pads_of(answers)
     stated = Answers.of(
         said.get("sign"), said.get("contact"), said.get("units"), _number(said.get("area")), pads

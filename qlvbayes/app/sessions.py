@@ -17,8 +17,10 @@ from qlvbayes.app.failures import ErrorContent, refused
 from qlvbayes.io.files import write_json
 
 BENCH = "bench.json"
-CONVERT_OPTIONS = frozenset({"sign", "contact", "units", "area", "pad"})
-"""Options of ``convert`` that a session may have: what its questions ask for."""
+ASKED = ("sign", "contact", "units", "area")
+"""Options of ``convert`` that a question asks for."""
+CONVERT_OPTIONS = frozenset({*ASKED, "pad"})
+"""Those that a session may have."""
 _PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown yet
 
 

@@ -63,10 +63,8 @@ def design_command(
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'predict
     --program') and the figure design.
     """
-    # imported here, so that the help does not wait for them
+    # imported here, so that neither the help nor other commands wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
-
-    # imported here, so that other commands do not wait for JAX
     from qlvbayes.pipeline.designing import design_into
 
     watcher = Terminal(quiet=as_json)

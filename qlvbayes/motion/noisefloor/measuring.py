@@ -78,7 +78,8 @@ def measure(
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
-    known = peak if all(test.force_sd is None for test in tests) else 0.0
+    weighted = any(test.force_sd is not None for test in tests)
+    known = 0.0 if weighted else peak
     quickest = _quickest(phases)
     if dwells:
         floor = _pooled(dwells, known, quickest)
@@ -86,7 +87,7 @@ def measure(
         floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
     else:
         floor = _without_dwells(tests, phases, known, quickest)
-    floor = replace(floor, weighted_by_sds=known == 0.0 < peak)
+    floor = replace(floor, weighted_by_sds=weighted)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
