@@ -8,7 +8,7 @@ draw, burn-in and warm-up included. The other packages are looked for in $PYTHON
 
     pip install --target DIR --no-deps pints==0.6.0 cma tabulate numpyro multipledispatch tqdm \\
         lmfit asteval uncertainties dill dynesty nautilus-sampler scikit-learn joblib cloudpickle \\
-        narwhals
+        narwhals nutpie pyarrow arro3-core zarr obstore
     PYTHONPATH=DIR python benchmarks/others.py            # prints the section; --short tries it
 """
 
@@ -136,7 +136,29 @@ def blackjax_nuts(p):
         return jax.lax.scan(one, state, jax.random.split(second, kept))[1]
 
     keys = jax.random.split(jax.random.key(p.seed), 4)
-    return np.asarray(jax.vmap(chain)(keys, jnp.asarray(p.starts[:4])))
+    # one after the other: side by side each step would take as long as the longest of four
+    return np.asarray([chain(key, start) for key, start in zip(keys, p.starts[:4], strict=True)])
+
+
+def nutpie_nuts(p):
+    import nutpie
+    from nutpie.compiled_pyfunc import from_pyfunc
+
+    density = jax.jit(jax.value_and_grad(p.posterior.log_density))
+    size = p.starts.shape[1]
+
+    def log_density(theta):
+        value, slope = density(theta)
+        return float(value), np.asarray(slope)
+
+    model = from_pyfunc(
+        size, lambda: log_density, lambda *_: lambda theta: {"theta": theta},
+        [np.dtype(float)], [(size,)], ["theta"],
+        make_initial_point_fn=lambda seed: p.starts[seed % len(p.starts)],
+    )  # fmt: skip
+    trace = nutpie.sample(model, draws=p.steps(_KEPT), tune=p.steps(_WARM), chains=4, cores=2,
+                          seed=p.seed, progress_bar=False)  # fmt: skip
+    return np.asarray(trace.posterior["theta"])
 
 
 SAMPLERS = {
@@ -145,6 +167,7 @@ SAMPLERS = {
     "PINTS, adaptive covariance, numpy": pints_haario,
     "numpyro NUTS on qlvbayes' density": numpyro_nuts,
     "blackjax NUTS on qlvbayes' density": blackjax_nuts,
+    "nutpie NUTS on qlvbayes' density": nutpie_nuts,
 }
 
 
@@ -351,7 +374,16 @@ def _least_squares(share):
 
 def _versions():
     known = []
-    for name in ("emcee", "pints", "numpyro", "blackjax", "nautilus-sampler", "dynesty", "jax"):
+    for name in (
+        "emcee",
+        "pints",
+        "numpyro",
+        "blackjax",
+        "nutpie",
+        "nautilus-sampler",
+        "dynesty",
+        "jax",
+    ):
         try:
             known.append(f"{name} {version(name)}")
         except PackageNotFoundError:

@@ -14,6 +14,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.bluehill_3 import BluehillThree
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
+from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conformance import FormatError, check_format
 from qlvbayes.io.formats.contact import find_contact, find_signs
 from qlvbayes.io.formats.conversion import convert
@@ -376,3 +377,8 @@ def test_a_million_rows_take_less_than_two_seconds(tmp_path):
     (test,) = convert([path]).tests
     assert time.process_time() - start < 2.0
     assert len(test.time) > 990_000
+
+
+def test_a_piece_of_a_file_without_separators_is_no_header():
+    assert split_header("Force_" + 50 * "of_the_cell_" + "N")[1] == ""
+    assert split_header("Force_of_the_cell_N") == ("Force_of_the_cell", "N")

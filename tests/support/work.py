@@ -40,7 +40,7 @@ def always_killed(number):
 
 
 def lasting(number):
-    os.write(1, b"begun\n")  # at once: processes that print into one pipe mix their words and line ends
+    os.write(1, b"begun\n")  # in one piece, as two processes share the pipe
     time.sleep(600.0)
 
 

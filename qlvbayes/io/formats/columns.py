@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
@@ -62,6 +63,7 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
 # Words of a strain that testing machines also write above a length: the unit decides.
 _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
@@ -76,8 +78,11 @@ class NamedColumn:
     unit: str
 
 
+@lru_cache  # each layout asks for the same cells
 def split_header(cell: str) -> tuple[str, str]:
     """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N' or 'Load [kN]'."""
+    if len(cell) > _LONGEST:
+        return cell.strip(), ""
     patterns = (r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]", r"(.*),\s*([^,\s]+)", r"(.+)_([^_\s]+)")
     for pattern in patterns:
         if match := re.fullmatch(pattern, cell.strip()):
@@ -87,9 +92,10 @@ def split_header(cell: str) -> tuple[str, str]:
     return cell.strip(), ""
 
 
+@lru_cache
 def plain_name(name: str) -> str:
     """Return a name in lower case, without accents and marks: 'Prüfzeit' -> 'prufzeit'."""
-    letters = unicodedata.normalize("NFKD", name.lower())
+    letters = unicodedata.normalize("NFKD", name[:_LONGEST].lower())
     text = "".join(letter for letter in letters if not unicodedata.combining(letter))
     return re.sub(r"[^a-z0-9%]+", " ", text).strip()
 
