@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -39,11 +40,18 @@ class Served:
 
     def __init__(self, process, address):
         place = urlsplit(address)
-        self.process = process
+        self.process, self.address = process, address
         self.token = parse_qs(place.query)["token"][0]
         self.base = f"http://{place.netloc}"
         headers = {"Authorization": f"Bearer {self.token}", "X-Qlvbayes": "1"}
         self.client = httpx.Client(base_url=self.base, headers=headers, timeout=PATIENCE)
+
+    @contextlib.contextmanager
+    def another_client(self):
+        """The same server, asked over connections of one's own."""
+        other = Served(self.process, self.address)
+        with other.client:
+            yield other
 
     def get(self, path):
         return self.client.get(path).raise_for_status().json()
@@ -264,6 +272,34 @@ def test_curves_are_those_of_the_public_api(served, opened, two):
         np.testing.assert_allclose(force, bench.samples.observed[k], rtol=1e-5, atol=1e-12)
     assert {cell["phase"] for cell in found["cells"]} == {"ramp", "hold", "unload", "recovery"}
     assert all(cell["words"].startswith("The model is") for cell in found["cells"])
+
+
+def test_five_users_at_once_each_get_their_own(served, opened, two):
+    """User k brings the forces k times as large, and so are the answers."""
+    head, *rows = two.read_text().splitlines()
+    force = head.split(",").index("force_N")
+
+    def measurements(factor):
+        cells = (row.split(",") for row in rows)
+        scaled = ([*c[:force], repr(factor * float(c[force])), *c[force + 1 :]] for c in cells)
+        return "\n".join([head, *map(",".join, scaled)]).encode()
+
+    def asked(factor):
+        with served.another_client() as user:
+            session = user.upload((f"user{factor}.csv", measurements(factor)))
+            begun = user.until(session, "ready", "failed")["pad"]["C"]["history"][0]
+            model = {key: begun[key] for key in ("elastic", "relaxation", "effects", "values")}
+            pad = f"/api/s/{session}/pads/C"
+            return user.post(f"{pad}/curves", model)["rmse"], user.get(f"{pad}/measured")
+
+    measured = served.get(f"/api/s/{opened}/pads/C/measured")
+    single = asked(1)[0]
+    with ThreadPoolExecutor(5) as users:
+        answers = list(users.map(asked, range(1, 6)))
+    for factor, (rmse, own) in enumerate(answers, start=1):
+        assert rmse == pytest.approx(factor * single, rel=1e-6)
+        for test, first in zip(own["tests"], measured["tests"], strict=True):
+            np.testing.assert_allclose(test["force"], factor * np.array(first["force"]), rtol=1e-4)
 
 
 def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
