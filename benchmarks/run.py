@@ -15,11 +15,12 @@ import c_steps
 import density
 import diagnosis
 import force
+import many
 import others
 import pieces
 import shell
 import stepping
-from timing import in_new_process
+from timing import QLVBAYES, command_s, in_new_process
 
 
 def main():
@@ -33,6 +34,7 @@ def main():
         others.section,
         shell_section,
         diagnosis_section,
+        many_section,
     ):
         print(section.__name__, file=sys.stderr)
         parts.append(section())
@@ -169,11 +171,13 @@ Correlated noise takes {ratio:.1f} times as long as white noise at 32 walkers.
 
 def shell_section():
     cold, warm = shell.shell_times()
+    words = command_s([QLVBAYES, "--help"], "build/cache")
     rows = _rows(in_new_process(Path(shell.__file__)))
     return f"""## `qlvbayes fit` of one pad from the shell
 
-Cold (nothing compiled before): **{cold:.1f} s**; with a warm compile cache: **{warm:.1f} s**. Where
-the time goes in a warm process (then follow the summary and the results file):
+Cold (nothing compiled before): **{cold:.1f} s**; with a warm compile cache: **{warm:.1f} s**;
+`qlvbayes --help`: **{words:.2f} s**. Where the time goes in a warm process (then follow the summary
+and the results file):
 
 | part | s |
 |---|---:|
@@ -205,8 +209,23 @@ process with nothing compiled before, without figures:
 """
 
 
+def many_section():
+    rows = _rows(in_new_process(many.__file__))
+    return f"""## Many pads on two cores
+
+A folder of simulated pads of three tests each, a file a pad, by `--jobs 1` and `--jobs 2` from the
+shell, one thread a process, with a warm compile cache. Starting a process and loading what is
+compiled is part of the time of each.
+
+| command | pads | one process s | two s | times as fast |
+|---|---:|---:|---:|---:|
+{rows}
+"""
+
+
 def _rows(printed):
-    return "\n".join("| {} | {} |".format(*line.split("\t")) for line in printed.splitlines())
+    rows = (" | ".join(line.split("\t")) for line in printed.splitlines())
+    return "\n".join(f"| {row} |" for row in rows)
 
 
 if __name__ == "__main__":
