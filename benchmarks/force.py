@@ -5,7 +5,7 @@ import sys
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rivals import lfilter_force
+from rivals import by_convolution, by_fft, by_lfilter, qlv_force
 from timing import call_ms, in_new_process, peak_mb
 
 from qlvbayes import Model, Motion
@@ -13,6 +13,8 @@ from qlvbayes.laws import Exponential, Prony
 from qlvbayes.simulate import PAPER_RATES, TABLE_1, Platen, paper_protocol
 
 LENGTHS = (10_000, 100_000, 1_000_000, 10_000_000)
+RIVALS = {by_lfilter: 10_000_000, by_fft: 10_000_000, by_convolution: 100_000}
+"""How the fading of the past is summed, and up to how many samples that is waited for."""
 
 
 def pad_model():
@@ -33,32 +35,52 @@ def full_record():
     return np.broadcast_to(time, depth.shape).copy(), depth
 
 
+def pad_constants():
+    pad = TABLE_1["B"]
+    return pad.m, pad.b, np.array(pad.c), np.array(pad.v)
+
+
 def against_lfilter():
     time, depth = full_record()
-    pad = TABLE_1["B"]
-    constants = (pad.m, pad.b, np.array(pad.c), np.array(pad.v))
+    constants = pad_constants()
     zero = jnp.zeros_like(depth)
     motion = Motion(jnp.asarray(time), jnp.asarray(depth), zero, zero, jnp.zeros(len(depth)))
     model = pad_model()
-    ours, rival = call_ms(force, model, motion), call_ms(lfilter_force, constants, time, depth)
+    ours, rival = call_ms(force, model, motion), call_ms(qlv_force, constants, time, depth)
     # where contact is lost the pad cannot pull, which the rival's bare law does not know
-    expected = np.maximum(lfilter_force(constants, time, depth), 0.0)
+    expected = np.maximum(qlv_force(constants, time, depth), 0.0)
     error = float(np.max(np.abs(np.asarray(force(model, motion)) - expected)))
     return depth.size, ours, rival, error
 
 
 def growth():
-    """(samples, ms, ns a sample, peak MB) for each length, each in its own process."""
+    """(samples, ms, ns a sample, peak MB, ms of each rival) of each length, in its own process.
+
+    A rival that would take minutes is nan.
+    """
     rows = []
     for length in LENGTHS:
-        taken, peak = map(float, in_new_process(__file__, length).split())
-        rows.append((length, taken, 1e6 * taken / length, peak))
+        taken, peak, *others = map(float, in_new_process(__file__, length).split())
+        rows.append((length, taken, 1e6 * taken / length, peak, *others))
     return rows
+
+
+def rivals_ms(constants, time, depth):
+    """Milliseconds of each of RIVALS."""
+    return [
+        call_ms(qlv_force, constants, time, depth, rival, repeats=3)
+        if depth.size <= most
+        else np.nan
+        for rival, most in RIVALS.items()
+    ]
 
 
 if __name__ == "__main__":
     count = int(sys.argv[1])
     t = jnp.arange(count)[None] * 1e-3
     zero = jnp.zeros_like(t)
-    one = Motion(t, 0.8 * (1.0 - jnp.cos(t)), zero, zero, jnp.zeros(1))
-    print(call_ms(force, pad_model(), one, repeats=5), peak_mb())
+    depth = 0.8 * (1.0 - jnp.cos(t))
+    one = Motion(t, depth, zero, zero, jnp.zeros(1))
+    taken, peak = call_ms(force, pad_model(), one, repeats=5), peak_mb()
+    rivals = rivals_ms(pad_constants(), np.asarray(t), np.asarray(depth))
+    print(taken, peak, *rivals)

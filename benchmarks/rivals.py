@@ -2,11 +2,26 @@
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import fftconvolve, lfilter
 
 
-def lfilter_force(constants, time, depth):
-    """QLV force of evenly sampled records (T, N) by one scipy.signal.lfilter a mode and test."""
+def by_lfilter(source, decay):
+    """Sums (N,) of all sources so far, each faded by decay a step, by recursion."""
+    return lfilter([1.0], [1.0, -decay], source)
+
+
+def by_fft(source, decay):
+    """The same as a convolution by fast Fourier transforms."""
+    return fftconvolve(source, decay ** np.arange(source.size))[: source.size]
+
+
+def by_convolution(source, decay):
+    """The same as a plain convolution: N^2 products."""
+    return np.convolve(source, decay ** np.arange(source.size))[: source.size]
+
+
+def qlv_force(constants, time, depth, faded=by_lfilter):
+    """QLV force of evenly sampled records (T, N), by one convolution a mode and test."""
     m, b, c, v = constants
     step = time[0, 1] - time[0, 0]
     out = np.empty_like(depth)
@@ -18,7 +33,7 @@ def lfilter_force(constants, time, depth):
             x = b * travel + rate * step
             ratio = np.where(x != 0.0, np.expm1(x) / np.where(x == 0.0, 1.0, x), 1.0)
             source = m * travel * grown[:-1] * np.exp(-rate * step) * ratio
-            force[1:] += share * lfilter([1.0], [1.0, -np.exp(-rate * step)], source)
+            force[1:] += share * faded(source, np.exp(-rate * step))
         out[k] = force
     return out
 
