@@ -97,14 +97,19 @@ def test_registered_runs_make_their_old_studies_again(run):
     registered = Registration.read(run)
     published = Path(registration.ROOT / "docs" / f"wide_{run}.json")
     cases = json.loads(published.read_text())["cases"]
+    for case in cases:
+        item = registered.population.item(case["index"])
+        assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
     quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
-    assert registered.population == Population(registered.seed)
+    assert not registered.population.disturbed
     assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
 
 
 def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
     new = Registration.of_present("some", 1, 5)
     assert new.population == Population(1, disturbed=True)
+    later = replace(new, lists=new.lists | {"forms": new.lists["forms"][:-1]})
+    assert later.population.key != new.population.key
     assert new.strata["record"] == list(RECORDS)
     assert not new.broken()
     old = Registration.read("bounds")
