@@ -169,6 +169,7 @@ _FORMS: dict[str, Callable[[dict[str, float], Rig], _Own]] = {
     ),
     "saturating_drift": _drift,
     "channel_low_pass": lambda p, rig: _Own("spreading_lag", {"delay": p["time"], "spread": 1.0}),
+    "adhesion_at_a_stretch": lambda p, rig: _Own("adhesion_at_a_stretch", p),
 }
 """The nearest effect of the package to every form of the simulator, by its constants."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.adhesion_at_a_stretch import AdhesionAtAStretch
 from qlvbayes.effects.backlash import Backlash
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conditioning import Conditioning
@@ -73,6 +74,7 @@ FORMS: tuple[type[AbstractEffect], ...] = (
     LevellingLeak,
     PressureFriction,
     GradualContact,
+    AdhesionAtAStretch,
     StiffeningFrame,
     LevellingDrift,
     SpreadingLag,

@@ -68,6 +68,7 @@ PARAMETERS = {
     "bending_frame": {"compliance": 0.05, "force": 1.0},
     "saturating_drift": {"offset": 0.1, "time": 100.0},
     "channel_low_pass": {"time": 0.003},
+    "adhesion_at_a_stretch": {"strength": 0.08, "stretch": 0.1},
     "slip": {"share": 0.1, "seed": 3},
     "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
     "ringing": {"amplitude": 0.05, "frequency": 10.0, "decay": 0.3},

@@ -60,6 +60,7 @@ FORMS = _by_name(
     forms.BendingFrame,
     forms.SaturatingDrift,
     forms.ChannelLowPass,
+    forms.AdhesionAtAStretch,
 )
 """Other forms of the listed effects; `family` names which."""
 
