@@ -26,8 +26,12 @@ class Lists:
     outside: tuple[str, ...]
 
 
-PRESENT = Lists(tuple(HIDDEN), (*FORMS, *FOREIGN), (*OUTSIDE, *FURTHER))
-"""All that the simulator can hide."""
+PRESENT = Lists(
+    tuple(name for name, kind in HIDDEN.items() if not kind.slides),
+    (*FORMS, *FOREIGN),
+    (*OUTSIDE, *FURTHER),
+)
+"""All that the simulator can hide in a pad that lies loose, as those of the population do."""
 
 FIRST = Lists(
     (

@@ -54,6 +54,7 @@ EFFECTS = {
     "power_law_drainage": (0.2, 0.5, 0.6, 2.0, 1.6),
     "thixotropy": (0.2, 0.7, 0.4),
     "second_contact": (0.3, 0.5),
+    "interface_slip": (0.08,),
     "backlash": (0.03,),
     "load_cell_creep": (0.05, 0.6),
 }

@@ -34,11 +34,13 @@ HIDDEN = _by_name(
     pad_effects.FluidPressure,
     pad_effects.Friction,
     pad_effects.SecondContact,
+    contact_effects.InterfaceSlip,
     contact_effects.PermanentSet,
     contact_effects.ContactOffset,
     contact_effects.Backlash,
     contact_effects.Adhesion,
     contact_effects.FrameCompliance,
+    sensor_effects.FrameRinging,
     sensor_effects.Inertia,
     sensor_effects.ForceOffset,
     sensor_effects.ForceDrift,
@@ -67,7 +69,6 @@ FORMS = _by_name(
 OUTSIDE = _by_name(
     outside.Slip,
     outside.TemperatureSwing,
-    outside.Ringing,
     outside.Rezeroed,
     outside.SlowCreepJump,
     outside.SensorNonlinearity,
@@ -83,6 +84,7 @@ FOREIGN = _by_name(
     foreign.RootLeak,
     foreign.OneWayFriction,
     foreign.HealingSoftening,
+    outside.Ringing,
 )
 """Forms of listed effects that no form of the diagnosis was written with in view."""
 

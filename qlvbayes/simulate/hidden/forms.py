@@ -313,10 +313,6 @@ class AdhesionAtAStretch(Adhesion):
 
     stretch: float
 
-    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """Leave the pad at its own surface while the platen is off it."""
-        return np.maximum(depth, 0.0), np.where(depth < 0.0, 0.0, velocity)
-
     def kinks(self, largest: Array) -> Array:
         """Return where ligaments begin to pull, pull most, and are torn."""
         return self.stretch * np.array([0.0, -0.8, -1.0, -1.2])

@@ -124,6 +124,7 @@ class Ringing(Effect):
         shape=lambda x: {"frequency": x.spread(5.0, 20.0), "decay": x.spread(0.1, 0.5)},
     )
     order: ClassVar[int] = 60
+    family: ClassVar[str] = "frame_ringing"
     positive: ClassVar[tuple[str, ...]] = ("decay",)
 
     amplitude: float
