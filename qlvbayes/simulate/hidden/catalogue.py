@@ -94,6 +94,12 @@ FURTHER = _by_name(
     further.StickSlip,
     further.SnapThrough,
     further.Curing,
+    further.Bubble,
+    further.MainsHum,
+    further.CrackingSkin,
+    further.RollingSpecimen,
+    further.Swelling,
+    further.DriveWarmth,
 )
 """Effects outside the list that nothing of the package stands for."""
 
