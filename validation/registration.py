@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.evaluation import counting
+from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import code_digest
 
@@ -29,7 +30,8 @@ class Registration:
 
     code: digest of all code that a study's outcome may depend on; tree: git's hash of the package's
     folder; rules: of the file with the rules of the count; disturbed: whether the population has
-    disturbed records, as those of new registrations have.
+    disturbed records, as those of new registrations have; lists: the names of what may be hidden,
+    so that effects which are added later do not change the run.
     """
 
     name: str
@@ -42,18 +44,21 @@ class Registration:
     asked: dict[str, float]
     note: str = ""
     disturbed: bool = False
+    lists: dict[str, list[str]] | None = None
 
     @property
     def population(self) -> Population:
         """The registered population."""
-        return Population(self.seed, disturbed=self.disturbed)
+        lists = FIRST if self.lists is None else Lists(**_tuples(self.lists))
+        return Population(self.seed, effects=lists.listed, disturbed=self.disturbed, lists=lists)
 
     @classmethod
     def of_present(cls, name: str, seed: int, studies: int, note: str = "") -> Registration:
         """Return the registration of a run by the present code."""
         strata = _strata(Population(seed, disturbed=True))
         digests = code_digest(), _tree(), rules_digest()
-        return cls(name, seed, studies, *digests, strata, ASKED, note, disturbed=True)
+        lists = {key: list(names) for key, names in asdict(PRESENT).items()}
+        return cls(name, seed, studies, *digests, strata, ASKED, note, True, lists)
 
     @classmethod
     def read(cls, name: str) -> Registration:
@@ -92,6 +97,10 @@ class Registration:
 
 def _strata(population: Population) -> dict[str, list[str]]:
     return {key: list(levels) for key, levels in population.strata.items()}
+
+
+def _tuples(lists: dict[str, list[str]]) -> dict[str, tuple[str, ...]]:
+    return {key: tuple(names) for key, names in lists.items()}
 
 
 def rules_digest() -> str:

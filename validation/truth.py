@@ -22,6 +22,7 @@ from qlvbayes.simulate.laws import Law
 Array = NDArray[np.float64]
 Constants = dict[str, float | Sequence[float]]
 
+_ACCELERATION = 1000.0  # mm/s2, whose jump makes the amplitude of the simulator's ringing
 _SHOWN = 0.02  # least 1 + alpha d of a rate that falls in a straight line, as in the simulator
 _LIKE_A_LINE = 3.0  # 1 + d/depth and (1 - d/(3 depth))^-3 begin alike
 _ROOT = 3.0  # a leak with the root of time is followed by one that levels off at a third of it
@@ -132,6 +133,14 @@ def _drift(p: dict[str, float], rig: Rig) -> _Own:
     return _Own("levelling_drift", {"rate": p["offset"] / p["time"], "slowing": 1.0 / p["time"]})
 
 
+def _ringing(p: dict[str, float], rig: Rig) -> _Own:
+    """Of jumps of the acceleration; those of the speed are most like it a quarter period later."""
+    turn = 2.0 * math.pi * p["frequency"]
+    strength = p["amplitude"] * turn / _ACCELERATION
+    shape = {"frequency": p["frequency"], "damping": 1.0 / (turn * p["decay"])}
+    return _Own("frame_ringing", {"strength": strength} | shape, False)
+
+
 def _contact(gap: float, over: float) -> _Own:
     return _Own("gradual_contact", {"gap": gap, "over": over}, False)
 
@@ -162,6 +171,7 @@ _FORMS: dict[str, Callable[[dict[str, float], Rig], _Own]] = {
     "one_way_friction": lambda p, rig: _Own(
         "friction", {"strength": 0.5 * p["strength"], "reach": p["reach"]}, False
     ),
+    "ringing": _ringing,
     "toe": lambda p, rig: _contact(0.5 * p["depth"], p["depth"]),
     "tilted_platen": lambda p, rig: _contact(0.5 * p["rise"], 0.5 * p["rise"]),
     "bending_frame": lambda p, rig: _Own(
@@ -169,6 +179,7 @@ _FORMS: dict[str, Callable[[dict[str, float], Rig], _Own]] = {
     ),
     "saturating_drift": _drift,
     "channel_low_pass": lambda p, rig: _Own("spreading_lag", {"delay": p["time"], "spread": 1.0}),
+    "adhesion_at_a_stretch": lambda p, rig: _Own("adhesion_at_a_stretch", p),
 }
 """The nearest effect of the package to every form of the simulator, by its constants."""
 

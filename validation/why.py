@@ -23,6 +23,7 @@ import numpy as np
 from causes import RIGHT, Compared, carrying_half, one_by_one
 from numpy.typing import NDArray
 from page import Origin
+from registration import Registration
 from starts import around
 from truth import Rig, Truth, truths
 from why_page import why_page
@@ -35,7 +36,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.evaluation.case import THRESHOLDS, verdict_of
 from qlvbayes.evaluation.counting import Case, is_right, names_wrongly
-from qlvbayes.evaluation.population import RECORD, Population
+from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import Store, run_missing, store_path
 from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.density import Density, Point
@@ -66,10 +67,11 @@ def main() -> None:
         store_path(ROOT / "build" / "validation", f"why-{options.run}"), options.run, options.part
     )
     if not options.finished:
+        population = Registration.read(options.run).population
         with counting("studies") as report:
             by_index = {case["index"]: case for case in wanted}
             run_missing(
-                lambda index: explained(options.run, run["seed"], by_index[index]), store,
+                lambda index: explained(options.run, population, by_index[index]), store,
                 by_index, report,
             )  # fmt: skip
     if options.part is None:
@@ -114,12 +116,11 @@ def _publish(options: argparse.Namespace, found: Sequence[Case], wrong: int) -> 
     print(options.output)
 
 
-def explained(run: str, seed: int, case: Case) -> Case:
+def explained(run: str, population: Population, case: Case) -> Case:
     """A study with its verdict by the present code and, if that is wrong, the cause."""
     begun = time.perf_counter()
     found: dict[str, Any] = {"plan": run, "index": case["index"], "kind": case["kind"]}
     found |= {"names": case["names"], "strata": case["strata"]}
-    population = Population(seed, disturbed=RECORD in case["strata"])
     study = make_study(population, case["index"])
     if not math.isclose(study.peak, case["peak_N"], rel_tol=1e-6):
         sys.exit(f"study {case['index']} is not what it was: the simulator has changed")

@@ -62,8 +62,9 @@ def simulate(
 ) -> None:
     """Simulate the paper's tests: forward 1.6 mm, hold 30 s, back to 0.8 mm, hold 30 s.
 
-    With --protocol retraction, twice forward 1.6 mm, hold 10 s, back to 0, hold 5 s. With --loads,
-    weights put on in 0.1 s, left 30 s, taken down to 30 %, left 30 s.
+    With --protocol retraction, twice forward 1.6 mm, hold 10 s, back to 0, hold 5 s; with pull_off
+    back to 0.4 mm above the surface at 1 mm/s. With --loads, weights put on in 0.1 s, left 30 s,
+    taken down to 30 %, left 30 s.
 
     The platen accelerates at most 1000 mm/s2, the encoder steps by 1 um, the load cell's noise is
     correlated, the record is taken at 1 kHz.

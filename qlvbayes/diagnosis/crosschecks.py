@@ -35,7 +35,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import FEW, Space
 from qlvbayes.inference.modes import find_modes
 from qlvbayes.inference.projection import with_curve
-from qlvbayes.inference.starts import amplitude_of, shapes, transferred
+from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
 
 Array = NDArray[np.float64]
 
@@ -173,7 +173,8 @@ def nested_starts(
         return []
     own, old = fuller.point, bare.point
     back = transferred(own.own, own.theta, old.own)
-    forth = shapes(density.space, old, own.own, effect, count=1)[0]
+    forward = transferred(old.own, old.theta, own.own)
+    forth = over_shapes(density.space, own.own, effect, forward, 1)[0]
     return [Start(less, back), Start(hypothesis, forth)]
 
 

@@ -136,7 +136,7 @@ def _space(
     effects = {effect.name: effect for effect in model.effects}
     chosen = {effect.family() for effect in model.effects}
     for kind in kinds:
-        pointless = choices.bonded and kind.name == "adhesion"
+        pointless = choices.bonded and kind.family() == "adhesion"
         if kind.family() not in chosen and kind.unmeasured(protocol) is None and not pointless:
             effects[kind.name] = kind.default(scales)
     elastic: dict[str, AbstractElastic] = {

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.adhesion_at_a_stretch import AdhesionAtAStretch
 from qlvbayes.effects.backlash import Backlash
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conditioning import Conditioning
@@ -17,9 +18,11 @@ from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.effects.frame_compliance import FrameCompliance
+from qlvbayes.effects.frame_ringing import FrameRinging
 from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.gradual_contact import GradualContact
 from qlvbayes.effects.inertia import Inertia
+from qlvbayes.effects.interface_slip import InterfaceSlip
 from qlvbayes.effects.levelling_drift import LevellingDrift
 from qlvbayes.effects.levelling_leak import LevellingLeak
 from qlvbayes.effects.load_cell_creep import LoadCellCreep
@@ -55,11 +58,13 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     Conditioning,
     Friction,
     SecondContact,
+    InterfaceSlip,
     PermanentSet,
     ContactOffset,
     Backlash,
     Adhesion,
     FrameCompliance,
+    FrameRinging,
     Inertia,
     ForceOffset,
     ForceDrift,
@@ -73,6 +78,7 @@ FORMS: tuple[type[AbstractEffect], ...] = (
     LevellingLeak,
     PressureFriction,
     GradualContact,
+    AdhesionAtAStretch,
     StiffeningFrame,
     LevellingDrift,
     SpreadingLag,

@@ -49,6 +49,8 @@ class Protocol:
         Whether the displacement records give velocity.
     one_depth
         Whether there are holds and all are at one depth.
+    interval
+        Sampling interval (s); 0 where it does not matter.
     """
 
     unloads: bool
@@ -58,6 +60,7 @@ class Protocol:
     curved: bool
     timed: bool = True
     one_depth: bool = False
+    interval: float = 0.0
 
 
 class AbstractEffect(eqx.Module):
@@ -79,6 +82,8 @@ class AbstractEffect(eqx.Module):
     * ``needs``: what its force is computed from, ``displacement``, ``velocity`` or
       ``acceleration``; records that do not give it cannot show the effect,
     * ``costly``: whether it evaluates the law beneath it several times, or at more points,
+    * ``shapes``: at how many values of its first constant other than the amplitude a search looks
+      at its force before it begins with the likeliest ones, where few would miss it,
     * ``generalises``: the name of the listed effect whose law it contains, at the values of the
       constants in ``reduces``; the other constants have the same names in both,
     * ``outside``: whether it names nothing, but stands for whatever the list does not hold,
@@ -97,6 +102,7 @@ class AbstractEffect(eqx.Module):
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
     costly: ClassVar[bool] = False
+    shapes: ClassVar[int] = 0
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
     outside: ClassVar[bool] = False

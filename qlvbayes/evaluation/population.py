@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
 from qlvbayes.io.checks import InputError
-from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE
+from qlvbayes.simulate import FOREIGN, FORMS, HIDDEN
 from qlvbayes.simulate.disturbed import RECORDS
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION
 from qlvbayes.simulate.loadcell import CELLS
@@ -41,7 +42,12 @@ PAPER_STRATA: dict[str, tuple[str, ...]] = STRATA | {
 """The levels that the paper's rig and pads have."""
 NOISE_LEVELS = {"correlated": "usual", "white": "white"}
 """Levels of the stratum ``noise`` of the paper's strata, by the name that the user gives."""
-_PER_TEST = ("slip", "rezeroed")  # drawn anew where a test begins; carried tests are one motion
+_PER_TEST = (
+    "slip",
+    "rezeroed",
+    "cracking_skin",
+    "rolling_specimen",
+)  # drawn anew where a test begins; carried tests are one motion
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,8 @@ class Population:
         Whether 8 % of the studies each have lost readings, late starts, unequal holds, noise that
         changes along a test, or holds under a force (stratum ``record``). What is random in these
         has streams of its own: the plain records are those of the same population without.
+    lists
+        The names of what may be hidden.
 
     Raises
     ------
@@ -84,18 +92,19 @@ class Population:
     seed: int
     paper: bool = False
     noise: str = "correlated"
-    effects: tuple[str, ...] = tuple(HIDDEN)
+    effects: tuple[str, ...] = PRESENT.listed
     disturbed: bool = False
+    lists: Lists = PRESENT
 
     def __post_init__(self) -> None:
         if self.noise not in NOISE_LEVELS:
             names = ", ".join(NOISE_LEVELS)
             raise InputError(f"no noise {self.noise!r}", remedy=f"use one of {names}")
-        unknown = [name for name in self.effects if name not in HIDDEN]
+        unknown = [name for name in self.effects if name not in self.lists.listed]
         if unknown or not self.effects:
             raise InputError(
                 f"no effect {unknown[0]!r}" if unknown else "no effects",
-                remedy=f"use some of {', '.join(HIDDEN)}",
+                remedy=f"use some of {', '.join(self.lists.listed)}",
             )
 
     @property
@@ -104,8 +113,10 @@ class Population:
         key = f"paper-{self.noise}-seed{self.seed}" if self.paper else f"wide-seed{self.seed}"
         if self.disturbed:
             key += "-disturbed"
-        if set(self.effects) != set(HIDDEN):
-            key += "-" + hashlib.sha256(",".join(self.effects).encode()).hexdigest()[:6]
+        if self.lists != FIRST:
+            key += f"-lists{_digest((*self.lists.listed, *self.lists.forms, *self.lists.outside))}"
+        if set(self.effects) != set(self.lists.listed):
+            key += f"-{_digest(self.effects)}"
         return key
 
     @property
@@ -140,25 +151,29 @@ class Population:
         """Names of the hidden effects; every name of a kind comes equally often."""
         kind = levels["kind"]
         before = index // len(KINDS)  # one study of each kind in every block of six
-        outside = [*OUTSIDE, *FURTHER]
+        outside = self.lists.outside
         if levels["history"] == "carried":
-            outside = [name for name in outside if name not in _PER_TEST]
-        listed = tuple(HIDDEN)
+            outside = tuple(name for name in outside if name not in _PER_TEST)
+        listed = self.lists.listed
         first = {
             "none": (),
             "single": self.effects,
             "double": listed,
-            "form": (*FORMS, *FOREIGN),
+            "form": self.lists.forms,
             "outside": outside,
             "outside_beside": outside,
         }[kind]
         if not first:
             return ()
-        names = [self._level(f"{kind} name", tuple(first), before)]
+        names = [self._level(f"{kind} name", first, before)]
         if kind in ("double", "outside_beside"):
             others = [name for name in listed if name not in {*names, *kin(names[0])}]
             names.append(str(self.rng(index).choice(others)))
         return tuple(names)
+
+
+def _digest(names: Sequence[str]) -> str:
+    return hashlib.sha256(",".join(names).encode()).hexdigest()[:6]
 
 
 def kin(name: str) -> frozenset[str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
 from qlvbayes.priors.natural import Natural
@@ -16,6 +17,7 @@ from qlvbayes.priors.natural import Natural
 Array = NDArray[np.float64]
 
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
+_FINER = 8  # draws for each quantile, where there are many
 
 
 class Amplitude(NamedTuple):
@@ -57,8 +59,10 @@ def shapes(
 ) -> list[Array]:
     """Return thetas (G,) that add an effect without force to a point, over its shape's prior.
 
-    The first other constant of the effect takes ``count`` quantiles of its prior.
+    The first other constant of the effect takes ``count`` quantiles of its prior, or as many as the
+    effect asks for.
     """
+    count = max(count, space.effects[effect].shapes)
     return over_shapes(
         space, parameters, effect, transferred(point.own, point.theta, parameters), count
     )
@@ -85,12 +89,22 @@ def over_shapes(
         shape = shape or (leaf, values)
     if shape is None:
         return [base]
+    leaf, values = shape
+    if count > len(values):
+        values = _drawn(leaf, _FINER * count)
     thetas = []
     for share in (np.arange(count) + 0.5) / count:
         start = base.copy()
-        start[list(shape[0].theta)] = np.quantile(shape[1], share, axis=0)
+        start[list(leaf.theta)] = np.quantile(values, share, axis=0)
         thetas.append(start)
     return thetas
+
+
+def _drawn(leaf: Leaf, count: int) -> Array:
+    """Return draws (count, size) of a field from its prior, as numbers of theta."""
+    rng = np.random.default_rng(0)
+    drawn = [np.ravel(leaf.prior.unconstrain(leaf.prior.draw(rng))) for _ in range(count)]
+    return np.stack(drawn)
 
 
 def starts(
@@ -99,7 +113,8 @@ def starts(
     """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbouring one.
 
     What both hypotheses have is copied. A law that differs is fitted to the curve of the other one.
-    A new effect starts small and large, with its shape at ``count`` quantiles of its prior.
+    A new effect starts small and large, with its shape at ``count`` quantiles of its prior; of an
+    effect that asks for more of them, at those whose forces are most like what the mode leaves.
 
     sizes: small and large amplitude, in sds of its prior.
     """
@@ -110,13 +125,14 @@ def starts(
         thetas = [
             theta
             for start in thetas
-            for theta in _small_and_large(space, parameters, effect, start, count, sizes)
+            for theta in _small_and_large(space, point, parameters, effect, start, count, sizes)
         ]
     return thetas
 
 
 def _small_and_large(
     space: Space,
+    point: Point,
     parameters: Parameters,
     effect: str,
     theta: Array,
@@ -124,10 +140,14 @@ def _small_and_large(
     sizes: tuple[float, float],
 ) -> list[Array]:
     """Return thetas (F,) with an effect at each size, all shapes at one size after another."""
-    shapes_at_zero = over_shapes(space, parameters, effect, theta, count)
+    many = space.effects[effect].shapes
+    shapes_at_zero = over_shapes(space, parameters, effect, theta, max(count, many))
     amplitude = amplitude_of(parameters, effect)
     if amplitude is None:
         return shapes_at_zero
+    if len(shapes_at_zero) > count:
+        gains = _gains(space, point, parameters, amplitude, shapes_at_zero)
+        shapes_at_zero = [shapes_at_zero[k] for k in np.argsort(-gains)[:count]]
     signed = parameters.lowest[amplitude.number] == -np.inf
     thetas = []
     for size in (*sizes, -sizes[1]) if signed else sizes:
@@ -136,3 +156,23 @@ def _small_and_large(
             start[amplitude.number] += size * amplitude.sd
             thetas.append(start)
     return thetas
+
+
+def _gains(
+    space: Space, point: Point, parameters: Parameters, amplitude: Amplitude, some: Sequence[Array]
+) -> Array:
+    """Return by how much an effect at each shape lowers the sum of squares (N2) at a point.
+
+    The point's own parameters are fitted again, to first order.
+    """
+    thetas = np.stack(some)
+    thetas[:, amplitude.number] += amplitude.sd
+    none = parameters.constants(np.stack(some))
+    hypothesis, real = parameters.hypothesis, space.real
+    forces = space.forces(hypothesis, parameters.constants(thetas))
+    added = (forces - space.forces(hypothesis, none))[:, real]
+    left = (np.asarray(space.record.blocks.force) - point.predicted)[real]
+    basis, _ = np.linalg.qr(point.responses[:, real].T)
+    own = added - (added @ basis) @ basis.T
+    toward, size = np.maximum(own @ left, 0.0), np.sum(own**2, axis=1)
+    return toward**2 / np.maximum(size, np.finfo(float).tiny)

@@ -41,6 +41,7 @@ from .platen import (
     Step,
     full_retraction_protocol,
     paper_protocol,
+    pull_off_protocol,
 )
 from .rig import (
     SAMPLE_RATE,
@@ -100,6 +101,7 @@ __all__ = [
     "parse_effect",
     "prescribed",
     "press_and_pause",
+    "pull_off_protocol",
     "record_controlled",
     "record_creep",
     "record_sequence",

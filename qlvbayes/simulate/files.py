@@ -104,7 +104,10 @@ def simulate_file(
     if answer is not None and Path(answer).resolve() == Path(path).resolve():
         raise InputError("data and answer need two files", file=path)
     materials: dict[str, Material] = {
-        name: HiddenPad(constants, tuple(effects)) if effects else Pad(constants)
+        # a plain pad follows a platen that is drawn off its surface
+        name: HiddenPad(constants, tuple(effects))
+        if effects or protocol == "pull_off"
+        else Pad(constants)
         for name, constants in pads.items()
     }
     programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}
@@ -168,6 +171,8 @@ _MOTIONS = {
     "paper": "pressed to 1.6 mm, held 30 s, back to 0.8 mm at 1 mm/s, held 30 s",
     "retraction": "pressed to 1.6 mm, held 10 s, back to 0 at no more than 20 mm/s, held 5 s, "
     "again to 1.6 mm, held 10 s, back to 0 at 1 mm/s, held 5 s",
+    "pull_off": "pressed to 1.6 mm, held 10 s, drawn back at 1 mm/s to 0.4 mm above the surface, "
+    "held 5 s, twice",
 }
 
 

@@ -109,7 +109,20 @@ def full_retraction_protocol(rate: float, depth: float = 1.6) -> tuple[Step, ...
     return (*press, Move(0.0, min(rate, 20.0)), Hold(5.0), *press, Move(0.0, 1.0), Hold(5.0))
 
 
-PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
+def pull_off_protocol(rate: float, depth: float = 1.6) -> tuple[Step, ...]:
+    """Press to `depth` (mm) at `rate` (mm/s), hold 10 s, draw back at 1 mm/s to `depth` / 4 above.
+
+    That is above the surface; 5 s at rest follow, and all once more.
+    """
+    once = Move(depth, rate), Hold(10.0), Move(-0.25 * depth, 1.0), Hold(5.0)
+    return (*once, *once)
+
+
+PROTOCOLS = {
+    "paper": paper_protocol,
+    "retraction": full_retraction_protocol,
+    "pull_off": pull_off_protocol,
+}
 """Protocols by name; each gives the program of one test from its rate (mm/s)."""
 
 

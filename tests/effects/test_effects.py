@@ -471,6 +471,19 @@ def test_the_lags_slope_at_zero_is_minus_the_forces_rate():
     assert np.max(np.abs(slope - difference)[1:]) < 1e-4 * scale
 
 
+def test_a_specimen_slides_no_farther_than_its_interface_bears():
+    """e = (1 - e^{-y d})/y on the way in; on the way back 1 + y e times as fast as the platen."""
+    slip, elastic = find("interface_slip")(2.0), Exponential(0.34, 1.165)
+    found = force(Model(elastic, Prony(jnp.array([1.0]), jnp.zeros(0)), True, (slip,)))
+    way_in = -np.expm1(-2.0 * np.asarray(PRESS.displacement)[:HELD]) / 2.0
+    assert np.allclose(found[:HELD], elastic.force(way_in), atol=1e-12)
+    most = float(elastic.force(jnp.asarray(0.5)))
+    assert 0.9 * most < found.max() < most
+    back = 1.6 - np.asarray(PRESS.displacement)[HELD + 1 :]
+    way_back = (way_in[-1] + 0.5) * np.exp(-2.0 * back) - 0.5
+    assert np.allclose(found[HELD + 1 :], elastic.force(way_back), atol=1e-12)
+
+
 def test_inertia_shows_only_where_the_platen_speeds_up():
     path = motion([0.0, 0.1, 0.2], [0.0, 0.1, 0.2], 1.0, [1000.0, 0.0, 0.0])
     assert np.allclose(force(bonded(Inertia(1e-4)), path) - force(bonded(), path), [0.1, 0.0, 0.0])
@@ -507,12 +520,13 @@ def test_slopes_are_those_of_differences(kind):
 
 def test_what_a_protocol_cannot_show():
     full = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=True)
-    assert [kind.name for kind in EFFECTS if kind.blind(full)] == []
+    assert [kind.name for kind in EFFECTS if kind.blind(full)] == ["interface_slip"]
+    assert find("interface_slip").blind(replace(full, bonded=True)) is None
     poor = Protocol(
         unloads=False, returns=False, tests=1, bonded=True, curved=False, one_depth=True
     )
     blind = {kind.name for kind in EFFECTS if kind.blind(poor)}
-    turning = {"stress_softening", "permanent_set", "backlash"}
+    turning = {"stress_softening", "permanent_set", "backlash", "interface_slip"}
     assert blind == {
         *turning,
         "adhesion",
@@ -521,13 +535,16 @@ def test_what_a_protocol_cannot_show():
         "strain_dependent_strength",
     }
     assert Inertia.blind(poor) == "no acceleration is resolved"
+    slow = replace(full, interval=0.2)
+    assert find("frame_ringing").blind(slow) == "fewer than 4 readings fall in a period of 2 Hz"
+    assert find("frame_ringing").unmeasured(replace(full, interval=0.1)) is None
     assert StressSoftening.blind(poor) == "no test unloads"
 
 
 def test_effects_made_of_a_speed_that_the_records_do_not_give():
     untimed = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=False, timed=False)
-    blind = {kind.name for kind in EFFECTS if kind.unmeasured(untimed)}
-    assert blind == {"viscous_drag", "power_law_drag", "squeeze_film", "inertia"}
+    blind = {kind.name for kind in EFFECTS if kind.unmeasured(replace(untimed, bonded=True))}
+    assert blind == {"viscous_drag", "power_law_drag", "squeeze_film", "frame_ringing", "inertia"}
 
 
 # files of users

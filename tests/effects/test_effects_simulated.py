@@ -24,11 +24,12 @@ SETS = [
     ("extra_relaxation_mode", "strain_dependent_rate", "strain_dependent_strength"),
     ("stress_softening", "fluid_leak", "contact_offset", "force_drift"),
     ("permanent_set", "contact_offset", "squeeze_film", "channel_lag"),
-    ("fluid_pressure", "power_law_drag", "inertia", "channel_lag"),
+    ("fluid_pressure", "power_law_drag", "frame_ringing", "inertia", "channel_lag"),
     ("adhesion", "friction", "fluid_pressure", "stress_softening"),
     ("extra_relaxation_mode", "fluid_pressure", "friction", "inertia", "channel_lag"),
     ("frame_compliance", "strain_dependent_rate", "contact_offset", "stress_softening"),
     ("backlash", "permanent_set", "contact_offset", "friction", "load_cell_creep"),
+    ("interface_slip", "contact_offset", "backlash", "extra_relaxation_mode"),
     ("thixotropy", "conditioning", "second_contact", "stress_softening", "force_drift"),
     # drags through a frame that gives way differ where contact begins: its speed is neglected; play
     # puts the end of contact between two points of the grid, where adhesion lets go steeply

@@ -7,8 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
+from scipy.integrate import solve_ivp
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
+from qlvbayes.effects.adhesion_at_a_stretch import AdhesionAtAStretch
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect
@@ -23,10 +25,20 @@ from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.stiffening_frame import StiffeningFrame
 from qlvbayes.io.checks import InputError
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import infer_choices
-from qlvbayes.simulate import TABLE_1, HiddenPad, Platen, draw_effect, paper_protocol
+from qlvbayes.simulate import (
+    TABLE_1,
+    HiddenPad,
+    Hold,
+    Move,
+    Platen,
+    draw_effect,
+    paper_protocol,
+    pull_off_protocol,
+)
 from qlvbayes.simulate.hidden import contact_effects, effect, forms, sensor_effects
 
 SIZE = 0.06  # of the peak force, the effect's largest contribution
@@ -206,6 +218,7 @@ TWINS = {
     "coulomb_friction": lambda x: PressureFriction(x.mu * PRESSED, x.reach, 1.0, PRESSED),
     "bending_frame": lambda twin: StiffeningFrame(twin.compliance, twin.force),
     "channel_low_pass": lambda twin: SpreadingLag(twin.time, 1.0),
+    "adhesion_at_a_stretch": lambda twin: AdhesionAtAStretch(twin.strength, twin.stretch),
 }
 
 
@@ -260,6 +273,36 @@ def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol
     added, twins = BETWEEN[case]
     platen = Platen(PROTOCOLS[protocol](20.0), start_s=START, number=2)
     assert disagreement(paper_model("B"), added, twins, platen) < CLOSE
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_ligaments_pull_beyond_contact_and_tear(paper_model, speed):
+    """In tests that go off the surface: to a quarter of the depth, and to part of a stretch."""
+    added, twin = AdhesionAtAStretch(0.08, 0.1), forms.AdhesionAtAStretch(0.08, 0.1)
+    program = pull_off_protocol(speed)
+    short = Move(1.0, speed), Hold(5.0), Move(-0.07, 1.0), Move(-0.02, 1.0), Move(-0.09, 1.0)
+    for steps in (program, short):
+        platen = Platen(steps, start_s=START, number=2)
+        assert disagreement(paper_model("B"), added, [twin], platen) < CLOSE
+        force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
+        assert np.min(force) == pytest.approx(-0.08, rel=0.1 if steps is short else 1e-3)
+    torn = HiddenPad(TABLE_1["B"], (twin,)).force(Platen(program), np.array([15.0]))
+    assert abs(torn) < 1e-12
+
+
+def test_torn_ligaments_obey_their_equation(paper_model):
+    """dg/dX = -(X/s)^7 g/s from g = 1, X the farthest off the surface, by a general solver."""
+    strength, stretch = 0.08, 0.1
+    far = np.linspace(0.0, 0.16, 200)
+    law = solve_ivp(
+        lambda x, g: -((x / stretch) ** 7) * g / stretch, (0.0, 0.16), [1.0], "LSODA", far,
+        rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    time, still = jnp.asarray(far), jnp.zeros(far.size)
+    motion = Motion(time, -time, still - 1.0, still)  # from the surface on: the pad has no tension
+    force = (paper_model("B") + AdhesionAtAStretch(strength, stretch)).force(motion)
+    expected = -strength * np.exp(1.0 / 8.0) * far / stretch * law.y[0]
+    assert np.asarray(force) == pytest.approx(expected, abs=1e-9)
 
 
 def test_friction_may_go_with_the_force_in_part(paper_model):

@@ -16,7 +16,7 @@ INVERTED = [name for name in EFFECTS if find(name).inverts]
 # forms nest where their listed effect does
 TOGETHER = [name for name in INVERTED if find(name).family() == name and name != "slow_change"]
 ONE_WAY = [name for name in EFFECTS if not find(name).inverts]
-REFUSED = ["conditioning", "inertia", "offsets_by_test", "spreading_lag"]
+REFUSED = ["conditioning", "frame_ringing", "inertia", "offsets_by_test", "spreading_lag"]
 
 
 def effect(name, *constants):

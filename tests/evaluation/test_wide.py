@@ -11,6 +11,7 @@ import registration
 from ground import page
 from page import Origin
 from registration import Registration
+from scipy.integrate import solve_ivp
 from wide import take_up
 from wide_page import wide_page
 
@@ -31,7 +32,16 @@ from qlvbayes.evaluation.visible import visible
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
-from qlvbayes.simulate import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
+from qlvbayes.simulate import (
+    FOREIGN,
+    FURTHER,
+    HiddenPad,
+    Hold,
+    Move,
+    Platen,
+    draw_effect_in,
+    full_retraction_protocol,
+)
 from qlvbayes.simulate.disturbed import RECORDS, unequal_holds
 from qlvbayes.simulate.hidden import NearContact
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION, Law, draw_law
@@ -97,14 +107,19 @@ def test_registered_runs_make_their_old_studies_again(run):
     registered = Registration.read(run)
     published = Path(registration.ROOT / "docs" / f"wide_{run}.json")
     cases = json.loads(published.read_text())["cases"]
+    for case in cases:
+        item = registered.population.item(case["index"])
+        assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
     quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
-    assert registered.population == Population(registered.seed)
+    assert not registered.population.disturbed
     assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
 
 
 def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
     new = Registration.of_present("some", 1, 5)
     assert new.population == Population(1, disturbed=True)
+    later = replace(new, lists=new.lists | {"forms": new.lists["forms"][:-1]})
+    assert later.population.key != new.population.key
     assert new.strata["record"] == list(RECORDS)
     assert not new.broken()
     old = Registration.read("bounds")
@@ -297,6 +312,9 @@ VALUES = {
     "healing_softening": (0.4, 1.0), "viscous_heating": (0.3, 2.0, 5.0), "backlash": (0.05,),
     "drive_ripple": (0.05, 0.4), "load_cell_creep": (0.2, 10.0), "stick_slip": (0.05, 0.2),
     "snap_through": (0.05, 1.0), "thixotropy": (0.2, 5.0, 0.5), "curing": (0.3, 40.0, 10.0),
+    "ringing": (0.05, 10.0, 0.3), "bubble": (0.02, 2.5, 20.0), "mains_hum": (0.05, 50.01, 1.0),
+    "cracking_skin": (0.05, 1.6, 1.0, 3), "rolling_specimen": (0.1, 1.6, 3),
+    "swelling": (0.3, 100.0, 5.0, 1.6), "drive_warmth": (0.1, 1.6, 10.0),
 }  # fmt: skip
 
 
@@ -310,6 +328,53 @@ def test_new_effects_vanish_at_their_null(name):
     there = NEW[name](*VALUES[name])
     assert np.abs(HiddenPad(LAW, (null,), cells=90).force(platen, t) - plain).max() < 1e-8
     assert np.abs(HiddenPad(LAW, (there,), cells=90).force(platen, t) - plain).max() > 5e-3
+
+
+LATEST = [
+    "bubble", "mains_hum", "cracking_skin", "rolling_specimen", "swelling", "drive_warmth",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LATEST)
+def test_an_outsider_has_the_size_asked_for_and_follows_from_its_seed(name):
+    """Of tests like a study's: 0.5 %, 5 % and 15 % of the peak force, within a tenth."""
+    motions = [
+        Platen(full_retraction_protocol(rate), start_s=300.0 * k, number=k)
+        for k, rate in enumerate((1.0, 20.0))
+    ]
+    pad = HiddenPad(LAW, cells=45)
+    times = [np.linspace(0.0, motion.duration, 3000) for motion in motions]
+    plain = [pad.force(m, t) for m, t in zip(motions, times, strict=True)]
+    peak = max(force.max() for force in plain)
+    for size in (0.005, 0.05, 0.15):
+        one, two = (
+            draw_effect_in(name, np.random.default_rng(7), pad, motions, size) for _ in range(2)
+        )
+        assert one == two
+        hidden = replace(pad, effects=(one,))
+        forces = [hidden.force(m, t) for m, t in zip(motions, times, strict=True)]
+        added = max(np.abs(a - b).max() for a, b in zip(forces, plain, strict=True))
+        assert 0.9 * size < added / peak < 1.1 * size
+        again = hidden.force(motions[0], times[0])
+        np.testing.assert_array_equal(again, forces[0])
+
+
+def test_gas_dissolves_as_its_equation_says():
+    """n' = n (1 - n q) / time, by a general solver along a press and a hold."""
+    platen = Platen((Move(1.6, 20.0), Hold(10.0)))
+    times = np.linspace(0.0, platen.duration, 200)
+
+    def squeezed(t):
+        return (1.0 - platen.displacement(np.array([t]))[0] / 2.5) ** -1.4
+
+    gas = solve_ivp(
+        lambda t, n: n * (1.0 - n * squeezed(t)) / 4.0, (0.0, platen.duration), [1.0], "LSODA",
+        times, rtol=1e-9, atol=1e-12, max_step=0.01,
+    ).y[0]  # fmt: skip
+    added = HiddenPad(LAW, (FURTHER["bubble"](0.05, 2.5, 4.0),)).force(platen, times)
+    added -= HiddenPad(LAW).force(platen, times)
+    expected = 0.05 * (gas * np.array([squeezed(t) for t in times]) - 1.0)
+    assert added == pytest.approx(expected, abs=1e-6)
 
 
 def test_contact_comes_where_the_gap_ends():

@@ -47,6 +47,7 @@ PARAMETERS = {
     "contact_offset": {"gap": 0.05},
     "adhesion": {"strength": 0.08},
     "frame_compliance": {"compliance": 0.05},
+    "frame_ringing": {"strength": 0.004, "frequency": 10.0, "damping": 0.1},
     "inertia": {"mass": 8e-5},
     "force_offset": {"offset": -0.05},
     "force_drift": {"rate": 1e-4},
@@ -55,6 +56,7 @@ PARAMETERS = {
     "conditioning": {"share": 0.1, "tests": 1.5},
     "second_contact": {"stiffness": 0.3, "depth": 1.2},
     "backlash": {"play": 0.03},
+    "interface_slip": {"yielding": 0.08},
     "load_cell_creep": {"share": 0.05, "time": 10.0},
     "stretched_relaxation": {"c": 0.1, "time": 0.5, "exponent": 0.5},
     "linear_rate": {"alpha": 0.5},
@@ -68,9 +70,9 @@ PARAMETERS = {
     "bending_frame": {"compliance": 0.05, "force": 1.0},
     "saturating_drift": {"offset": 0.1, "time": 100.0},
     "channel_low_pass": {"time": 0.003},
+    "adhesion_at_a_stretch": {"strength": 0.08, "stretch": 0.1},
     "slip": {"share": 0.1, "seed": 3},
     "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
-    "ringing": {"amplitude": 0.05, "frequency": 10.0, "decay": 0.3},
     "rezeroed": {"sd": 0.05, "seed": 2},
     "slow_creep_jump": {"offset": 0.1, "begin": 100.0, "time": 30.0},
     "sensor_nonlinearity": {"amplitude": 0.05, "period": 1.0},
@@ -183,6 +185,15 @@ def elastic(d):
     return B.m / B.b * np.expm1(B.b * d)
 
 
+def ringing(d, v, y):
+    """w' and w'' of an oscillator that obeys w'' + 2 g w' + (g^2 + W^2) (w - a) = 0.
+
+    With w = u' its speed u stands for a: u'' + 2 g u' + (g^2 + W^2) (u - v) = 0.
+    """
+    turn = 20.0 * np.pi
+    return np.array([y[1], (1.01 * turn**2) * (v - y[0]) - 0.2 * turn * y[1]])
+
+
 REFERENCES = {
     "strain_dependent_rate": (
         lambda d, v, y: stiffness(d) * v - np.array(B.v) * np.exp(0.5 * d) * y,
@@ -192,9 +203,13 @@ REFERENCES = {
         lambda d, v, y: stiffness(d) * v - np.array(B.v) * (1 + 0.5 * d) * y,
         lambda q: 0.0,
     ),
-    "fluid_pressure": (lambda d, v, y: 0.1 * v - y / 0.5 * np.exp(-0.5 * d), lambda p: p[2]),
-    "quadratic_pressure": (lambda d, v, y: 0.1 * v - 20 * y * np.abs(y), lambda p: p[2]),
-    "friction": (lambda d, v, y: v / 0.05 * (1 - y * np.sign(v)), lambda z: 0.08 * z[2]),
+    "fluid_pressure": (lambda d, v, y: 0.1 * v - y[2] / 0.5 * np.exp(-0.5 * d), lambda p: p[2]),
+    "quadratic_pressure": (lambda d, v, y: 0.1 * v - 20 * y[2] * np.abs(y[2]), lambda p: p[2]),
+    "friction": (lambda d, v, y: v / 0.05 * (1 - y[2] * np.sign(v)), lambda z: 0.08 * z[2]),
+    "frame_ringing": (
+        lambda d, v, y: ringing(d, v, y[2:]),
+        lambda u: 0.004 / (20.0 * np.pi) * u[3],
+    ),
 }
 
 
@@ -205,11 +220,12 @@ def test_states_agree_with_a_general_solver(name):
 
     def slope(d, v, y):
         plain = stiffness(d) * v - np.array(B.v) * y[:2]
-        return law(d, v, y) if changes_modes else np.append(plain, law(d, v, y[2]))
+        return law(d, v, y) if changes_modes else np.append(plain, law(d, v, y))
 
     for protocol in (paper_protocol, full_retraction_protocol):
         platen, times = paired(protocol, 30.0)
-        y = integrated(platen, times, slope, 2 if changes_modes else 3)
+        states = {"linear_rate": 2, "strain_dependent_rate": 2, "frame_ringing": 4}.get(name, 3)
+        y = integrated(platen, times, slope, states)
         expected = B.c[0] * elastic(platen.displacement(times)) + B.c[1:] @ y[:2] + added(y)
         force = force_of(effect(name), platen=platen, times=times, bonded=True)
         assert np.abs(force - expected).max() < 1e-7 * expected.max()

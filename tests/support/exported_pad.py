@@ -46,6 +46,7 @@ EFFECTS = {
     "levelling_drift": (0.1, 0.8),
     "slow_change": (0.05, 0.7, -0.4, 10.0),
     "adhesion": (0.08,),
+    "adhesion_at_a_stretch": (0.08, 0.05),
     "frame_compliance": (0.05,),
     "stiffening_frame": (0.1, 1.0),
     "pressure_friction": (0.1, 0.05, 0.6, 1.6),
@@ -53,6 +54,7 @@ EFFECTS = {
     "power_law_drainage": (0.2, 0.5, 0.6, 2.0, 1.6),
     "thixotropy": (0.2, 0.7, 0.4),
     "second_contact": (0.3, 0.5),
+    "interface_slip": (0.08,),
     "backlash": (0.03,),
     "load_cell_creep": (0.05, 0.6),
 }

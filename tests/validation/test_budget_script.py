@@ -5,9 +5,9 @@ import pytest
 from budget import by_fit, least_squares, paired, rises
 from budget_page import MOST, budget_page
 from page import Origin
+from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.study import make_study
 from qlvbayes.inference.modes import rough_mode
 from qlvbayes.model.choices import Choices
@@ -30,7 +30,7 @@ def test_the_fall_is_paired_over_the_tests():
 
 def test_least_squares_leaves_least_whatever_it_begins_from():
     """From a fit that is far off, the same as from the fit under coarse noise."""
-    search = build_search(prepare(make_study(Population(416), 283).pad))
+    search = build_search(prepare(make_study(Registration.read("bounds").population, 283).pad))
     density, plain = search.density, search.baseline
     observed, real = np.asarray(density.space.record.blocks.force), density.space.real
 
@@ -46,7 +46,7 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
 
 
 def test_a_fit_is_set_against_least_squares_of_the_same_tests():
-    experiment = prepare(make_study(Population(416), 283).pad)
+    experiment = prepare(make_study(Registration.read("bounds").population, 283).pad)
     found = by_fit(experiment, Choices())
     assert found["ratio"] == found["rms_N"] / found["least_N"] >= 1.0
     assert 0.0 < found["least_N"] < 0.1 * experiment.scales.force

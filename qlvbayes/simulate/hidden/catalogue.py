@@ -34,11 +34,13 @@ HIDDEN = _by_name(
     pad_effects.FluidPressure,
     pad_effects.Friction,
     pad_effects.SecondContact,
+    contact_effects.InterfaceSlip,
     contact_effects.PermanentSet,
     contact_effects.ContactOffset,
     contact_effects.Backlash,
     contact_effects.Adhesion,
     contact_effects.FrameCompliance,
+    sensor_effects.FrameRinging,
     sensor_effects.Inertia,
     sensor_effects.ForceOffset,
     sensor_effects.ForceDrift,
@@ -60,13 +62,13 @@ FORMS = _by_name(
     forms.BendingFrame,
     forms.SaturatingDrift,
     forms.ChannelLowPass,
+    forms.AdhesionAtAStretch,
 )
 """Other forms of the listed effects; `family` names which."""
 
 OUTSIDE = _by_name(
     outside.Slip,
     outside.TemperatureSwing,
-    outside.Ringing,
     outside.Rezeroed,
     outside.SlowCreepJump,
     outside.SensorNonlinearity,
@@ -82,6 +84,7 @@ FOREIGN = _by_name(
     foreign.RootLeak,
     foreign.OneWayFriction,
     foreign.HealingSoftening,
+    outside.Ringing,
 )
 """Forms of listed effects that no form of the diagnosis was written with in view."""
 
@@ -91,6 +94,12 @@ FURTHER = _by_name(
     further.StickSlip,
     further.SnapThrough,
     further.Curing,
+    further.Bubble,
+    further.MainsHum,
+    further.CrackingSkin,
+    further.RollingSpecimen,
+    further.Swelling,
+    further.DriveWarmth,
 )
 """Effects outside the list that nothing of the package stands for."""
 

@@ -10,8 +10,33 @@ import numpy as np
 
 from ..platen import full_retraction_protocol
 from .effect import CONTACT, FRAME, Effect
-from .mesh import Array, Path, running_max
-from .recipes import Recipe, depth_of, peak_of
+from .mesh import Array, Path, recur, running_max
+from .recipes import Recipe, depth_of, peak_of, per_depth
+
+
+@dataclass(frozen=True)
+class InterfaceSlip(Effect):
+    """d -> e, de = (1 - yielding e sgn(dd)) dd: the specimen slides in its grips; yielding in 1/mm.
+
+    No more than the elastic force at e = 1/yielding is transmitted. For a bonded specimen; of a
+    loose one the depth stays at 0 where e would fall below.
+    """
+
+    name: ClassVar[str] = "interface_slip"
+    recipe: ClassVar[Recipe] = Recipe("yielding", 0.05, 2.0, per_depth)
+    order: ClassVar[int] = 39
+    slides: ClassVar[bool] = True
+    remembers: ClassVar[bool] = True
+
+    yielding: float
+
+    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
+        """Follow the slide from node to node, exactly where the depth is monotone between them."""
+        steps = np.diff(depth.ravel())
+        lost = self.yielding * np.abs(steps)
+        mean = np.where(lost > 0.0, -np.expm1(-lost) / np.where(lost > 0.0, lost, 1.0), 1.0)
+        e = recur(np.exp(-lost), steps * mean, float(depth.flat[0])).reshape(depth.shape)
+        return e, velocity * (1.0 - self.yielding * e * np.sign(velocity))
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ class Effect:
     `family` names, for another form of the same physics, the effects it stands for, with '/'.
     `positive` and `signed` are the parameters that must be above 0 and may be negative; all
     others must be at least 0; `shares` are at most 1. An effect that `remembers` makes the past
-    of the contact force count, so that the moment at which contact ends must be found. `recipe`
-    says how its parameters are drawn.
+    of the contact force count, so that the moment at which contact ends must be found. One that
+    `slides` is of specimens that are held by their faces. `recipe` says how its parameters are
+    drawn.
     """
 
     name: ClassVar[str] = ""
@@ -38,6 +39,7 @@ class Effect:
     signed: ClassVar[tuple[str, ...]] = ()
     shares: ClassVar[tuple[str, ...]] = ()
     remembers: ClassVar[bool] = False
+    slides: ClassVar[bool] = False
     recipe: ClassVar[Recipe]
 
     def __post_init__(self) -> None:

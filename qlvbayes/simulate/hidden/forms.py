@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import nnls
 
-from ..platen import full_retraction_protocol
-from .contact_effects import FrameCompliance
+from ..platen import full_retraction_protocol, pull_off_protocol
+from .contact_effects import Adhesion, FrameCompliance
 from .effect import Effect
 from .mesh import Array, Path
 from .pad_effects import film, slack
@@ -19,6 +19,7 @@ from .recipes import Recipe, depth_of, film_of, peak_of, per_depth, reach_of, st
 _NEWTON_ROUNDS = 60  # at most, until the pressure stays within 1e-11 of its scale
 _STRETCHED_DECADES = (-4.0, 4.0)  # of rates (1/s), from slower than a session to a sample
 _STRETCHED_TERMS = 33  # four a decade
+_ALL_TORN = 3.0  # stretches
 
 
 @dataclass(frozen=True)
@@ -289,3 +290,47 @@ class BendingFrame(FrameCompliance):
     def deflection(self, force: Array) -> Array:
         """Return how far the frame yields, mm; to tension as to the same pressure."""
         return self.compliance * force / (1.0 + np.abs(force) / self.force)
+
+
+@dataclass(frozen=True)
+class AdhesionAtAStretch(Adhesion):
+    """Tension T -> g max(T, strength e^(1/8) x/stretch), g = e^(-(X/stretch)^8/8); N, mm.
+
+    Ligaments between platen and pad: x is how far the platen is off the surface, X the farthest
+    since it touched, T the tension of adhesion. They obey g' = -(X/stretch)^7 X' g / stretch.
+    """
+
+    name: ClassVar[str] = "adhesion_at_a_stretch"
+    recipe: ClassVar[Recipe] = Recipe(
+        "strength",
+        per=peak_of,
+        cap=1.0,
+        shape=lambda x: {"stretch": x.depth * x.even(0.03, 0.15)},
+        protocols=(pull_off_protocol,),
+    )
+    family: ClassVar[str] = "adhesion"
+    positive: ClassVar[tuple[str, ...]] = ("stretch",)
+
+    stretch: float
+
+    def kinks(self, largest: Array) -> Array:
+        """Return where ligaments begin to pull, pull most, and are torn."""
+        return self.stretch * np.array([0.0, -0.8, -1.0, -1.2])
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the ligaments' pull."""
+        off = np.maximum(-path.platen.displacement(path.time), 0.0)
+        far = np.minimum(_farthest_off(off) / self.stretch, _ALL_TORN)
+        holding, pull = np.exp(-(far**8) / 8.0), np.minimum(off / self.stretch, _ALL_TORN)
+        sticking = super().on_force(force, path)
+        tension = np.minimum(np.minimum(sticking, 0.0), -self.strength * np.exp(1.0 / 8.0) * pull)
+        return np.maximum(sticking, 0.0) + holding * tension
+
+
+def _farthest_off(off: Array) -> Array:
+    """Return how far the platen has been off the surface since it last touched, along nodes."""
+    farthest, values = 0.0, []
+    for x in off.ravel().tolist():
+        farthest = max(farthest, x) if x > 0.0 else 0.0
+        values.append(farthest)
+    return np.array(values).reshape(off.shape)

@@ -105,7 +105,7 @@ class Slip(Effect):
         holds = [p for p in holds if p.duration >= _LEAST_HOLD_S]
         if not holds:
             return np.inf
-        rng = _stream(self.seed, platen)
+        rng = stream(self.seed, platen)
         hold = holds[rng.integers(len(holds))]
         return hold.start + hold.duration * float(np.exp(rng.uniform(np.log(0.01), np.log(0.7))))
 
@@ -124,6 +124,7 @@ class Ringing(Effect):
         shape=lambda x: {"frequency": x.spread(5.0, 20.0), "decay": x.spread(0.1, 0.5)},
     )
     order: ClassVar[int] = 60
+    family: ClassVar[str] = "frame_ringing"
     positive: ClassVar[tuple[str, ...]] = ("decay",)
 
     amplitude: float
@@ -158,7 +159,7 @@ class Rezeroed(Effect):
 
     def on_force(self, force: Array, path: Path) -> Array:
         """Shift the whole test."""
-        return force + self.sd * _stream(self.seed, path.platen).standard_normal()
+        return force + self.sd * stream(self.seed, path.platen).standard_normal()
 
 
 @dataclass(frozen=True)
@@ -190,5 +191,6 @@ class SlowCreepJump(Effect):
         return force - self.offset * np.expm1(-np.maximum(path.clock - self.begin, 0.0) / self.time)
 
 
-def _stream(seed: int, platen: Motion) -> np.random.Generator:
+def stream(seed: int, platen: Motion) -> np.random.Generator:
+    """Return the generator of what is random in one test, from the clock at its start."""
     return np.random.default_rng([seed, round(1000.0 * platen.start_s)])

@@ -18,6 +18,7 @@ from .mesh import Array, Mesh, Path, graded
 _ROUNDS = 200  # at most, of the balance between force and what gives way
 _SEARCHES = 2  # on a coarser mesh, for where the mesh must be fine
 _COARSER = 4  # times, that mesh
+_OFF_MM = 0.01  # farther off the surface a loose pad stays behind; a hold's creep is less
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,8 @@ class HiddenPad:
     ) -> tuple[Path, Array, Array]:
         """Find path, force and deflection with d = D - deflection(F), from a guess over time."""
         displacement = platen.displacement(mesh.time)
+        if not self.bonded and displacement.min() < -_OFF_MM:
+            displacement = np.maximum(displacement, 0.0)
         # A frame that yields does not change the velocity, nor where there is one.
         _, velocity = self._let_through(displacement, _velocity(platen, mesh))
         yielding = any(effect.order == FRAME for effect in self._nested)
@@ -144,6 +147,8 @@ class HiddenPad:
         """Depth and velocity that the contact lets through to the pad."""
         for effect in reversed(self._nested):
             depth, velocity = effect.on_depth(depth, velocity)
+        if not self.bonded and any(effect.slides for effect in self._nested):
+            depth, velocity = np.maximum(depth, 0.0), np.where(depth > 0.0, velocity, 0.0)
         return depth, velocity
 
     def _contact_force(self, path: Path) -> Array:

@@ -3,11 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import ClassVar
+
+import numpy as np
 
 from .effect import Effect
 from .mesh import Array, Path
 from .recipes import Recipe, peak_of
+
+
+@dataclass(frozen=True)
+class FrameRinging(Effect):
+    """F -> F + strength w / (2 pi f), w'' + 2 g w' + (g^2 + (2 pi f)^2)(w - a) = 0, w = w' = 0.
+
+    g = 2 pi f damping: the response to each jump of the platen's acceleration a and of its speed,
+    one added to the other; strength in N s/mm, frequency f in Hz.
+    """
+
+    name: ClassVar[str] = "frame_ringing"
+    recipe: ClassVar[Recipe] = Recipe(
+        "strength",
+        0.003,
+        per=peak_of,
+        shape=lambda x: {"frequency": x.spread(4.0, 25.0), "damping": x.spread(0.03, 0.2)},
+    )
+    order: ClassVar[int] = 59
+    positive: ClassVar[tuple[str, ...]] = ("frequency",)
+
+    strength: float
+    frequency: float
+    damping: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the force of the swinging mass."""
+        turn = 2.0 * pi * self.frequency
+        added = np.zeros_like(force)
+        speed = push = 0.0
+        for piece in path.platen.pieces:
+            since = path.time - piece.start
+            swung = np.maximum(since, 0.0) * turn
+            fading, sine = np.exp(-self.damping * swung), np.sin(swung)
+            step = 1.0 - fading * (np.cos(swung) + self.damping * sine)
+            knock = turn * (1.0 + self.damping**2) * fading * sine
+            started = since >= 0.0
+            jump = piece.velocity - speed
+            added += np.where(started, (piece.acceleration - push) * step + jump * knock, 0.0)
+            speed = piece.velocity + piece.acceleration * piece.duration
+            push = piece.acceleration
+        return force + self.strength / turn * added
 
 
 @dataclass(frozen=True)
