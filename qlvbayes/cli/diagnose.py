@@ -8,7 +8,6 @@ import typer
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.options import (
-    EVIDENCES,
     AsJson,
     Files,
     ModelOptions,
@@ -21,6 +20,7 @@ from qlvbayes.cli.options import (
     thresholds,
     with_groups,
 )
+from qlvbayes.io.catalogue import EVIDENCES
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:

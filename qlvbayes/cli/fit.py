@@ -8,7 +8,6 @@ import typer
 
 from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.options import (
-    METHODS,
     Files,
     ModelOptions,
     Out,
@@ -19,6 +18,7 @@ from qlvbayes.cli.options import (
     WorkOptions,
     with_groups,
 )
+from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:

@@ -25,9 +25,6 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
 
-EVIDENCES = ("laplace", "nested")
-"""Ways to the evidence that a user may ask for."""
-
 
 def diagnose(
     experiment: Experiment,

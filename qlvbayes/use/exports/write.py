@@ -5,13 +5,12 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
+from qlvbayes.io.catalogue import EXPORT_DRAWS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.use.exports.catalogue import find
 from qlvbayes.use.exports.pad import read_pad
 from qlvbayes.use.exports.target import Geometry
-
-DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws
 
 
 def export(
@@ -19,7 +18,7 @@ def export(
     pad: str,
     to: str,
     *,
-    draws: int = DRAWS,
+    draws: int = EXPORT_DRAWS,
     height: float | None = None,
     area: float | None = None,
     data: str | Path | None = None,
