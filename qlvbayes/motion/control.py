@@ -42,7 +42,7 @@ _RESTS = 0.3  # of the time between two holds, or of a hold, for which one quant
 
 
 @dataclass(frozen=True)
-class Stretch:
+class LevelStretch:
     """Readings from first to before stop, between which the force stays near a level."""
 
     first: int
@@ -72,7 +72,7 @@ def slack(test: Test) -> float:
     )
 
 
-def stretches(test: Test) -> list[Stretch]:
+def stretches(test: Test) -> list[LevelStretch]:
     """Divide the record into stretches in which the force stays within its tolerance.
 
     A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
@@ -88,14 +88,14 @@ def stretches(test: Test) -> list[Stretch]:
     return [*parts, _stretch(test, first, force.size, most)]
 
 
-def _stretch(test: Test, first: int, stop: int, most: float) -> Stretch:
+def _stretch(test: Test, first: int, stop: int, most: float) -> LevelStretch:
     time, force = test.time[first:stop], test.force[first:stop]
     held = False
     if force.size >= _FEWEST:
         centred = time - time.mean()
         drift = abs(float(centred @ force / (centred @ centred))) * float(np.ptp(time))
         held = drift < 0.5 * most
-    return Stretch(first, stop, float(np.median(force)), held)
+    return LevelStretch(first, stop, float(np.median(force)), held)
 
 
 def _joined(parts: Sequence[Prescribed]) -> list[Prescribed]:
@@ -190,7 +190,7 @@ def _recovers(
     return bool(lasted > _OUTLASTS * (first - begun))
 
 
-def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
+def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]:
     """Return when a held force begins and ends (s), to a reading.
 
     The stretch itself has the ends of the movements before and after it.

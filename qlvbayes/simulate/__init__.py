@@ -30,7 +30,7 @@ from .hidden import (
     parse_effect,
 )
 from .logger import thin
-from .material import Material, Pad, elastic_force
+from .material import Material, SimulatedPad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
     PAPER_RATES,
@@ -44,7 +44,7 @@ from .platen import (
 )
 from .rig import (
     SAMPLE_RATE,
-    Record,
+    SimulatedRecord,
     SimulatedTest,
     record_study,
     record_test,
@@ -76,10 +76,10 @@ __all__ = [
     "Material",
     "Move",
     "Noise",
-    "Pad",
+    "SimulatedPad",
     "Platen",
     "Press",
-    "Record",
+    "SimulatedRecord",
     "Sequence",
     "SimulatedTest",
     "Step",

@@ -16,7 +16,7 @@ from qlvbayes.io.checks import InputError
 from .constants import Constants
 from .creep import creep_study
 from .hidden import Effect, HiddenPad
-from .material import Material, Pad
+from .material import Material, SimulatedPad
 from .platen import PAPER_ACCELERATION, PROTOCOLS
 from .rig import PAUSE_S, SAMPLE_RATE, SimulatedTest, record_study
 from .sensors import ENCODER_STEP, Noise
@@ -104,7 +104,7 @@ def simulate_file(
     if answer is not None and Path(answer).resolve() == Path(path).resolve():
         raise InputError("data and answer need two files", file=path)
     materials: dict[str, Material] = {
-        name: HiddenPad(constants, tuple(effects)) if effects else Pad(constants)
+        name: HiddenPad(constants, tuple(effects)) if effects else SimulatedPad(constants)
         for name, constants in pads.items()
     }
     programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}

@@ -13,7 +13,7 @@ from qlvbayes.io.checks import InputError
 from .logger import thin
 from .material import Material
 from .platen import PAPER_ACCELERATION, Hold, Move, Platen, Step
-from .rig import SAMPLE_RATE, Record, SimulatedTest, stream
+from .rig import SAMPLE_RATE, SimulatedRecord, SimulatedTest, stream
 from .sensors import Noise, encode
 
 RETURN_SPEED = 20.0
@@ -130,7 +130,7 @@ class _Test:
         own = self.time - self.begin
         errors = noise.draw(own, stream(seed, self.name))[self.kept]
         time, true = own[self.kept], whole.platen.displacement(self.time[self.kept])
-        record = Record(time, self.read[self.kept], force + errors, true, force)
+        record = SimulatedRecord(time, self.read[self.kept], force + errors, true, force)
         return SimulatedTest(pad, self.name, self.begin, record)
 
 
