@@ -36,7 +36,7 @@ CHECKS = ("nested", "exchanged", "draws")
 
 @dataclass
 class CheckCount:
-    """How often a check for missed modes was made, failed, and led to a higher mode."""
+    """Count how often a check for missed modes was made, failed, and led to a higher mode."""
 
     made: int = 0
     failed: int = 0

@@ -115,7 +115,7 @@ class Population:
         return strata | {RECORD: RECORDS} if self.disturbed else strata
 
     def item(self, index: int) -> Item:
-        """Strata and hidden effects of one study."""
+        """Return the strata and hidden effects of one study."""
         strata = self.strata
         if self.disturbed:
             strata = strata | {RECORD: (*RECORDS[:1] * _PLAIN, *RECORDS[1:])}
@@ -123,11 +123,11 @@ class Population:
         return Item(index, levels, self._names(levels, index))
 
     def rng(self, index: int) -> np.random.Generator:
-        """Generator of everything that is random in one study."""
+        """Return the generator of everything that is random in one study."""
         return np.random.default_rng([self.seed, index, *b"wide study"])
 
     def record_rng(self, index: int) -> np.random.Generator:
-        """Generator of what is random in the disturbance of a study's record."""
+        """Return the generator of what is random in the disturbance of a study's record."""
         return np.random.default_rng([self.seed, index, *b"disturbed record"])
 
     def _level(self, name: str, levels: Sequence[str], index: int) -> str:
@@ -162,7 +162,7 @@ class Population:
 
 
 def kin(name: str) -> frozenset[str]:
-    """Listed effects that a correct verdict may name: the hidden one, or those a form replaces."""
+    """Return the effects that a correct verdict may name: the hidden, or what a form replaces."""
     forms = {**FORMS, **FOREIGN}
     if name in forms:
         return frozenset(forms[name].family.split("/"))

@@ -8,6 +8,6 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def bundled(name: str) -> Path:
-    """Where ``name`` (``hidden.csv``) is; a path without a file where it was not installed."""
+    """Return the path of ``name`` (``hidden.csv``), without a file where it was not installed."""
     installed = _PACKAGE / "data" / name
     return installed if installed.is_file() else _PACKAGE.parent / "data" / name
