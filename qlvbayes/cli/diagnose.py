@@ -21,7 +21,7 @@ from qlvbayes.cli.options import (
     with_groups,
 )
 from qlvbayes.io.catalogue import EVIDENCES
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
@@ -55,8 +55,7 @@ def diagnose_command(
     from qlvbayes.pipeline.diagnosing import DiagnoseStep
     from qlvbayes.pipeline.many import raise_failed, run_step
 
-    if evidence not in EVIDENCES:
-        raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
+    check_known("evidence", evidence, EVIDENCES)
     settings = thresholds(tolerance)
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(file, pads, work.part)

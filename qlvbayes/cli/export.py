@@ -49,8 +49,7 @@ def export_command(
     date, what was tested, the 90 % intervals, and what it cannot carry.
     """
     # imported here, so that the help does not wait for them
-    from qlvbayes.use.exports.catalogue import find
-    from qlvbayes.use.exports.write import export
+    from qlvbayes.use.exports.write import export, find
 
     names = split_names(to)
     if not names:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE
 from qlvbayes.simulate.disturbed import RECORDS
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION
@@ -88,9 +88,7 @@ class Population:
     disturbed: bool = False
 
     def __post_init__(self) -> None:
-        if self.noise not in NOISE_LEVELS:
-            names = ", ".join(NOISE_LEVELS)
-            raise InputError(f"no noise {self.noise!r}", remedy=f"use one of {names}")
+        check_known("noise", self.noise, NOISE_LEVELS)
         unknown = [name for name in self.effects if name not in HIDDEN]
         if unknown or not self.effects:
             raise InputError(

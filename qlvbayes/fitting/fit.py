@@ -28,9 +28,9 @@ from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
 from qlvbayes.io import catalogue
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import check_known
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.laws.resolution import unresolved_times
+from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds
@@ -264,10 +264,7 @@ def fit_pad(
     trials = experiment.with_role("fit")
     if method in SAMPLERS:
         return _sampled(experiment, choices, method, trials, settings, folder, progress)
-    if method not in catalogue.METHODS:
-        raise InputError(
-            f"no method {method!r}", remedy=f"use one of {', '.join(catalogue.METHODS)}"
-        )
+    check_known("method", method, catalogue.METHODS)
     white = replace(choices, noise="white")
     posterior = build_posterior(experiment, white, trials)
     rng = np.random.default_rng(settings.seed)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from qlvbayes.io.catalogue import ELASTIC, RELAXATION, loaded
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.usermodule import check_own, own_classes
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -55,10 +55,8 @@ def find_relaxation(name: str, laws: Laws = LAWS) -> type[AbstractRelaxation]:
 
 
 def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
-    for kind in kinds:
-        if kind.name == name:
-            return kind
-    raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(names(kinds))}")
+    check_known(what, name, names(kinds))
+    return next(kind for kind in kinds if kind.name == name)
 
 
 def own_laws(path: str | Path) -> Laws:

@@ -130,7 +130,7 @@ def with_zeros(record: Record, field: str, dtype: type) -> Record:
     return replace(record, motion=replace(motion, **{field: zeros}))
 
 
-def extended(values: Array, size: int) -> Array:
+def extended(values: Array | np.ndarray, size: int) -> Array:
     """Return values padded along their first axis to a length with their last one."""
     missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
     return held(np.pad(np.asarray(values), missing, mode="edge"))

@@ -29,7 +29,6 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
-from .logger import thin
 from .material import Material, SimulatedPad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
@@ -51,7 +50,7 @@ from .rig import (
     simulate_study,
     simulate_test,
 )
-from .sensors import ENCODER_STEP, NOISES, Noise, encode
+from .sensors import ENCODER_STEP, NOISES, Noise, encode, thin
 from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 
 from .constants import Constants
 from .creep import creep_study
@@ -99,8 +99,7 @@ def simulate_file(
             "a load-controlled test is simulated of the plain pad only",
             remedy="leave out --loads or --hide",
         )
-    if protocol not in PROTOCOLS:
-        raise InputError(f"no protocol '{protocol}'", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    check_known("protocol", protocol, PROTOCOLS)
     if answer is not None and Path(answer).resolve() == Path(path).resolve():
         raise InputError("data and answer need two files", file=path)
     materials: dict[str, Material] = {

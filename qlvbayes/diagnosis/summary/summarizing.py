@@ -24,7 +24,6 @@ from qlvbayes.diagnosis.checks.sensitivity import (
 from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
-from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import (
     Base,
     Checked,
@@ -36,12 +35,13 @@ from qlvbayes.diagnosis.result import (
     Worst,
 )
 from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import joined, percent
-from qlvbayes.laws.resolution import unresolved_times
+from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record

@@ -1,16 +1,25 @@
-"""Write the files of a target from a folder of results."""
+"""List the targets, and write the files of one from a folder of results."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
 
+from qlvbayes.io import catalogue
 from qlvbayes.io.catalogue import EXPORT_DRAWS
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_whole
-from qlvbayes.use.exports.catalogue import find
 from qlvbayes.use.exports.pad import read_pad
-from qlvbayes.use.exports.target import Geometry
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
+
+TARGETS: tuple[type[AbstractTarget], ...] = tuple(catalogue.loaded(catalogue.TARGETS).values())
+"""Every target."""
+
+
+def find(name: str) -> type[AbstractTarget]:
+    """Return the target of that name, or raise InputError, which lists the known ones."""
+    check_known("export to", name, catalogue.TARGETS)
+    return next(target for target in TARGETS if target.name == name)
 
 
 def export(

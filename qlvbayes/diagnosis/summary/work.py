@@ -1,0 +1,41 @@
+"""The objects that a diagnosis was computed from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.checks.adequacy import Adequacy
+from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.motion.experiment import Experiment
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisWork:
+    """State what a diagnosis was computed from, for figures and predictions.
+
+    Parameters
+    ----------
+    experiment
+        The tests of the pad.
+    search
+        The finished search.
+    samples
+        Samples of every test, and what predicts them.
+    path
+        The hypotheses from the baseline to the selected one, each at its highest mode.
+    adequacies
+        Adequacy test of each hypothesis of the path.
+    """
+
+    experiment: Experiment
+    search: Search
+    samples: Samples
+    path: tuple[Candidate, ...]
+    adequacies: tuple[Adequacy, ...]
+
+    @property
+    def selected(self) -> Candidate:
+        """The hypothesis that stands for the answer."""
+        return self.path[-1]
