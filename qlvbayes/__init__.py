@@ -18,6 +18,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from qlvbayes.io.catalogue import at
+
 if TYPE_CHECKING:
     from qlvbayes import effects, laws, plots, priors
     from qlvbayes.app.bench.bench import Bench
@@ -179,8 +181,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"{__name__}.{_PARTS[name]}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, own = _HOMES[name].rpartition(".")
-    value = globals()[name] = getattr(import_module(f"{__name__}.{module}"), own)
+    value = globals()[name] = at(_HOMES[name])
     return value
 
 

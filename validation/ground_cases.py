@@ -15,7 +15,7 @@ from qlvbayes.simulate.hidden.sensor_effects import Inertia
 from qlvbayes.simulate.laws import Law
 from qlvbayes.simulate.loadcell import LoadCell
 from qlvbayes.simulate.motion import Motion, Piece, Track, joined
-from qlvbayes.simulate.programmes import Session, session, swing
+from qlvbayes.simulate.programmes import PadProgramme, session, swing
 
 _PRONY = (0.3, 6.2, 0.2, 0.15)
 _PLAIN = Law("exponential", (0.5, 0.8), "prony:2", _PRONY)
@@ -106,7 +106,7 @@ def make(folder: Path) -> None:
         (folder / f"{ground.name}.json").write_text(text, encoding="utf-8")
 
 
-def _air() -> Session:
+def _air() -> PadProgramme:
     """Out and back without jerk, at six speeds, with rests of 2 s."""
     motions: dict[str, Motion] = {}
     clock = 0.0
@@ -115,11 +115,11 @@ def _air() -> Session:
         there, back = swing(_AIR_STROKE_MM, speed), swing(-_AIR_STROKE_MM, speed)
         motions[f"{speed:g}"] = Track(joined([rest, there, rest, back, rest]), clock)
         clock += motions[f"{speed:g}"].duration + 60.0
-    return Session(motions, False, 60.0, 2.0, True)
+    return PadProgramme(motions, False, 60.0, 2.0, True)
 
 
 def _effects(
-    ground: Ground, pad: HiddenPad, plan: Session, rng: np.random.Generator
+    ground: Ground, pad: HiddenPad, plan: PadProgramme, rng: np.random.Generator
 ) -> tuple[Effect, ...]:
     if ground.in_air:
         return (Inertia(_AIR_MASS),)
@@ -131,7 +131,7 @@ def _effects(
 
 
 def _write(
-    path: Path, ground: Ground, pad: HiddenPad, plan: Session, rng: np.random.Generator
+    path: Path, ground: Ground, pad: HiddenPad, plan: PadProgramme, rng: np.random.Generator
 ) -> None:
     lines = ["pad,test,start_s,time_s,displacement_mm,force_N"]
     times, errors = [], []

@@ -20,8 +20,8 @@ from page import Origin
 from truth import Rig, truths
 
 from qlvbayes.diagnosis.candidate import described
+from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.search import CHECKS, Search
-from qlvbayes.diagnosis.searchrun import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth
 from qlvbayes.evaluation.population import Population

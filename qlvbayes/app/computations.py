@@ -18,8 +18,8 @@ from qlvbayes.app.bench.model import ByHand
 from qlvbayes.app.intake import opened, read_in
 from qlvbayes.app.specimens import pads_by
 from qlvbayes.app.tables import constants_csv, residuals_csv
-from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
+from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.prediction import representative_rows
 from qlvbayes.fitting.summary import FitSummary

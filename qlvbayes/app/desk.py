@@ -15,7 +15,7 @@ from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
 from qlvbayes.app.sessions import HistoryState, OnBench, Session, Sessions, entry
-from qlvbayes.io.bundled import bundled
+from qlvbayes.io.files import bundled
 
 BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",

@@ -11,13 +11,13 @@ from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Seed, Style, known_names, split_names
+from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
     from qlvbayes.diagnosis.nexttest.result import NextTests
 
-MOST = 5  # tests in a series, as in diagnosis/nexttest/series.py
 _FILES = ("posterior.nc", "diagnosis.json")
 
 
@@ -33,7 +33,7 @@ def design_command(
         ),
     ] = "",
     minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,
-    tests: Annotated[int, typer.Option(min=1, max=MOST, help="At most.")] = 3,
+    tests: Annotated[int, typer.Option(min=1, max=MOST_TESTS, help="At most.")] = 3,
     max_depth: Annotated[
         float | None,
         typer.Option(

@@ -8,7 +8,6 @@ import typer
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.options import (
-    EVIDENCES,
     AsJson,
     Files,
     ModelOptions,
@@ -21,7 +20,8 @@ from qlvbayes.cli.options import (
     thresholds,
     with_groups,
 )
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.catalogue import EVIDENCES
+from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
@@ -55,8 +55,7 @@ def diagnose_command(
     from qlvbayes.pipeline.diagnosing import DiagnoseStep
     from qlvbayes.pipeline.many import raise_failed, run_step
 
-    if evidence not in EVIDENCES:
-        raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
+    check_known("evidence", evidence, EVIDENCES)
     settings = thresholds(tolerance)
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(file, pads, work.part)

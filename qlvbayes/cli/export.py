@@ -10,28 +10,10 @@ import typer
 
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
+from qlvbayes.io.catalogue import EXPORT_DRAWS, TARGETS
 from qlvbayes.io.checks import InputError
 
-TARGETS = (
-    "c",
-    "fmu",
-    "mujoco",
-    "drake",
-    "isaac",
-    "matlab",
-    "abaqus",
-    "ansys",
-    "febio",
-    "comsol",
-    "ls-dyna",
-    "nastran",
-    "radioss",
-    "curves",
-    "json",
-)
-"""Names of the targets, as in use/exports/catalogue.py."""
 _NAMES = "|".join(TARGETS)
-DRAWS = 64  # of the posterior, as in use/exports/write.py
 
 
 def export_command(
@@ -40,7 +22,7 @@ def export_command(
     pad: Annotated[str, typer.Option(help="The pad. Default: the only one.")] = "",
     draws: Annotated[
         int, typer.Option(min=1, help="Draws of the posterior, where the target takes them.")
-    ] = DRAWS,
+    ] = EXPORT_DRAWS,
     height: Annotated[
         float | None,
         typer.Option(help="Height (mm) of a homogeneous specimen, for a modulus of a material."),
@@ -67,8 +49,7 @@ def export_command(
     date, what was tested, the 90 % intervals, and what it cannot carry.
     """
     # imported here, so that the help does not wait for them
-    from qlvbayes.use.exports.catalogue import find
-    from qlvbayes.use.exports.write import export
+    from qlvbayes.use.exports.write import export, find
 
     names = split_names(to)
     if not names:

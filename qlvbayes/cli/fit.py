@@ -8,7 +8,6 @@ import typer
 
 from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.options import (
-    METHODS,
     Files,
     ModelOptions,
     Out,
@@ -19,7 +18,8 @@ from qlvbayes.cli.options import (
     WorkOptions,
     with_groups,
 )
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.catalogue import METHODS
+from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
@@ -59,8 +59,7 @@ def fit(
     from qlvbayes.pipeline.many import raise_failed, run_step
 
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
-    if method not in METHODS:
-        raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
+    check_known("method", method, METHODS)
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(file, pads, work.part)
     choices = model.choices_of(source)

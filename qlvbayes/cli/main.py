@@ -11,8 +11,8 @@ from pathlib import Path
 
 import typer
 
-from qlvbayes.io.bundled import bundled
 from qlvbayes.io.escaping import as_typed, visible
+from qlvbayes.io.files import bundled
 from qlvbayes.parallel.faults import FailedError, fault_of
 
 INTERRUPTED = 130

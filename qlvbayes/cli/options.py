@@ -1,7 +1,6 @@
 """Define options that several commands share.
 
-What their help does not need is imported where it is used: a model takes seconds to import. Names
-that the help lists stand here again (``tests/cli/test_help.py`` compares them with the catalogues).
+What their help does not need is imported where it is used: a model takes seconds to import.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from qlvbayes.cli.plainoptions import (
     split_names,
     with_groups,
 )
+from qlvbayes.io.catalogue import ELASTIC, MOST_MODES, NOISES, RELAXATION
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
@@ -40,12 +40,7 @@ if TYPE_CHECKING:
 # defined in plainoptions.py; commands that load a model import all options from here
 __all__ = ["AsJson", "Pads", "Style", "among", "split_names", "with_groups"]
 
-ELASTIC = ("exponential", "linear", "hertz", "polynomial:2", "polynomial:3", "toe", "spline")
-RELAXATION = ("prony", "fung", "power-law", "stretched", "log-normal")
-NOISES = ("floor", "correlated", "white", "student-t")
-PRONY, MOST = "prony", 6
-METHODS = ("emcee", "least-squares", "two-step")
-EVIDENCES = ("laplace", "nested")
+PRONY = next(iter(RELAXATION))  # the only one that takes a number of modes
 
 Files = Annotated[
     list[Path],
@@ -67,7 +62,9 @@ Relaxation = Annotated[
 ]
 Modes = Annotated[
     int | None,
-    typer.Option(min=1, max=MOST, help="Short for --relaxation prony:MODES.", show_default=False),
+    typer.Option(
+        min=1, max=MOST_MODES, help="Short for --relaxation prony:MODES.", show_default=False
+    ),
 ]
 LawsFile = Annotated[
     Path | None, typer.Option(help="A Python file with laws of your own.", show_default=False)
@@ -246,10 +243,10 @@ def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
         if modes is not None and name != PRONY:
             raise InputError(f"--modes is of a Prony series, not of {name}", remedy="leave it out")
         return name, 2 if modes is None else modes
-    if name != PRONY or not number.isdecimal() or not 1 <= int(number) <= MOST:
+    if name != PRONY or not number.isdecimal() or not 1 <= int(number) <= MOST_MODES:
         known = ", ".join(RELAXATION)
         raise InputError(
-            f"no relaxation {relaxation!r}", remedy=f"use {PRONY}:1 to :{MOST}, or {known}"
+            f"no relaxation {relaxation!r}", remedy=f"use {PRONY}:1 to :{MOST_MODES}, or {known}"
         )
     if modes not in (None, int(number)):
         raise InputError(f"--relaxation {relaxation} and --modes {modes} differ", remedy="give one")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.cli.terminal import Terminal
@@ -57,11 +57,9 @@ def predict_command(
     # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.prediction import plot_prediction
-    from qlvbayes.use.prescribed.forecast import predict_program
-    from qlvbayes.use.prescribed.writing import content, write_forecast
+    from qlvbayes.use.prescribed.forecast import content, predict_program, write_forecast
 
-    if hypotheses not in _WHICH:
-        raise InputError(f"no way {hypotheses!r}", remedy=f"use one of {', '.join(_WHICH)}")
+    check_known("way", hypotheses, _WHICH)
     watcher = Terminal(quiet=as_json)
     forecasts, figures = [], []
     for source in _sources(folder, pad, hypotheses, watcher):

@@ -10,7 +10,7 @@ import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.plainoptions import split_names
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import (
     NOISES,
     PROTOCOLS,
@@ -72,10 +72,8 @@ def simulate(
     for folder in {path.parent for path in (output, answer) if path is not None}:
         if not folder.is_dir():  # refused before the work, not after it
             raise InputError("no such folder", file=folder, remedy="make it, or choose another")
-    if noise not in NOISES:
-        raise InputError(f"no noise {noise!r}", remedy=f"use one of {', '.join(NOISES)}")
-    if protocol not in PROTOCOLS:
-        raise InputError(f"no protocol {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    check_known("noise", noise, NOISES)
+    check_known("protocol", protocol, PROTOCOLS)
     constants, groups = specimens_of(split_names(pads), np.random.default_rng([seed, _SPECIMENS]))
     weights = _positive_values(loads, "loads", "0.5,1") if loads else ()
     speeds = () if rates == "none" else _positive_values(rates, "rates", "0.1,1,20")

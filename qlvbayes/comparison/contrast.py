@@ -16,7 +16,7 @@ _SMALL = 1e-4
 
 
 class Interval(Part, frozen=True):
-    """Median and the ends of the central 90 % interval."""
+    """Hold the median and the ends of the central 90 % interval."""
 
     median: float
     low: float
@@ -66,7 +66,7 @@ class Omnibus(Part, frozen=True):
 
 
 class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold": "hold_s"}):
-    """depth (mm), rates (mm/s), frequencies (Hz) and hold (s) at which quantities are read."""
+    """The depth (mm), rates (mm/s), frequencies (Hz) and hold (s) at which quantities are read."""
 
     depth: float
     rates: tuple[float, ...]

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
-from msgspec.structs import replace
+from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import described
+from qlvbayes.diagnosis.crosschecks import MissedModeChecks
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.result import EvidenceComparison, Used
 from qlvbayes.diagnosis.search import Report, Search
-from qlvbayes.diagnosis.searchrun import run_search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
@@ -19,14 +20,13 @@ from qlvbayes.diagnosis.summary.summarizing import summarize
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.evidence import evidence as laplace_evidence
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
-
-EVIDENCES = ("laplace", "nested")
-"""Ways to the evidence that a user may ask for."""
 
 
 def diagnose(
@@ -85,7 +85,7 @@ def diagnose(
         summary = summarize(experiment, search, kinds, choices.bonded, report)
         sampled = nested_audit(search, seed, report) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    result = replace(
+    result = structs.replace(
         summary.result,
         nested=sampled,
         warnings=tuple(str(one) for one in sampled if not one.agrees),
@@ -134,3 +134,53 @@ def nested_audit(
         agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
         audit.append(EvidenceComparison(name, laplace, sampled.log_evidence, sampled.error, agrees))
     return tuple(audit)
+
+
+def run_search(search: Search) -> None:
+    """Run a search to its end.
+
+    The beam is expanded until all neighbours of the most probable hypotheses are known. Then the
+    checks look for missed modes; as long as they lead to higher ones, the beam goes on from there.
+    In the end the evidence of the hypotheses that count is sampled.
+
+    Raises
+    ------
+    NoFiniteForceError
+        No draw of the baseline's priors gives finite forces.
+    """
+    search.begin()
+    search.expand_beam()
+    checks = MissedModeChecks(search)
+    while not search.ended_early and checks.run():
+        search.expand_beam()
+    sampled: set[Hypothesis] = set()
+    while _sample_next(search, sampled):
+        pass
+
+
+def _sample_next(search: Search, sampled: set[Hypothesis]) -> bool:
+    """Sample the evidence of the most probable hypothesis that counts and was not sampled yet.
+
+    Return whether there was one.
+    """
+    near = search.log_posterior(search.best) - search.breadth.rival
+    left = [one for one in search.modes if one not in sampled]
+    left = [one for one in left if search.log_posterior(one) > near]
+    if not left or len(sampled) >= search.breadth.sampled:
+        return False
+    hypothesis = max(left, key=search.log_posterior)
+    search.report(f"evidence of {described(hypothesis)}")
+    sampled.add(hypothesis)
+    first, *others = search.modes[hypothesis]
+    pairs = [(one.mode, one.evidence) for one in (first, *others)]
+    # the less probable a hypothesis, the less its evidence needs to be known
+    gap = search.log_posterior(search.best) - search.log_posterior(hypothesis)
+    close = CLOSE * (1.0 + gap)
+    estimate = sampled_evidence(search.density, pairs, search.settings.tolerance, close)
+    for mode, _ in pairs:
+        mode.point.separation.forget_but(mode.size)
+    if estimate is not None:
+        evidence = replace(first.evidence, by_size=estimate.by_size, log=estimate.log)
+        best = replace(first, evidence=evidence, log_evidence=estimate.log, error=estimate.error)
+        search.modes[hypothesis] = [best, *others]
+    return True

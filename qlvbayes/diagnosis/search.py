@@ -16,9 +16,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
-from qlvbayes.diagnosis.amplitudes import scale_amplitudes
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
-from qlvbayes.diagnosis.prior import Families, log_prior
+from qlvbayes.diagnosis.prior import Families, log_prior, scale_amplitudes
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -36,7 +35,7 @@ CHECKS = ("nested", "exchanged", "draws")
 
 @dataclass
 class CheckCount:
-    """How often a check for missed modes was made, failed, and led to a higher mode."""
+    """Count how often a check for missed modes was made, failed, and led to a higher mode."""
 
     made: int = 0
     failed: int = 0

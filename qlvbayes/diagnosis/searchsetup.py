@@ -9,11 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
-from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.marginal_likelihood import (
     has_uncertain_zeros,
@@ -33,6 +32,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.firstlook.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.natural import in_own_numbers
 
@@ -156,4 +156,31 @@ def _space(
         {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
         Correlated.from_floor(experiment.floor),
         choices.bonded,
+    )
+
+
+def protocol_of(
+    experiment: Experiment, *, bonded: bool, settings: DiagnosisSettings | None = None
+) -> Protocol:
+    """Return the protocol of an experiment, from the phases, motion and forces of its tests.
+
+    Parameters
+    ----------
+    experiment
+        The tests of one pad.
+    bonded
+        Whether the specimen is fixed to the platen.
+    settings
+        ``returned`` is the share of the largest depth or force below which a test has come back.
+    """
+    nearly = (settings or DiagnosisSettings()).returned
+    return Protocol(
+        unloads=unloads(experiment, nearly),
+        returns=returns(experiment, nearly),
+        tests=len(experiment.trials),
+        bonded=bonded,
+        curved=any(trial.trajectory.acceleration_resolved for trial in experiment.trials),
+        timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
+        one_depth=at_one_depth(experiment, nearly),
+        interval=experiment.scales.shortest,
     )

@@ -29,7 +29,7 @@ _OPEN = ("unexplained", "partly_explained")
 
 @dataclass(frozen=True)
 class Rate:
-    """Share of n studies, ``hits`` of them."""
+    """Count the share of n studies, ``hits`` of them."""
 
     hits: int
     n: int

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import FOREIGN, FORMS, HIDDEN
 from qlvbayes.simulate.disturbed import RECORDS
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION
@@ -97,9 +97,7 @@ class Population:
     lists: Lists = PRESENT
 
     def __post_init__(self) -> None:
-        if self.noise not in NOISE_LEVELS:
-            names = ", ".join(NOISE_LEVELS)
-            raise InputError(f"no noise {self.noise!r}", remedy=f"use one of {names}")
+        check_known("noise", self.noise, NOISE_LEVELS)
         unknown = [name for name in self.effects if name not in self.lists.listed]
         if unknown or not self.effects:
             raise InputError(
@@ -126,7 +124,7 @@ class Population:
         return strata | {RECORD: RECORDS} if self.disturbed else strata
 
     def item(self, index: int) -> Item:
-        """Strata and hidden effects of one study."""
+        """Return the strata and hidden effects of one study."""
         strata = self.strata
         if self.disturbed:
             strata = strata | {RECORD: (*RECORDS[:1] * _PLAIN, *RECORDS[1:])}
@@ -134,11 +132,11 @@ class Population:
         return Item(index, levels, self._names(levels, index))
 
     def rng(self, index: int) -> np.random.Generator:
-        """Generator of everything that is random in one study."""
+        """Return the generator of everything that is random in one study."""
         return np.random.default_rng([self.seed, index, *b"wide study"])
 
     def record_rng(self, index: int) -> np.random.Generator:
-        """Generator of what is random in the disturbance of a study's record."""
+        """Return the generator of what is random in the disturbance of a study's record."""
         return np.random.default_rng([self.seed, index, *b"disturbed record"])
 
     def _level(self, name: str, levels: Sequence[str], index: int) -> str:
@@ -177,7 +175,7 @@ def _digest(names: Sequence[str]) -> str:
 
 
 def kin(name: str) -> frozenset[str]:
-    """Listed effects that a correct verdict may name: the hidden one, or those a form replaces."""
+    """Return the effects that a correct verdict may name: the hidden, or what a form replaces."""
     forms = {**FORMS, **FOREIGN}
     if name in forms:
         return frozenset(forms[name].family.split("/"))

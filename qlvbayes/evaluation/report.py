@@ -31,7 +31,7 @@ matrix."""
 
 @dataclass(frozen=True)
 class Confusion:
-    """counts[row][column]: studies with ``rows[row]`` hidden and verdict ``columns[column]``."""
+    """Count the studies by what is hidden (``rows``) and by the verdict (``columns``)."""
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]

@@ -23,7 +23,7 @@ from qlvbayes.simulate.disturbed import (
 from qlvbayes.simulate.hidden import NearContact
 from qlvbayes.simulate.laws import Law, draw_law
 from qlvbayes.simulate.loadcell import LoadCell, draw_cell
-from qlvbayes.simulate.programmes import Session, session
+from qlvbayes.simulate.programmes import PadProgramme, session
 
 SIZES = (0.005, 0.15)  # largest contribution of an effect over the peak force
 GAP_MM = (0.0, 0.02)  # the platen starts this far above the pad
@@ -42,7 +42,7 @@ _DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 @dataclass(frozen=True, eq=False)
 class BlindStudy:
-    """True material, hidden effects, rig and simulated readings of one study.
+    """Hold the true material, hidden effects, rig and simulated readings of one study.
 
     sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
     (mm) and width (mm) of the contact; creep: movement of the platen in a hold (mm); times: sampled
@@ -56,7 +56,7 @@ class BlindStudy:
     sizes: tuple[float, ...]
     rig: NearContact
     creep: float
-    session: Session
+    session: PadProgramme
     cell: LoadCell
     times: tuple[np.ndarray, ...]
     peak: float
@@ -136,7 +136,7 @@ def measured(tests: Sequence[SimulatedTest], name: str) -> Pad:
     return Pad(name, read, PAD)
 
 
-def run(pad: HiddenPad, plan: Session, times: Sequence[np.ndarray]) -> list[np.ndarray]:
+def run(pad: HiddenPad, plan: PadProgramme, times: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return the true force (N) of every test at these times (s).
 
     Where the session is continuous, each test remembers those before it.
@@ -156,7 +156,7 @@ def _material(law: Law, effects: Sequence[Effect], smooth: bool) -> HiddenPad:
 
 
 def _hidden(
-    item: Item, law: Law, rig: NearContact, plan: Session, rng: np.random.Generator
+    item: Item, law: Law, rig: NearContact, plan: PadProgramme, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], tuple[float, ...], float]:
     """Return the effects, their sizes, and the peak force (N) of the pad without them."""
     pad = replace(
@@ -177,7 +177,7 @@ def _hidden(
 
 def _measure(
     pad: HiddenPad,
-    plan: Session,
+    plan: PadProgramme,
     cell: LoadCell,
     peak: float,
     logger: str,

@@ -12,7 +12,7 @@ import numpy as np
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
+from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.marginal_likelihood import (
     FitResponse,
@@ -27,9 +27,10 @@ from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
-from qlvbayes.io.checks import InputError
+from qlvbayes.io import catalogue
+from qlvbayes.io.checks import check_known
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.laws.resolution import unresolved_times
+from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds
@@ -41,8 +42,7 @@ from qlvbayes.motion.record import Record
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
 ]
-SAMPLERS: dict[str, Sampler] = {"emcee": sample}
-METHODS = (*SAMPLERS, "least-squares", "two-step")
+SAMPLERS: dict[str, Sampler] = catalogue.loaded(catalogue.SAMPLERS)
 _SEPARATIONS = 2  # iterations of separation and optimum: the second moves the mode by little
 _NOISE_CONSTANTS = 5  # of measured noise; the last one is the discrepancy's size
 _KEPT = 2000  # largest number of draws kept in the results
@@ -264,8 +264,7 @@ def fit_pad(
     trials = experiment.with_role("fit")
     if method in SAMPLERS:
         return _sampled(experiment, choices, method, trials, settings, folder, progress)
-    if method not in METHODS:
-        raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
+    check_known("method", method, catalogue.METHODS)
     white = replace(choices, noise="white")
     posterior = build_posterior(experiment, white, trials)
     rng = np.random.default_rng(settings.seed)

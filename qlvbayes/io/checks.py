@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from qlvbayes.io.escaping import visible
@@ -47,6 +48,15 @@ class InputError(Exception):
         if remedy is not None:
             text += f"; {remedy}"
         super().__init__(visible(" ".join(text.split())))
+
+
+def check_known(what: str, name: str, known: Iterable[str]) -> None:
+    """Raise InputError where a name is none of the known ones; the error lists them.
+
+    ``what`` is what the name stands for, as "noise model".
+    """
+    if name not in (every := tuple(known)):
+        raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(every)}")
 
 
 class NoFiniteForceError(InputError):

@@ -1,4 +1,4 @@
-"""Write results to disk, each file whole or not at all."""
+"""Write results to disk, each file whole or not at all, and find measurements that come along."""
 
 from __future__ import annotations
 
@@ -130,3 +130,12 @@ def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
     """Write JSON whose numbers are finite or null, whole or not at all."""
     text = json.dumps(content, indent=indent, allow_nan=False) + "\n"
     write_whole(path, text.encode())
+
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def bundled(name: str) -> Path:
+    """Return the path of ``name`` (``hidden.csv``), without a file where it was not installed."""
+    installed = _PACKAGE / "data" / name
+    return installed if installed.is_file() else _PACKAGE.parent / "data" / name

@@ -7,22 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.catalogue import ELASTIC, RELAXATION, loaded
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.usermodule import check_own, own_classes
-from qlvbayes.laws.elastic.cubic import Cubic
-from qlvbayes.laws.elastic.exponential import Exponential
-from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.linear import Linear
-from qlvbayes.laws.elastic.quadratic import Quadratic
-from qlvbayes.laws.elastic.spline import Spline
-from qlvbayes.laws.elastic.toe_exponential import ToeExponential
-from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
-from qlvbayes.laws.relaxation.power_law import PowerLaw
-from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.relaxation.stretched import StretchedExponential
 
 
 @dataclass(frozen=True)
@@ -42,8 +31,8 @@ class Laws:
 
 
 LAWS: Laws = Laws(
-    (Exponential, Linear, HertzPower, Quadratic, Cubic, ToeExponential, Spline),
-    (Prony, Fung, PowerLaw, StretchedExponential, LogNormalSpectrum),
+    tuple(loaded(ELASTIC).values()),
+    tuple(loaded(RELAXATION).values()),
 )
 """Every law that comes with the package."""
 
@@ -66,10 +55,8 @@ def find_relaxation(name: str, laws: Laws = LAWS) -> type[AbstractRelaxation]:
 
 
 def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
-    for kind in kinds:
-        if kind.name == name:
-            return kind
-    raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(names(kinds))}")
+    check_known(what, name, names(kinds))
+    return next(kind for kind in kinds if kind.name == name)
 
 
 def own_laws(path: str | Path) -> Laws:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find, own_effects
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation, own_laws
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
@@ -103,10 +103,7 @@ class Choices:
             object.__setattr__(self, name, _settings_in_words(getattr(self, name)))
         find_elastic(self.law, self.laws)
         find_relaxation(self.relaxation, self.laws)
-        if self.noise not in NOISES:
-            raise InputError(
-                f"no noise model {self.noise!r}", remedy=f"use one of {', '.join(NOISES)}"
-            )
+        check_known("noise model", self.noise, NOISES)
         if self.modes < 1:
             raise InputError(f"{self.modes} relaxation modes", remedy="use one or more")
 

@@ -1,6 +1,7 @@
 """Define measurement noise: its likelihood, of samples or of block averages, and its draws.
 
-A new noise model is one class here, and a line in ``NOISES``; its fields are numbers or priors.
+A new noise model is one class here, and a line in ``NOISES`` of ``io.catalogue``; its fields are
+numbers or priors.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import jax.numpy as jnp
 import jax.scipy.stats as jss
 from jaxtyping import Array
 
+from qlvbayes.io import catalogue
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.motion.noisefloor.floor import NoiseFloor
 from qlvbayes.motion.record import Blocks
@@ -331,13 +333,8 @@ class Floor(AbstractGaussian):
         return self._alone.sample_sd(weight)
 
 
-NOISES: dict[str, type[AbstractNoise]] = {
-    kind.name: kind for kind in (Floor, Correlated, White, StudentT)
-}
-"""The noise models by name, the default first.
-
-A model with more constants precedes those it contains.
-"""
+NOISES: dict[str, type[AbstractNoise]] = catalogue.loaded(catalogue.NOISES)
+"""The noise models by name, the default first."""
 
 
 def _motion_sd(blocks: Blocks) -> Array:

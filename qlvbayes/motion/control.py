@@ -20,17 +20,18 @@ from qlvbayes.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-HELD = 0.05  # of the largest force: so far to either side a held force may be read,
-_NOISY = 8.0  # or so many sds of neighbouring readings, whose slow errors may be as large
-_FEWEST = 20  # readings in a hold
-_LONG = 0.05  # of a test, for which the force must be held to count as prescribed,
-_LOADED = 0.2  # of the largest force; below it the specimen recovers,
-_CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
-_STEADY = 0.01  # of the largest force, and times the sd of neighbouring readings, above which a
-_SLOW_ERRORS = 4.0  # force that is held scatters no more: it rises and relaxes at a turn
-_PLAIN = 2.0  # times what the scatter of the force would explain
-_ENOUGH = 5000  # readings of a test that are looked at for that
-_ENDS = 0.05  # of the hold, at either end, that are not looked at for that
+# They are no settings: what was prescribed is a fact of the record, and a column says it otherwise.
+HELD = 0.05  # of the largest force, by which a held force may be read to either side of its level
+_NOISY = 8.0  # sds of neighbouring readings, by which it may be too: slow errors are as large
+_FEWEST = 20  # readings in a hold: fewer show no drift
+_LONG = 0.05  # of a test's time: a force that is held for less was not prescribed
+_LOADED = 0.2  # of the largest force, below which a specimen recovers instead of creeping
+_CREPT = 0.03  # of the largest displacement: less is what a held displacement drifts
+_STEADY = 0.01  # of the largest force, above which a force scatters too much to be held
+_SLOW_ERRORS = 4.0  # sds of neighbouring readings, above which too: it rises and relaxes at a turn
+_PLAIN = 2.0  # times what the scatter of the force explains, above which a specimen creeps
+_ENOUGH = 5000  # readings of a test that show its holds
+_ENDS = 0.05  # of a hold's time at either end, where the movement beside it may reach in
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
 _FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
 _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
@@ -41,7 +42,7 @@ _RESTS = 0.3  # of the time between two holds, or of a hold, for which one quant
 
 
 @dataclass(frozen=True)
-class Stretch:
+class LevelStretch:
     """Readings from first to before stop, between which the force stays near a level."""
 
     first: int
@@ -71,7 +72,7 @@ def slack(test: Test) -> float:
     )
 
 
-def stretches(test: Test) -> list[Stretch]:
+def stretches(test: Test) -> list[LevelStretch]:
     """Divide the record into stretches in which the force stays within its tolerance.
 
     A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
@@ -87,14 +88,14 @@ def stretches(test: Test) -> list[Stretch]:
     return [*parts, _stretch(test, first, force.size, most)]
 
 
-def _stretch(test: Test, first: int, stop: int, most: float) -> Stretch:
+def _stretch(test: Test, first: int, stop: int, most: float) -> LevelStretch:
     time, force = test.time[first:stop], test.force[first:stop]
     held = False
     if force.size >= _FEWEST:
         centred = time - time.mean()
         drift = abs(float(centred @ force / (centred @ centred))) * float(np.ptp(time))
         held = drift < 0.5 * most
-    return Stretch(first, stop, float(np.median(force)), held)
+    return LevelStretch(first, stop, float(np.median(force)), held)
 
 
 def _joined(parts: Sequence[Prescribed]) -> list[Prescribed]:
@@ -189,7 +190,7 @@ def _recovers(
     return bool(lasted > _OUTLASTS * (first - begun))
 
 
-def _corners(test: Test, fewer: Test, part: Stretch) -> tuple[float, float]:
+def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]:
     """Return when a held force begins and ends (s), to a reading.
 
     The stretch itself has the ends of the movements before and after it.

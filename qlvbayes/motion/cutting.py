@@ -22,7 +22,7 @@ _REMEDY = "write --use 'TEST:0..18mm' for its part to a displacement, 'TEST:0..1
 
 @dataclass(frozen=True)
 class OfTest:
-    """What a text of the command line says of one test."""
+    """Hold what a text of the command line says of one test."""
 
     test: str
     text: str
@@ -33,7 +33,7 @@ class OfTest:
 
 
 @dataclass(frozen=True)
-class Part(OfTest):
+class SpanOfTest(OfTest):
     """The part of a test from low to high, in time (s) or displacement (``unit``).
 
     option, remedy: of the command line, for messages.
@@ -115,7 +115,7 @@ class Part(OfTest):
 def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
     """Return a pad with the selected parts of its tests, and a sentence on each cut."""
     tests, notices = list(pad.tests), []
-    for one in map(Part.from_text, use):
+    for one in map(SpanOfTest.from_text, use):
         for k, test in enumerate(tests):
             if not one.names(test):
                 continue

@@ -21,7 +21,7 @@ from qlvbayes.io.reading.testchecks import LEAST_SAMPLES
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.badreadings import Bad, BadReadings, runs_of
-from qlvbayes.motion.cutting import OfTest, Part
+from qlvbayes.motion.cutting import OfTest, SpanOfTest
 from qlvbayes.motion.phases import KINDS, NAMES, Phase, phase_index
 
 Mask = NDArray[np.bool_]
@@ -76,10 +76,11 @@ class Excluded:
     said_by: str
 
 
-def parts_of(leave_out: Iterable[str]) -> list[Part | NamedPhase]:
+def parts_of(leave_out: Iterable[str]) -> list[SpanOfTest | NamedPhase]:
     """Read ``TEST:30..45s`` and ``TEST:hold 2``; raise InputError for any other form."""
     return [
-        NamedPhase.from_text(text) or Part.from_text(text, _OPTION, _REMEDY) for text in leave_out
+        NamedPhase.from_text(text) or SpanOfTest.from_text(text, _OPTION, _REMEDY)
+        for text in leave_out
     ]
 
 
@@ -105,7 +106,7 @@ def arguments_of(pads: Sequence[Pad], use: Sequence[str], leave_out: Sequence[st
 
 def _told(use: Sequence[str], leave_out: Sequence[str]) -> list[tuple[str, OfTest]]:
     return [
-        *(("--use", Part.from_text(text)) for text in use),
+        *(("--use", SpanOfTest.from_text(text)) for text in use),
         *((_OPTION, part) for part in parts_of(leave_out)),
     ]
 
@@ -128,7 +129,7 @@ def excluded_readings(
     for one in parts_of(leave_out):
         if not one.names(test):
             continue
-        if isinstance(one, Part):
+        if isinstance(one, SpanOfTest):
             values = one.values(test, pad, begun)
             mask = (values >= one.low) & (values <= one.high)
         elif phases is not None:

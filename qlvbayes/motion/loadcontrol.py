@@ -33,10 +33,8 @@ _FEWEST = 3  # readings in a phase that a change of control cuts
 _ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
 _PLACES = 200  # of that ramp, at which its force is computed
 _BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
-_SWING, _SWUNG = (
-    1e-4,
-    0.1,
-)  # of the stroke, of the way between: how far a curve may lie outside both
+_SWING = 1e-4  # of the stroke, by which a curve may lie outside the readings to either side,
+_SWUNG = 0.1  # and of the way between the two: more is no creep
 
 
 def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> Trajectory:

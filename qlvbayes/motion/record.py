@@ -46,9 +46,23 @@ class Blocks(eqx.Module):
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
         """Make each sample a block of its own."""
-        one = np.ones(time.shape)
-        none = np.zeros_like(one)
-        return cls(*map(held, (force, one, time, time, weight, one, none, none, none, one > 0.0)))
+        return cls.of_means(force, np.ones(time.shape), time, time, weight)
+
+    @classmethod
+    def of_means(
+        cls,
+        force: np.ndarray,
+        count: np.ndarray,
+        first: np.ndarray,
+        last: np.ndarray,
+        weight: np.ndarray | None = None,
+    ) -> Blocks:
+        """Make blocks that have no errors but the noise of their samples, and no padding."""
+        one, none = np.ones(count.shape), np.zeros(count.shape)
+        fields = {"force": force, "count": count, "first": first, "last": last, "scale": one}
+        fields |= {"weight": one if weight is None else weight, "real": one > 0.0}
+        fields |= dict.fromkeys(("extra", "timing", "zero"), none)
+        return cls(**{name: held(values) for name, values in fields.items()})
 
 
 class Record(eqx.Module):
@@ -97,14 +111,14 @@ def padded_size(size: int) -> int:
 
 def _pad(record: Record, points: int, blocks: int) -> Record:
     seen = record.motion
-    motion = jax.tree.map(lambda leaf: _extend(leaf, points) if leaf.ndim else leaf, seen)
+    motion = jax.tree.map(lambda leaf: extended(leaf, points) if leaf.ndim else leaf, seen)
     size = record.blocks.force.shape[0]
-    full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
+    full = jax.tree.map(lambda leaf: extended(leaf, blocks), record.blocks)
     real = np.arange(blocks) < size
     # one sample, of no duration: the noise model's closed forms stay finite in padding
     count = held(np.where(real, full.count, 1.0))
     single = replace(full, count=count, real=held(real))
-    return Record(motion, _extend(record.nodes, blocks), single)
+    return Record(motion, extended(record.nodes, blocks), single)
 
 
 def with_zeros(record: Record, field: str, dtype: type) -> Record:
@@ -116,6 +130,7 @@ def with_zeros(record: Record, field: str, dtype: type) -> Record:
     return replace(record, motion=replace(motion, **{field: zeros}))
 
 
-def _extend(values: Array, size: int) -> Array:
+def extended(values: Array | np.ndarray, size: int) -> Array:
+    """Return values padded along their first axis to a length with their last one."""
     missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
     return held(np.pad(np.asarray(values), missing, mode="edge"))

@@ -35,7 +35,7 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 
 @dataclass(frozen=True)
 class Care:
-    """How finely a record is to be reduced, given its noise.
+    """Say how finely a record is to be reduced, given its noise.
 
     floor: noise and its growth with the force; stiffness: the pad's largest (N/mm), by which an
     error of the motion becomes one of the force; chord: how far the grid's straight lines may be
@@ -226,13 +226,10 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
     count = np.diff(np.append(begin, test.time.size)).astype(float)
     last = np.append(begin[1:], test.time.size) - 1
     force = np.add.reduceat(test.force, begin) / count
-    weight = np.ones_like(count)
+    weight = None
     if test.force_sd is not None:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
-    times = test.time[begin], test.time[last]
-    none = np.zeros_like(count)
-    fields = (force, count, *times, weight, np.ones_like(count), none, none, none, count > 0.0)
-    return Blocks(*map(held, fields))
+    return Blocks.of_means(force, count, test.time[begin], test.time[last], weight)
 
 
 def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:

@@ -239,7 +239,7 @@ def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tu
 
 
 @dataclass(frozen=True)
-class Dwell:
+class DwellSpan:
     """Samples [first, stop) at one level."""
 
     first: int
@@ -249,7 +249,7 @@ class Dwell:
 
 def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
-) -> list[Dwell]:
+) -> list[DwellSpan]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
     rests = []
     for k, segment in enumerate(segments):
@@ -269,7 +269,7 @@ def find_dwells(
         # At the speed next door it would have been seen to move.
         if alone or neighbouring * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
             level = float(displacement[rest.first : rest.stop].mean())
-            dwells.append(Dwell(rest.first, rest.stop, level))
+            dwells.append(DwellSpan(rest.first, rest.stop, level))
     stretched = _stretched(displacement, _distinct(dwells, tol), tol)
     return [dwell for dwell in stretched if not _turns(time, displacement, dwell, tol)]
 
@@ -312,7 +312,7 @@ def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Re
     return out
 
 
-def _turns(time: Array, displacement: Array, dwell: Dwell, tol: Tolerance) -> bool:
+def _turns(time: Array, displacement: Array, dwell: DwellSpan, tol: Tolerance) -> bool:
     """Return whether one parabola fits the dwell and twice its length on either side."""
     reach = 2 * (dwell.stop - dwell.first)
     around = slice(max(dwell.first - reach, 0), dwell.stop + reach)
@@ -331,7 +331,7 @@ def _speed(time: Array, displacement: Array, segment: tuple[int, int]) -> float:
     )
 
 
-def _distinct(dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
+def _distinct(dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:
     """Leave out touching dwells of nearly one level, which are a creep."""
     creeping = {
         r
@@ -342,8 +342,8 @@ def _distinct(dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
     return [r for r in dwells if r not in creeping]
 
 
-def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
-    out: list[Dwell] = []
+def _stretched(displacement: Array, dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:
+    out: list[DwellSpan] = []
     for k, dwell in enumerate(dwells):
         low = out[-1].stop if out else 0
         high = dwells[k + 1].first if k + 1 < len(dwells) else displacement.size
@@ -354,5 +354,5 @@ def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list
         after = np.flatnonzero(~near[dwell.stop - low :])
         first = low + int(before[-1]) + 1 if before.size else low
         stop = dwell.stop + int(after[0]) if after.size else high
-        out.append(Dwell(first, stop, float(displacement[first:stop].mean())))
+        out.append(DwellSpan(first, stop, float(displacement[first:stop].mean())))
     return out

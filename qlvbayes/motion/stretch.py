@@ -26,7 +26,7 @@ from qlvbayes.motion.freeknots import (
     residuals,
     with_knot_at_worst,
 )
-from qlvbayes.motion.segments import Dwell
+from qlvbayes.motion.segments import DwellSpan
 
 Array = NDArray[np.float64]
 
@@ -65,8 +65,8 @@ def fitted(
     t: Array,
     x: Array,
     segments: list[tuple[int, int]],
-    before: Dwell | None,
-    after: Dwell | None,
+    before: DwellSpan | None,
+    after: DwellSpan | None,
     tol: Tolerance,
 ) -> Stretch:
     """Fit the motion between two dwells (None: the record begins or ends in motion).
@@ -86,7 +86,9 @@ def fitted(
     return _patched(stretch, tol)
 
 
-def _one_move(stretch: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
+def _one_move(
+    stretch: Stretch, left: float, after: DwellSpan | None, tol: Tolerance
+) -> Stretch | None:
     """Return a trapezoid of velocity from a level to a dwell, if few readings show the motion.
 
     None where they are many, or do not lie on a trapezoid. They do not determine its acceleration.
@@ -252,8 +254,8 @@ def _fitted(
     t: Array,
     x: Array,
     segments: list[tuple[int, int]],
-    before: Dwell | None,
-    after: Dwell | None,
+    before: DwellSpan | None,
+    after: DwellSpan | None,
     tol: Tolerance,
 ) -> Stretch:
     first = 0 if before is None else before.stop
@@ -363,7 +365,7 @@ def _local(joints: Joints, side: int, end: float) -> Joints:
 
 
 def _window(
-    t: Array, x: Array, first: int, stop: int, before: Dwell | None, after: Dwell | None
+    t: Array, x: Array, first: int, stop: int, before: DwellSpan | None, after: DwellSpan | None
 ) -> Window:
     """Include part of the dwells next to a stretch, so that its end knots can move.
 
@@ -388,7 +390,7 @@ def _window(
 
 
 def _unseen(
-    t: Array, x: Array, first: int, stop: int, end: int, dwell: Dwell | None, between: Array
+    t: Array, x: Array, first: int, stop: int, end: int, dwell: DwellSpan | None, between: Array
 ) -> Array:
     """Return times after a stretch first:stop at which a dwell's level held without readings.
 

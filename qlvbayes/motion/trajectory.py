@@ -17,7 +17,7 @@ from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.errors import Errors, errors
 from qlvbayes.motion.knoterrors import Moments, moments
 from qlvbayes.motion.segments import (
-    Dwell,
+    DwellSpan,
     find_dwells,
     greedy_segments,
     scatter_left,
@@ -252,7 +252,7 @@ def _check(time: Array, displacement: Array) -> None:
 
 
 def _stretches(
-    t: Array, x: Array, segments: list[tuple[int, int]], dwells: list[Dwell], tol: Tolerance
+    t: Array, x: Array, segments: list[tuple[int, int]], dwells: list[DwellSpan], tol: Tolerance
 ) -> list[Stretch]:
     """Fit the motion between the dwells."""
     parts: list[Stretch] = []
@@ -265,7 +265,7 @@ def _stretches(
     return parts
 
 
-def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance) -> Trajectory:
+def _joined(t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance) -> Trajectory:
     """Put moving parts and dwells in order of time."""
     most = max((_order(p) for p in parts), default=0)
     starts = [part.pieces.knots[:-1] for part in parts]
@@ -287,7 +287,7 @@ def _with_errors(
     x: Array,
     path: Trajectory,
     parts: list[Stretch],
-    dwells: list[Dwell],
+    dwells: list[DwellSpan],
     tol: Tolerance,
 ) -> Trajectory:
     """Return the path with its errors, as far as the readings determine them."""
@@ -316,7 +316,7 @@ def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
 
 
 def _all_moments(
-    t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance, clock: float
+    t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance, clock: float
 ) -> Moments:
     """Return the errors of all stretches' knots, in order of time."""
     times, sds = [np.array([t[0], t[-1]])], [np.zeros(2)]
@@ -332,7 +332,7 @@ def _all_moments(
     return Moments(time[order], sd[order])
 
 
-def _level_sd(dwell: Dwell, tol: Tolerance) -> float:
+def _level_sd(dwell: DwellSpan, tol: Tolerance) -> float:
     """Sd of a dwell's level. At rest the rounding is not averaged out, unless scatter does it."""
     rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
     return float(np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
@@ -351,7 +351,11 @@ def _rows(part: Stretch, most: int) -> Array:
 
 
 def _all_errors(
-    t: Array, parts: list[Stretch], part_errors: list[Errors], dwells: list[Dwell], tol: Tolerance
+    t: Array,
+    parts: list[Stretch],
+    part_errors: list[Errors],
+    dwells: list[DwellSpan],
+    tol: Tolerance,
 ) -> Errors:
     """Return the errors of stretches and dwells, in order of time."""
     begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])

@@ -20,9 +20,8 @@ from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.running import Outcome, package_digest, run_all
 from qlvbayes.pipeline.finished import Finished, digest_of
-from qlvbayes.pipeline.recording import Message, Recorder, replay
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.watcher import Message, Recorder, Watcher, replay
 
 _READING = "reading"  # stands for the step where a file cannot be read and no pad is known
 

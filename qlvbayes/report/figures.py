@@ -92,7 +92,7 @@ class Figure:
 
 
 class Embedder:
-    """Puts pictures into the page until it has grown enough."""
+    """Put pictures into the page until it has grown enough."""
 
     def __init__(self, out: Path, most: int = MOST_BYTES) -> None:
         self._out = out

@@ -37,7 +37,7 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Basis:
-    """Data, sampler and priors on which one pad's constants rest."""
+    """Hold the data, sampler and priors on which one pad's constants rest."""
 
     pad: str
     fitted: str
@@ -48,7 +48,7 @@ class Basis:
 
 @dataclass(frozen=True)
 class Methods:
-    """Model, inference and provenance."""
+    """State the model, inference and provenance."""
 
     law: str
     relaxation: str

@@ -20,7 +20,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Exported:
-    """Files of one pad for another program; folder: in the folder of results."""
+    """Hold the files of one pad for another program; folder: in the folder of results."""
 
     pad: str
     target: str
@@ -30,7 +30,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class Using:
-    """Commands, and exports that are there."""
+    """Hold the commands, and the exports that are there."""
 
     commands: tuple[Use, ...]
     exports: tuple[Exported, ...]

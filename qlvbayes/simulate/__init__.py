@@ -29,8 +29,7 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
-from .logger import thin
-from .material import Material, Pad, elastic_force
+from .material import Material, SimulatedPad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
     PAPER_RATES,
@@ -45,14 +44,14 @@ from .platen import (
 )
 from .rig import (
     SAMPLE_RATE,
-    Record,
+    SimulatedRecord,
     SimulatedTest,
     record_study,
     record_test,
     simulate_study,
     simulate_test,
 )
-from .sensors import ENCODER_STEP, NOISES, Noise, encode
+from .sensors import ENCODER_STEP, NOISES, Noise, encode, thin
 from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
@@ -77,10 +76,10 @@ __all__ = [
     "Material",
     "Move",
     "Noise",
-    "Pad",
+    "SimulatedPad",
     "Platen",
     "Press",
-    "Record",
+    "SimulatedRecord",
     "Sequence",
     "SimulatedTest",
     "Step",

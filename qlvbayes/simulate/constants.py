@@ -45,11 +45,11 @@ class Constants:
             raise InputError(f"the shares c must be at least 0 and sum to 1, not {self.c}")
 
     def force(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N) of an infinitely fast test to `depth` (mm): m/b (e^{b d} - 1)."""
+        """Return the force (N) of an infinitely fast test to `depth` (mm): m/b (e^{b d} - 1)."""
         return self.m / self.b * np.expm1(self.b * depth)
 
     def stiffness(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Slope of the elastic force (N/mm): m e^{b d}."""
+        """Return the slope of the elastic force (N/mm): m e^{b d}."""
         return self.m * np.exp(self.b * depth)
 
 

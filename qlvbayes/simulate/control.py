@@ -23,7 +23,7 @@ from qlvbayes.io.checks import InputError
 from .constants import Constants
 from .creep import Load, runge_kutta
 from .platen import Hold, Move
-from .rig import SAMPLE_RATE, Record
+from .rig import SAMPLE_RATE, SimulatedRecord
 from .sensors import Noise, encode
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def record_controlled(
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,
     closed_loop: bool = False,
-) -> tuple[Record, NDArray[np.bool_]]:
+) -> tuple[SimulatedRecord, NDArray[np.bool_]]:
     """Run one test; return it, and (n,) at which samples the force was prescribed.
 
     closed_loop: the controller of the force follows the load cell, whose slow errors then are in
@@ -75,7 +75,7 @@ def record_controlled(
         A force to reach is not reached.
     """
     program = tuple(program)
-    still = _Run(constants, 1.0 / sample_rate, None)
+    still = _ControlledRun(constants, 1.0 / sample_rate, None)
     for step in program:
         still.do(step)
     # a controller may reach a force some samples later
@@ -84,17 +84,17 @@ def record_controlled(
     white = Noise(noise.white, 0.0).draw(time, rng)
     run = still
     if closed_loop:
-        run = _Run(constants, 1.0 / sample_rate, slow)
+        run = _ControlledRun(constants, 1.0 / sample_rate, slow)
         for step in program:
             run.do(step)
     force, displacement = np.array(run.force), np.array(run.displacement)
     read = force + (slow + white)[: force.size]
-    record = Record(time[: force.size], encode(displacement), read, displacement, force)
+    record = SimulatedRecord(time[: force.size], encode(displacement), read, displacement, force)
     return record, np.array(run.loaded)
 
 
 @dataclass
-class _Run:
+class _ControlledRun:
     """A pad on its way through a programme, with all samples so far."""
 
     constants: Constants

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .motion import Motion, Piece, Track, joined
-from .programmes import Session
+from .programmes import PadProgramme
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ RECORDS = (
 )  # fmt: skip
 """Kinds of records; in all but the first something is not as the programme says."""
 
-Forces = Callable[[Session, Sequence[Array]], list[Array]]
+Forces = Callable[[PadProgramme, Sequence[Array]], list[Array]]
 """Simulates the forces (N) of all tests of a session at some times (s) of each."""
 
 _LOST = 0.01  # of a test's readings, at most; of more no program makes anything
@@ -71,7 +71,7 @@ class NoiseGain:
         return 1.0 + (self.factor - 1.0) * np.exp(-passed / self.share)
 
 
-def unequal_holds(plan: Session, rng: np.random.Generator) -> Session:
+def unequal_holds(plan: PadProgramme, rng: np.random.Generator) -> PadProgramme:
     """Return the session with the holds of all tests but one cut to 5 to 100 % of their length."""
     whole = int(rng.integers(len(plan.motions)))
     motions: dict[str, Motion] = {}
@@ -98,7 +98,7 @@ def _rests(piece: Piece) -> bool:
     return piece.acceleration == 0.0 and abs(piece.velocity) * piece.duration < _RESTING_MM
 
 
-def held_forces(plan: Session, forces: Forces, rng: np.random.Generator) -> Session:
+def held_forces(plan: PadProgramme, forces: Forces, rng: np.random.Generator) -> PadProgramme:
     """Return the session with the first hold of two of three tests under its first force.
 
     A test that goes back to zero has none, as it would end in contact, nor has one whose pad gives
@@ -182,7 +182,7 @@ class _HeldForce:
         return Track(whole, self.motion.start_s, self.motion.number)
 
 
-def _with_paths(plan: Session, chosen: Sequence[_HeldForce | None]) -> Session:
+def _with_paths(plan: PadProgramme, chosen: Sequence[_HeldForce | None]) -> PadProgramme:
     motions = {
         name: motion if one is None else one.moved
         for (name, motion), one in zip(plan.motions.items(), chosen, strict=True)

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 
 from .constants import Constants
 from .creep import creep_study
 from .hidden import Effect, HiddenPad
-from .material import Material, Pad
+from .material import Material, SimulatedPad
 from .platen import PAPER_ACCELERATION, PROTOCOLS
 from .rig import PAUSE_S, SAMPLE_RATE, SimulatedTest, record_study
 from .sensors import ENCODER_STEP, Noise
@@ -99,15 +99,14 @@ def simulate_file(
             "a load-controlled test is simulated of the plain pad only",
             remedy="leave out --loads or --hide",
         )
-    if protocol not in PROTOCOLS:
-        raise InputError(f"no protocol '{protocol}'", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    check_known("protocol", protocol, PROTOCOLS)
     if answer is not None and Path(answer).resolve() == Path(path).resolve():
         raise InputError("data and answer need two files", file=path)
     materials: dict[str, Material] = {
         # a plain pad follows a platen that is drawn off its surface
         name: HiddenPad(constants, tuple(effects))
         if effects or protocol == "pull_off"
-        else Pad(constants)
+        else SimulatedPad(constants)
         for name, constants in pads.items()
     }
     programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}

@@ -26,28 +26,28 @@ _LEAST = 1e-7  # share below which a mode is left out
 
 
 def exponential(d: Array, m: float, b: float) -> Array:
-    """m/b (e^{b d} - 1); N/mm, 1/mm."""
+    """Return the force m/b (e^{b d} - 1); N/mm, 1/mm."""
     return m / b * np.expm1(b * d)
 
 
 def hertz(d: Array, k: float) -> Array:
-    """Hertz: k d^1.5 where d > 0, else 0; N/mm^1.5."""
+    """Return the force of Hertz: k d^1.5 where d > 0, else 0; N/mm^1.5."""
     return k * np.maximum(d, 0.0) ** 1.5
 
 
 def polynomial(d: Array, k: float, second: float, third: float) -> Array:
-    """Cubic: k (d + second d^2 + third d^3); N/mm, 1/mm, 1/mm^2."""
+    """Return the cubic force k (d + second d^2 + third d^3); N/mm, 1/mm, 1/mm^2."""
     return k * d * (1.0 + d * (second + third * d))
 
 
 def toe(d: Array, k: float, b: float, depth: float) -> Array:
-    """Linear, k d, up to `depth`, then k depth + k/b (e^{b (d - depth)} - 1); N/mm, 1/mm."""
+    """Return k d up to `depth`, then k depth + k/b (e^{b (d - depth)} - 1); N/mm, 1/mm."""
     beyond = np.maximum(d - depth, 0.0)
     return k * np.minimum(d, depth) + k / b * np.expm1(b * beyond)
 
 
 def box(t: Array, c: float, short: float, long: float) -> Array:
-    """Fung's {1 + c [E1(t/long) - E1(t/short)]} / {1 + c ln(long/short)}; times in s."""
+    """Return Fung's {1 + c [E1(t/long) - E1(t/short)]} / {1 + c ln(long/short)}; in s."""
     whole = c * log(long / short)
     with np.errstate(invalid="ignore"):
         middle = np.where(t > 0.0, exp1(t / long) - exp1(np.maximum(t / short, 1e-300)), whole / c)
@@ -55,17 +55,17 @@ def box(t: Array, c: float, short: float, long: float) -> Array:
 
 
 def power(t: Array, rest: float, time: float, exponent: float) -> Array:
-    """Rest + (1 - rest) (1 + t/time)^-exponent; s."""
+    """Return rest + (1 - rest) (1 + t/time)^-exponent; s."""
     return rest + (1.0 - rest) * (1.0 + t / time) ** -exponent
 
 
 def stretched(t: Array, rest: float, time: float, exponent: float) -> Array:
-    """Rest + (1 - rest) e^{-(t/time)^exponent}; s."""
+    """Return rest + (1 - rest) e^{-(t/time)^exponent}; s."""
     return rest + (1.0 - rest) * np.exp(-((t / time) ** exponent))
 
 
 def prony2(t: Array, c1: float, v1: float, c2: float, v2: float) -> Array:
-    """1 - c1 (1 - e^{-v1 t}) - c2 (1 - e^{-v2 t}); 1/s."""
+    """Return 1 - c1 (1 - e^{-v1 t}) - c2 (1 - e^{-v2 t}); 1/s."""
     return 1.0 + c1 * np.expm1(-v1 * t) + c2 * np.expm1(-v2 * t)
 
 
@@ -106,7 +106,7 @@ class Law:
     fading: tuple[float, ...]
 
     def force(self, depth: Array) -> Array:
-        """Force (N) of an infinitely fast test to `depth` (mm)."""
+        """Return the force (N) of an infinitely fast test to `depth` (mm)."""
         return ELASTIC[self.elastic](depth, *self.curve)
 
     def stiffness(self, depth: Array) -> Array:
@@ -115,7 +115,7 @@ class Law:
         return (self.force(depth + step) - self.force(depth - step)) / (2.0 * step)
 
     def fade(self, t: Array) -> Array:
-        """Reduced relaxation at times t (s)."""
+        """Return the reduced relaxation at times t (s)."""
         return RELAXATION[self.relaxation](t, *self.fading)
 
     @property
@@ -158,7 +158,7 @@ def _fitted(name: str, fading: tuple[float, ...]) -> tuple[tuple[float, ...], tu
 
 
 def draw_law(elastic: str, relaxation: str, rng: np.random.Generator, depth: float) -> Law:
-    """Random constants: a peak elastic force of 0.6 to 3 N at `depth` (mm).
+    """Draw constants that give a peak elastic force of 0.6 to 3 N at `depth` (mm).
 
     Growth, toe and the terms of the polynomial are such that the stiffness rises by a factor of 1.5
     to 8 over the depth; times and shares are around those of the paper's pads.

@@ -23,12 +23,12 @@ class Material(Protocol):
     """Anything that answers a platen's motion with a force."""
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N, compression positive) at ascending `times` (s) within the program."""
+        """Return the force (N, compression positive) at ascending `times` (s) of the program."""
         ...
 
 
 @dataclass(frozen=True)
-class Pad:
+class SimulatedPad:
     """The quasi-linear viscoelastic pad of the paper's Eq. 6, as ordinary differential equations.
 
     q_i' = -v_i q_i + K(d) d',  K = m e^{b d},  q_i(0) = 0
@@ -41,7 +41,7 @@ class Pad:
     bonded: bool = False
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N) at ascending `times` (s); right to 1e-8 of the peak.
+        """Return the force (N) at ascending `times` (s); right to 1e-8 of the peak.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Pad:
 
 
 def elastic_force(constants: Constants, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Force (N) of an infinitely fast test: m/b (e^{b d} - 1)."""
+    """Return the force (N) of an infinitely fast test: m/b (e^{b d} - 1)."""
     return constants.force(displacement)
 
 

@@ -62,17 +62,17 @@ class Motion:
         return times[before != after]
 
     def displacement(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Displacement (mm) at times `t` (s); the platen rests before and after the program."""
+        """Return the displacement (mm) at times `t` (s); the platen rests before and afterwards."""
         _, tau, (d, v, a) = self._locate(t)
         return d + tau * (v + 0.5 * a * tau)
 
     def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Velocity (mm/s) at times `t` (s)."""
+        """Return the velocity (mm/s) at times `t` (s)."""
         inside, tau, (_, v, a) = self._locate(t)
         return np.where(inside, v + a * tau, 0.0)
 
     def acceleration(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Acceleration (mm/s2) at times `t` (s), continuous from the right."""
+        """Return the acceleration (mm/s2) at times `t` (s), continuous from the right."""
         inside, _, (_, _, a) = self._locate(t)
         return np.where(inside, a, 0.0)
 

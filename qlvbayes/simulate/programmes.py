@@ -29,7 +29,7 @@ PROTOCOL_NAMES = (
 
 
 @dataclass(frozen=True)
-class Session:
+class PadProgramme:
     """Tests of one pad, a motion each by name, in order.
 
     continuous: whether each test follows the one before by `pause` (s), in which the platen goes
@@ -59,7 +59,7 @@ class Session:
 
 def session(
     protocol: str, continuous: bool, hold: float, creep: float, rng: np.random.Generator
-) -> Session:
+) -> PadProgramme:
     """Return the tests of one protocol.
 
     hold: length of the holds (s) where the protocol leaves it open; creep: by how much the platen
@@ -83,7 +83,7 @@ def session(
         motions[name] = motion
         clock += motion.duration + pause
     longest = max(holds, default=0.25 * max(m.duration for m in motions.values()))
-    return Session(motions, continuous, pause, longest, smooth)
+    return PadProgramme(motions, continuous, pause, longest, smooth)
 
 
 def _programs(

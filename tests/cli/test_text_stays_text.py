@@ -30,9 +30,9 @@ from qlvbayes.io.files import folder_fault
 from qlvbayes.plots.style import shortened, style, using
 from qlvbayes.use.exports.c_header import CHeader
 from qlvbayes.use.exports.card import card, commented, in_comment, template
-from qlvbayes.use.exports.catalogue import TARGETS
 from qlvbayes.use.exports.pad import identifier
 from qlvbayes.use.exports.target import Geometry
+from qlvbayes.use.exports.write import TARGETS
 
 PARTS = [
     '"""; print("x"); """', "'", '"', "\\", "\n", "\r", "\x1b[2J", "\u2028", "\u202e", "[/]",

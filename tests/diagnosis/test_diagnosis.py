@@ -15,9 +15,8 @@ from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.progress import StopSearch
-from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import ParameterBias
-from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting.prediction import single_samples

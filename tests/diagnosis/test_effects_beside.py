@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.diagnosis.searchrun import run_search
+from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
 from qlvbayes.inference.evidence import evidence

@@ -9,9 +9,9 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
+from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.searchrun import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.effects.catalogue import OUTSIDE

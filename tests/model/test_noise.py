@@ -1,5 +1,7 @@
 """Noise models against the dense multivariate normal of the samples that blocks average."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,8 +29,7 @@ def some_blocks(rng, spacing=1.0, most=12, weighted=False):
     times = [a + h * np.arange(n) for a, h, n in zip(first, step, count, strict=True)]
     weight = rng.uniform(0.5, 2.0, BLOCKS) if weighted else np.ones(BLOCKS)
     fields = (np.zeros(BLOCKS), count.astype(float), first, first + length, weight)
-    plain = jnp.ones(BLOCKS), *3 * (jnp.zeros(BLOCKS),), jnp.ones(BLOCKS, bool)
-    return Blocks(*map(jnp.asarray, fields), *plain), times
+    return jax.tree.map(jnp.asarray, Blocks.of_means(*fields)), times
 
 
 def covariance(noise, blocks, times):
@@ -110,10 +111,9 @@ NOISES = [White(0.4), StudentT(0.4, 5.0), Correlated(0.3, 0.5, 2.0)]
 
 def padded(blocks, more):
     """Masked blocks at the end, as batching adds them."""
-    full = [jnp.pad(x, (0, more), mode="edge") for x in jax.tree.leaves(blocks)[:-1]]
+    full = jax.tree.map(lambda x: jnp.pad(x, (0, more), mode="edge"), blocks)
     real = jnp.arange(BLOCKS + more) < BLOCKS
-    full[1] = jnp.where(real, full[1], 1.0)
-    return Blocks(*full, real)
+    return replace(full, count=jnp.where(real, full.count, 1.0), real=real)
 
 
 @pytest.mark.parametrize("noise", NOISES, ids=repr)

@@ -1,5 +1,7 @@
 """The likelihood of noise at rest, its averages and its realisations, against dense algebra."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(smooth, ratio, ta
 def samples(time, scale=None):
     one = np.ones(time.size)
     scale = one if scale is None else scale
-    return Blocks(one, one, time, time, one, scale, *3 * (0.0 * one,), one > 0.0)
+    return replace(Blocks.from_samples(time, one, one), scale=scale)
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -74,8 +76,7 @@ def test_averages_have_the_covariance_of_their_readings(smooth, tau):
         row[int(begin) : int(begin + n)] = 1.0 / n
     every = np.concatenate(times)
     dense = mean @ correlation(every[:, None] - every, tau, smooth) @ mean.T
-    one = np.ones(4)
-    blocks = Blocks(one, count, first, last, one, one, *3 * (0.0 * one,), one > 0.0)
+    blocks = Blocks.of_means(np.ones(4), count, first, last)
     assert np.allclose(covariance(floor, blocks, 0.0), dense, rtol=1e-6, atol=1e-9)
 
 

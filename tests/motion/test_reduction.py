@@ -14,8 +14,7 @@ from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.record import batch
 from qlvbayes.motion.reduction import clear_of_kinks, reduce_test
 from qlvbayes.motion.trajectory import smooth
-from qlvbayes.simulate import NOISES, TABLE_1, Platen, encode, paper_protocol
-from qlvbayes.simulate import Pad as SimulatedPad
+from qlvbayes.simulate import NOISES, TABLE_1, Platen, SimulatedPad, encode, paper_protocol
 
 CONSTANTS = TABLE_1["B"]
 MODEL = default_model(

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from qlvbayes.cli.main import application
-from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements

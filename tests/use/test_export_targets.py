@@ -18,18 +18,17 @@ from qlvbayes.io.units import unit_system
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.abaqus import Abaqus
 from qlvbayes.use.exports.ansys import Ansys
-from qlvbayes.use.exports.catalogue import TARGETS, find
-from qlvbayes.use.exports.columns import column
 from qlvbayes.use.exports.comsol import Comsol
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.json_file import JsonFile
 from qlvbayes.use.exports.ls_dyna import LSDyna
-from qlvbayes.use.exports.material import POISSON
+from qlvbayes.use.exports.material import POISSON, column
 from qlvbayes.use.exports.nastran import Nastran
 from qlvbayes.use.exports.radioss import OpenRadioss
 from qlvbayes.use.exports.reduction import pressing
 from qlvbayes.use.exports.target import Geometry
+from qlvbayes.use.exports.write import TARGETS, find
 
 EXACT = 1e-12
 BLOCK = Geometry(height=10.0, area=200.0)

@@ -61,7 +61,7 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean square errors (N) on parts that were not fitted.
+    """Hold root mean square errors (N) on parts that were not fitted.
 
     Parameters
     ----------

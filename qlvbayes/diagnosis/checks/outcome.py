@@ -33,6 +33,8 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.firstlook.facts import loaded_once
+from qlvbayes.motion.firstlook.shown import OF_UNLOADING
 
 Array = NDArray[np.float64]
 
@@ -77,6 +79,14 @@ class SearchOutcome:
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self.unpredicted: set[Hypothesis] = set()
         self._adequacies: dict[Hypothesis, Adequacy] = {}
+
+    @cached_property
+    def alike(self) -> tuple[str, ...]:
+        """The effects that follow the largest depth, where only one test loads, and only once.
+
+        Nothing but the elastic law then tells them apart.
+        """
+        return OF_UNLOADING if loaded_once(self.experiment) else ()
 
     def heldout(self, candidate: Candidate) -> float:
         """Return the error on tests left out (N)."""

@@ -32,8 +32,6 @@ from qlvbayes.diagnosis.decision import (
 )
 from qlvbayes.diagnosis.search import Report
 from qlvbayes.diagnosis.verdict import Verdict
-from qlvbayes.motion.firstlook.facts import loaded_once
-from qlvbayes.motion.firstlook.shown import OF_UNLOADING
 
 RISES = "tests left out are predicted worse with it"
 VARIES = "its strength would have to vary between tests or phases: something else looks like it"
@@ -51,8 +49,7 @@ def final_decision(
         refused |= new
         weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
         decision = _decision_after_adequacy(outcome, weights)
-    if loaded_once(outcome.experiment):
-        decision = one_of(decision, OF_UNLOADING, outcome.search.settings.group)
+    decision = one_of(decision, outcome.alike, outcome.search.settings.group)
     return decision, tuple(refused.items())
 
 

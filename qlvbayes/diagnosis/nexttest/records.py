@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
@@ -13,7 +16,7 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.errors.features import UNDECIDED, Locations
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.phases import KINDS, MOVING
-from qlvbayes.motion.record import Blocks, Record
+from qlvbayes.motion.record import Blocks, Record, extended, held
 
 Array = NDArray[np.float64]
 
@@ -36,14 +39,14 @@ def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
         jnp.asarray(np.stack(column)) for column in zip(*motions, strict=True)
     )
     start = jnp.asarray([clock + design.wait for design in designs])
-    columns = [jnp.asarray(np.stack(column)) for column in zip(*blocks, strict=True)]
+    every = jax.tree.map(lambda *fields: jnp.asarray(np.stack(fields)), *blocks)
     number = jnp.full(start.shape, float(rig.done))
     motion = Motion(time, displacement, velocity, acceleration, start, number=number)
-    return Record(motion, jnp.asarray(np.stack(nodes)), Blocks(*columns))
+    return Record(motion, jnp.asarray(np.stack(nodes)), every)
 
 
-def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp], tuple[Array, ...]]:
-    """Return the columns of one design's motion, its nodes, and the columns of its blocks."""
+def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], JaxArray, Blocks]:
+    """Return the columns of one design's motion, its nodes, and its blocks."""
     path = design.trajectory
     edges = _edges(design, rig.interval)
     begin, end = (np.concatenate(parts) for parts in zip(*edges, strict=True))
@@ -55,12 +58,12 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp],
     nodes = np.stack([middle - spread, middle + spread], axis=1)
     grid = np.unique(np.concatenate([path.knots, nodes.ravel()]))
     indices = np.searchsorted(grid, nodes)
-    grid = _filled(grid, POINTS)
+    grid = np.asarray(extended(grid, POINTS))
     motion = (grid, path.displacement(grid), path.velocity(grid), path.acceleration(grid))
-    one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
-    none = np.zeros_like(one)
-    fields = (none, count, middle - half, middle + half, one, one, none, none, none)
-    return motion, _filled(indices, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
+    blocks = Blocks.of_means(np.zeros_like(count), count, middle - half, middle + half)
+    full = jax.tree.map(lambda field: extended(field, BLOCKS), blocks)
+    real = held(np.arange(BLOCKS) < begin.size)
+    return motion, extended(indices, BLOCKS), replace(full, real=real)
 
 
 def _kept(count: Array, rows: int) -> Array:
@@ -96,12 +99,6 @@ def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
         edges = start + length * shares
         blocks.append((edges[:-1], edges[1:]))
     return blocks
-
-
-def _filled(values: NDArray, size: int) -> NDArray:
-    """Return values padded to a length with their last one."""
-    missing = [(0, size - len(values))] + [(0, 0)] * (values.ndim - 1)
-    return np.pad(values, missing, mode="edge")
 
 
 def locations_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Locations:

@@ -17,7 +17,7 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """Expected bits about the constants and the cause, each with the sd of the closed form's error.
+    """Hold expected bits about constants and cause, each with the sd of the closed form's error.
 
     Those about the cause lie between their bounds.
     """

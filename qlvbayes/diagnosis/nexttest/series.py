@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError
 
 Array = NDArray[np.float64]
@@ -22,8 +23,6 @@ SCREENED = 1024
 """Number of designs that are drawn."""
 BEST = 5
 """Number of the best designs for the first test that are reported."""
-MOST = 5
-"""Largest number of tests in a series."""
 _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest test is taken then
 
 
@@ -174,7 +173,7 @@ def plan_series(
         raise InputError("no test has a finite force", remedy="give lower limits of the rig")
 
     options = _options(belief, designs, products, goal, none)
-    plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST))
+    plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST_TESTS))
     order = _best_first(options, goal, plan.allowed_first(options))
     chosen, after = plan.extend(options[order[0]])
     best = tuple(options[k] for k in order[:BEST])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +24,6 @@ from qlvbayes.diagnosis.checks.sensitivity import (
 from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
-from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import (
     Base,
     Checked,
@@ -35,16 +35,15 @@ from qlvbayes.diagnosis.result import (
     Worst,
 )
 from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import joined, percent
-from qlvbayes.laws.resolution import unresolved_times
+from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.firstlook.facts import loaded_once
-from qlvbayes.motion.firstlook.shown import OF_UNLOADING
 from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
@@ -77,54 +76,83 @@ def summarize(
     selected = outcome.candidates[decision.selected]
     path = _path(search, selected)
     report("what these tests cannot show")
-    baseline = search.modes[search.baseline][0]
-    protocol = protocol_of(experiment, bonded=bonded, settings=search.settings)
-    added = responses(search, baseline)
-    bases = tuple(Base(*laws, share) for laws, share in decision.base.items() if share >= LEAST)
-    own = selected.hypothesis.base
-    candidates = [kind for kind in kinds if kind.name not in search.baseline.effects]
-    stages = tuple(outcome.stage(one) for one in path)
-    remainder, worst = outcome.remainder(selected), stages[0].worst
     result = DiagnosisResult(
         pad=experiment.pad,
         units=experiment.units,
         noise=experiment.floor.total,
-        verdict=decision.verdict,
-        effects=decision.tried,
-        group=decision.group,
-        forms=_forms(search, selected, decision),
-        base=Base(*own, decision.base[own]),
-        bases=bases,
-        outside=decision.unmodelled,
-        alternatives=outcome.alternatives(),
-        not_ruled_out=outcome.sets() if decision.verdict is not Verdict.UNEXPLAINED else (),
-        constants=outcome.constants(selected),
-        heldout_of_all=outcome.heldout_of_all(),
-        stages=stages,
-        ranking=_with_certainty(outcome.ranking(), stages, experiment.floor.total),
-        not_identifiable=(
-            *unseen(added, search, protocol),
-            *unmeasured(candidates, protocol),
-        ),
-        biases=tuple(parameter_biases(added, baseline)),
-        coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
-        notices=(
-            *unlikely_over_all(outcome, decision),
-            *_alike(experiment, decision),
-            *_not_counted(outcome),
-            *_notices(experiment, search, selected),
-        ),
-        suggestions=_suggestions(outcome, decision),
         checks=tuple(Checked(name, **vars(one)) for name, one in search.checks.items()),
-        discrepancy=selected.mode.size,
-        tolerance=remainder.tolerance,
-        remainder=remainder.record,
-        worst=Worst(worst.test, worst.phase, worst.rmse, worst.bias),
+        **_decided(outcome, decision, selected),
+        **_left(outcome, selected, path),
+        **_not_shown(outcome, kinds, bonded),
+        notices=_notices(outcome, decision, selected),
     )
     adequacies = tuple(outcome.adequacy(one) for one in path)
     work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies)
     return Diagnosis(result, work)
+
+
+def _decided(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> dict[str, Any]:
+    """Return the fields that say what is missing, and with which laws and constants."""
+    own, shares = selected.hypothesis.base, decision.base
+    unexplained = decision.verdict is Verdict.UNEXPLAINED
+    return {
+        "verdict": decision.verdict,
+        "effects": decision.tried,
+        "group": decision.group,
+        "forms": _forms(outcome.search, selected, decision),
+        "base": Base(*own, shares[own]),
+        "bases": tuple(Base(*laws, share) for laws, share in shares.items() if share >= LEAST),
+        "outside": decision.unmodelled,
+        "alternatives": outcome.alternatives(),
+        "not_ruled_out": () if unexplained else outcome.sets(),
+        "constants": outcome.constants(selected),
+        "suggestions": _suggestions(outcome, decision),
+    }
+
+
+def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]) -> dict[str, Any]:
+    """Return the fields on the errors: of each step, and what the selected hypothesis leaves."""
+    stages = tuple(outcome.stage(one) for one in path)
+    remainder, worst = outcome.remainder(selected), stages[0].worst
+    return {
+        "stages": stages,
+        "ranking": _with_certainty(outcome.ranking(), stages, outcome.experiment.floor.total),
+        "heldout_of_all": outcome.heldout_of_all(),
+        "discrepancy": selected.mode.size,
+        "tolerance": remainder.tolerance,
+        "remainder": remainder.record,
+        "worst": Worst(worst.test, worst.phase, worst.rmse, worst.bias),
+    }
+
+
+def _not_shown(
+    outcome: SearchOutcome, kinds: Sequence[type[AbstractEffect]], bonded: bool
+) -> dict[str, Any]:
+    """Return the fields on effects that the tests cannot show, and on what those would bias."""
+    search = outcome.search
+    baseline = search.modes[search.baseline][0]
+    protocol = protocol_of(outcome.experiment, bonded=bonded, settings=search.settings)
+    added = responses(search, baseline)
+    candidates = [kind for kind in kinds if kind.name not in search.baseline.effects]
+    return {
+        "not_identifiable": (
+            *unseen(added, search, protocol),
+            *unmeasured(candidates, protocol),
+        ),
+        "biases": tuple(parameter_biases(added, baseline)),
+        "coincident": tuple(coincident(added)),
+    }
+
+
+def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
+    """Return every notice of a diagnosis; after all figures, which may find forces not finite."""
+    return (
+        *unlikely_over_all(outcome, decision),
+        *_alike(outcome, decision),
+        *_not_counted(outcome),
+        *_of_tests(outcome.experiment, outcome.search, selected),
+    )
 
 
 def _with_certainty(
@@ -142,16 +170,16 @@ def _with_certainty(
     )
 
 
-def _alike(experiment: Experiment, decision: Decision) -> tuple[str, ...]:
+def _alike(outcome: SearchOutcome, decision: Decision) -> tuple[str, ...]:
     """Return a sentence where one test that loads once leaves open what follows its depth."""
-    alike = [name for name in decision.group if name in OF_UNLOADING]
-    if len(alike) < 2 or not loaded_once(experiment):
+    alike = [name for name in decision.group if name in outcome.alike]
+    if len(alike) < 2:
         return ()
     return (
-        f"pad {experiment.pad}: {joined(alike)} all follow the largest depth so far, and no load "
-        "of this one test goes deeper than its first. That one of them is there is as probable as "
-        "stated; which of them, or whether the specimen yielded, depends on the elastic law. Press "
-        "a fresh specimen in steps to growing depths, back after each",
+        f"pad {outcome.experiment.pad}: {joined(alike)} all follow the largest depth so far, and "
+        "no load of this one test goes deeper than its first. That one of them is there is as "
+        "probable as stated; which of them, or whether the specimen yielded, depends on the "
+        "elastic law. Press a fresh specimen in steps to growing depths, back after each",
     )
 
 
@@ -226,7 +254,7 @@ def _not_counted(outcome: SearchOutcome) -> list[str]:
     return [f"pad {outcome.experiment.pad}: {text}" for text in notices]
 
 
-def _notices(experiment: Experiment, search: Search, selected: Candidate) -> tuple[str, ...]:
+def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tuple[str, ...]:
     """Return notices on the tests by the selected hypothesis, and on an early end of the search."""
     space = search.density.space
     constants = selected.point.constants

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.formats.machineunits import named_units
 from qlvbayes.io.formats.naming import pattern_of
 
@@ -60,8 +60,8 @@ class Answers:
 
         An InputError names one that is invalid.
         """
-        if sign is not None and sign not in SIGNS:
-            raise InputError(f"no sign {sign!r}", remedy=f"use one of {', '.join(SIGNS)}")
+        if sign is not None:
+            check_known("sign", sign, SIGNS)
         if area is not None and not area > 0.0:
             raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
         position = None if contact is None else _position(contact)

@@ -7,11 +7,10 @@ import re
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import quantities
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
-from qlvbayes.io.formats.texttable import in_two_rows, seconds_of, table
+from qlvbayes.io.formats.textfile import Lines, decoded
+from qlvbayes.io.formats.texttable import in_two_rows, table_in_two_rows
 
 
 class BluehillThree(AbstractFormat):
@@ -41,22 +40,7 @@ class BluehillThree(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one test of the file."""
-        data = content(path)
-        lines = Lines.from_bytes(data)
-        header = _header(lines)
-        if header is None:
-            raise InputError("no row of units", file=path, remedy="export the raw data again")
-        separator = separator_of(lines.texts[header])
-        names = cells_of(lines.texts[header], separator)
-        units = cells_of(lines.texts[header + 1], separator)
-        settings = _settings(lines, header)
-        return (
-            table(
-                in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
-                header, name=settings.get("specimen label", ""),
-                began=seconds_of(settings.get("general : start time", "")),
-            ),
-        )  # fmt: skip
+        return (table_in_two_rows(path, _header, _said),)
 
 
 def _is_names(cells: list[str]) -> bool:
@@ -74,7 +58,8 @@ def _header(lines: Lines) -> int | None:
     return None
 
 
-def _settings(lines: Lines, header: int) -> dict[str, str]:
-    """Return the pairs of key and value above the table."""
+def _said(lines: Lines, header: int) -> tuple[str, str]:
+    """Return the specimen and the date from the pairs of key and value above the table."""
     pairs = [cells for number, cells in lines.cells() if number < header and len(cells) > 1]
-    return {key.lower().removesuffix(":").strip(): value for key, value, *_ in pairs}
+    settings = {key.lower().removesuffix(":").strip(): value for key, value, *_ in pairs}
+    return settings.get("specimen label", ""), settings.get("general : start time", "")

@@ -6,10 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import quantities
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded
+from qlvbayes.io.formats.textfile import Lines, cells_of, decoded, with_header
 from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
 
 
@@ -39,11 +38,7 @@ class Chiaro(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one indentation of the file."""
-        data = content(path)
-        lines = Lines.from_bytes(data)
-        header = _header(lines)
-        if header is None:
-            raise InputError("no row of names", file=path, remedy="export the file again")
+        data, lines, header = with_header(path, _header, "no row of names", "export the file again")
         columns = in_cells(cells_of(lines.texts[header], "\t"))
         first = cells_of(lines.texts[0], "\t")
         settings = dict(zip(first[::2], first[1::2], strict=False))

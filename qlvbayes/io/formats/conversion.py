@@ -121,7 +121,7 @@ def findings_of(test: Tidied) -> list[str]:
 
 
 def in_short(notices: Sequence[str]) -> list[str]:
-    """Lines ``test: what`` for a terminal: what is the same of several tests stands once."""
+    """Return lines ``test: what`` for a terminal: what several tests share stands once."""
     lines: dict[str, list[str]] = {}
     for line in notices:
         lines.setdefault(line.partition(": ")[2] or line, []).append(line)

@@ -7,17 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import NamedColumn, chosen, measured, plain_name, recording
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
     cells_at,
     cells_of,
-    content,
     decoded,
     read_rows,
     separator_of,
+    with_header,
 )
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
@@ -55,12 +54,9 @@ class NamedTable(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return one test for each time that the names appear."""
-        data = content(path)
-        lines = Lines.from_bytes(data)
-        header = _header(lines)
-        if header is None:
-            raise InputError("no row of names with units", file=path, remedy="export it again")
-        number, first, columns = header
+        data, lines, (number, first, columns) = with_header(
+            path, _header, "no row of names with units", "export it again"
+        )
         separator = separator_of(lines.texts[number])
         picked = chosen(columns, path, number + 1)
         names = lines.texts[number].encode() + b"\n"

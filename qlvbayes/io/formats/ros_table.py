@@ -17,10 +17,10 @@ from qlvbayes.io.formats.textfile import (
     Lines,
     cells_at,
     cells_of,
-    content,
     decoded,
     read_rows,
     separator_of,
+    with_header,
 )
 
 _STAMP = re.compile(r"(?P<topic>(.*[./])?)header[./]stamp([./_](sec|secs|nanosec|nsec|nsecs))?")
@@ -74,11 +74,9 @@ class RosTable(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one test of the table."""
-        data = content(path)
-        lines = Lines.from_bytes(data)
-        number = _header(lines)
-        if number is None:
-            raise InputError("no row of names with stamps", file=path, remedy="export it again")
+        data, lines, number = with_header(
+            path, _header, "no row of names with stamps", "export it again"
+        )
         separator = separator_of(lines.texts[number])
         names = cells_of(lines.texts[number], separator)
         rows, _, cut = data[lines.starts[number + 1] :].rpartition(b"\n")  # a line without an end

@@ -6,10 +6,9 @@ import re
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
-from qlvbayes.io.formats.texttable import are_units, in_two_rows, seconds_of, table
+from qlvbayes.io.formats.textfile import Lines, decoded
+from qlvbayes.io.formats.texttable import are_units, table_in_two_rows
 
 
 class TestSuite(AbstractFormat):
@@ -41,22 +40,7 @@ class TestSuite(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one test of the file."""
-        data = content(path)
-        lines = Lines.from_bytes(data)
-        header = _header(lines)
-        if header is None:
-            raise InputError("no row of units", file=path, remedy="export the raw data again")
-        separator = separator_of(lines.texts[header])
-        names = cells_of(lines.texts[header], separator)
-        units = cells_of(lines.texts[header + 1], separator)
-        settings = _settings(lines)
-        return (
-            table(
-                in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
-                header, name=settings.get("test run", ""),
-                began=seconds_of(settings.get("date", "")),
-            ),
-        )  # fmt: skip
+        return (table_in_two_rows(path, _header, _said),)
 
 
 def _settings(lines: Lines) -> dict[str, str]:
@@ -67,6 +51,12 @@ def _settings(lines: Lines) -> dict[str, str]:
         if match := re.match(r"(File Path|Test Run|Test|Date)(?: Name)?\s*:[\s\",;]*(.*)", plain):
             settings[match[1].lower()] = match[2].strip(' "')
     return settings
+
+
+def _said(lines: Lines, _: int) -> tuple[str, str]:
+    """Return the run and the date."""
+    settings = _settings(lines)
+    return settings.get("test run", ""), settings.get("date", "")
 
 
 def _header(lines: Lines) -> int | None:

@@ -7,15 +7,18 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Floats
+
+Header = TypeVar("Header")
 
 _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
 _HEADER_LINES = 400  # more lines than any header has
@@ -129,6 +132,24 @@ class Lines:
         """Yield each line's number (from 0) and its cells, separated by its own separator."""
         for number, text in enumerate(self.texts):
             yield number, cells_of(text, separator_of(text))
+
+
+def with_header(
+    path: Path, find: Callable[[Lines], Header | None], lacking: str, remedy: str
+) -> tuple[bytes, Lines, Header]:
+    """Return a file's text, its first lines, and what ``find`` sees of the header in them.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or ``lacking`` the header; ``remedy`` says what to do then.
+    """
+    data = content(path)
+    lines = Lines.from_bytes(data)
+    header = find(lines)
+    if header is None:
+        raise InputError(lacking, file=path, remedy=remedy)
+    return data, lines, header
 
 
 @dataclass(frozen=True, eq=False)

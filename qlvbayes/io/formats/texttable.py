@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from qlvbayes.io.formats.columns import NamedColumn, chosen, recording, split_header
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.textfile import read_rows
+from qlvbayes.io.formats.textfile import Lines, cells_of, read_rows, separator_of, with_header
 
 _DATES = (
     "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
@@ -30,6 +30,28 @@ def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]
         NamedColumn(index, name, padded[index].strip(" ()[]'\""))
         for index, name in enumerate(names)
     ]
+
+
+def table_in_two_rows(
+    path: Path,
+    find: Callable[[Lines], int | None],
+    said: Callable[[Lines, int], tuple[str, str]],
+) -> Recording:
+    """Read the table below a row of names and a row of units.
+
+    ``find`` returns the line of the names; ``said`` the test's name and date, given that line.
+
+    Raises
+    ------
+    InputError
+        There is no row of units, a column is not there, or the rows cannot be read.
+    """
+    data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
+    separator = separator_of(lines.texts[first])
+    names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
+    rows, (name, date) = data[lines.starts[first + 2] :], said(lines, first)
+    columns = in_two_rows(names, units)
+    return table(columns, rows, separator, path, first, name=name, began=seconds_of(date))
 
 
 def are_units(cells: Sequence[str]) -> bool:

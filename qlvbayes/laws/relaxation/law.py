@@ -1,13 +1,15 @@
-"""Define the interface of relaxation laws. A new one is one class in one file."""
+"""Define the interface of relaxation laws, one class a file, and name times not resolved."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterator
 from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.laws.scales import Scales
@@ -83,3 +85,22 @@ def shared_out(lasting: Array, weights: Array) -> Array:
     """Return (k + 1,) fractions: ``lasting``, and the rest in proportion to ``weights`` (k,)."""
     relaxing = (1.0 - lasting) * weights / jnp.sum(weights)
     return jnp.concatenate([jnp.reshape(jnp.asarray(lasting, dtype=float), (1,)), relaxing])
+
+
+def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator[str]:
+    """Yield a sentence for each time below the sampling interval or beyond the longest phase.
+
+    The constants of ``relaxation`` must be numbers.
+    """
+    for name, time in relaxation.times().items():
+        value = float(np.asarray(time))
+        if value < scales.shortest:
+            yield (
+                f"{name} is about {value:.2g} s, below the sampling interval of "
+                f"{scales.shortest:.2g} s: its prior says more of it than the tests"
+            )
+        if value > scales.longest:
+            yield (
+                f"{name} is about {value:.2g} s, beyond the longest hold of "
+                f"{scales.longest:.2g} s: its prior says more of it than the tests"
+            )

@@ -11,8 +11,6 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
 from qlvbayes.priors.distributions import Constant
 
-MOST = 6  # modes; no test resolves more
-
 
 class Prony(AbstractRelaxation):
     """Let relaxation be a Prony series, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7.

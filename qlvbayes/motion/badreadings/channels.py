@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.motion.badreadings.outliers import Run, Scale, distance
+from qlvbayes.motion.badreadings.outliers import ChangeScale, Run, distance
 from qlvbayes.motion.badreadings.result import neighbours
 
 Array = NDArray[np.float64]
@@ -41,8 +41,8 @@ class Channels:
     time: Array
     displacement: Array
     force: Array
-    of_displacement: Scale
-    of_force: Scale
+    of_displacement: ChangeScale
+    of_force: ChangeScale
     doubtful: NDArray[np.bool_]
     fastest: float
     lost: NDArray[np.bool_]

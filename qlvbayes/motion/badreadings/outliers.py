@@ -39,7 +39,7 @@ _FEWEST = 12  # readings of which anything can be said
 
 
 @dataclass(frozen=True)
-class Scale:
+class ChangeScale:
     """Size of the changes from reading to reading in one channel.
 
     deviation: (n,) median distance of a reading from the line through its neighbours; change: (n,)
@@ -51,7 +51,7 @@ class Scale:
     step: float
     span: float
 
-    def at(self, indices: NDArray[np.intp]) -> Scale:
+    def at(self, indices: NDArray[np.intp]) -> ChangeScale:
         """Return the scale of some of the readings."""
         return replace(self, deviation=self.deviation[indices], change=self.change[indices])
 
@@ -68,7 +68,7 @@ class Scale:
         )
 
 
-def scale_of(time: Array, signal: Array) -> Scale:
+def scale_of(time: Array, signal: Array) -> ChangeScale:
     """Return the scale of one channel, which few bad readings do not change."""
     off = _off_line(time, signal)
     change = np.abs(np.diff(signal))
@@ -76,7 +76,7 @@ def scale_of(time: Array, signal: Array) -> Scale:
     gaps = np.diff(time)
     alike = _of_equal_gaps(np.minimum(gaps[1:], gaps[:-1]), off)
     low, high = np.quantile(signal, [0.005, 0.995])
-    return Scale(
+    return ChangeScale(
         np.pad(np.maximum(near, alike), 1, mode="edge"),
         np.pad(_median(change), (0, 1), mode="edge"),
         _step(signal),
@@ -93,7 +93,7 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
     return mask
 
 
-def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
+def outlying_runs(time: Array, signal: Array, scale: ChangeScale) -> list[Run]:
     """Return the runs [first, stop) of outlying readings; no two of them touch.
 
     Without the detected ones others may stand out: the search repeats until none does. What is
@@ -128,7 +128,7 @@ def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
     return single
 
 
-def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
+def runs_at_ends(signal: Array, scale: ChangeScale) -> list[Run]:
     """Return outlying runs at the record's ends, which have neighbours on one side only."""
     runs = []
     for ahead in (signal, signal[::-1]):
@@ -148,7 +148,7 @@ def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 
 
-def _one_pass(signal: Array, scale: Scale) -> list[Run]:
+def _one_pass(signal: Array, scale: ChangeScale) -> list[Run]:
     mask = np.zeros(signal.size, dtype=bool)
     for length in range(1, LONGEST + 1):
         for run in _of_length(signal, scale, length, mask):
@@ -210,7 +210,9 @@ def _step(signal: Array) -> float:
     return float(changes.min()) if changes.size else 0.0
 
 
-def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]) -> list[Run]:
+def _of_length(
+    signal: Array, scale: ChangeScale, length: int, mask: NDArray[np.bool_]
+) -> list[Run]:
     """Return the outlying runs of one length that do not overlap known ones."""
     if signal.size < length + 2:
         return []
@@ -234,7 +236,7 @@ def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
     return runs
 
 
-def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
+def _beyond(signal: Array, scale: ChangeScale, run: Run) -> bool:
     first, stop = run
     if first == 0 or stop == signal.size:
         return False
@@ -243,7 +245,7 @@ def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
     return least > scale.least(run, abs(after - before))
 
 
-def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run]:
+def _confirmed(signal: Array, scale: ChangeScale, mask: NDArray[np.bool_]) -> list[Run]:
     """Return the runs of masked readings that the nearest sound ones do not confirm as sound.
 
     A sound reading between two bad ones lies far from both.

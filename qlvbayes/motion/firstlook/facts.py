@@ -22,7 +22,7 @@ _LATE = 0.1  # of a hold, about its middle and at its end, whose readings are se
 
 
 @dataclass(frozen=True)
-class Move:
+class Movement:
     """A movement: its speed (displacement over s), duration (s) and number of readings."""
 
     kind: str
@@ -32,7 +32,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Hold:
+class LoadedDwell:
     """A dwell under load: its level (displacement, or the prescribed force) and duration (s).
 
     control: which of both is prescribed; change: of the other in its second half, over the pad's
@@ -52,8 +52,8 @@ class Facts:
     interval: shortest median time (s) between readings of a test; loads: ramps of all tests.
     """
 
-    moves: tuple[Move, ...]
-    holds: tuple[Hold, ...]
+    moves: tuple[Movement, ...]
+    holds: tuple[LoadedDwell, ...]
     interval: float
     loads: int
 
@@ -87,8 +87,8 @@ class Facts:
 
 def facts_of(experiment: Experiment) -> Facts:
     """Collect movements and holds from the phases of all tests."""
-    moves: list[Move] = []
-    holds: list[Hold] = []
+    moves: list[Movement] = []
+    holds: list[LoadedDwell] = []
     for trial in experiment.trials:
         moves += [move_of(trial, phase) for phase in trial.used_phases if phase.kind in MOVING]
         every_hold = (_hold(experiment, trial, phase) for phase in trial.used_phases)
@@ -99,14 +99,14 @@ def facts_of(experiment: Experiment) -> Facts:
     return Facts(tuple(moves), tuple(holds), min(intervals), loads)
 
 
-def move_of(trial: Trial, phase: Phase) -> Move:
+def move_of(trial: Trial, phase: Phase) -> Movement:
     """Return a movement, with the speed over the middle 60 % of its stroke."""
     time = np.linspace(phase.start, phase.stop, _PLACES)
     depth = trial.trajectory.displacement(time)
     depth = np.maximum.accumulate(np.abs(depth - depth[0]))
     early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)
     speed = 0.6 * float(depth[-1] / (late - early)) if late > early else 0.0
-    return Move(phase.kind, speed, phase.stop - phase.start, rows(trial, phase).size)
+    return Movement(phase.kind, speed, phase.stop - phase.start, rows(trial, phase).size)
 
 
 def rows(trial: Trial, phase: Phase) -> np.ndarray:
@@ -115,7 +115,7 @@ def rows(trial: Trial, phase: Phase) -> np.ndarray:
     return np.arange(first, max(stop, first))
 
 
-def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
+def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> LoadedDwell | None:
     """Return a hold; None if it moves, bears no load or has too few readings."""
     inside = rows(trial, phase)
     if phase.kind in MOVING or inside.size < _FEWEST:
@@ -137,7 +137,7 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
     change = 0.0
     if at_middle.size and at_end.size and of_answer > 0.0:
         change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
-    return Hold(phase.control, level, phase.stop - phase.start, change)
+    return LoadedDwell(phase.control, level, phase.stop - phase.start, change)
 
 
 def noise_of(experiment: Experiment) -> float:

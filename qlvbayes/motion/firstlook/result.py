@@ -36,7 +36,7 @@ class MotionSeen(
     frozen=True,
     rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
 ):
-    """Deviation of the fitted motion from the readings of displacement.
+    """Hold the deviation of the fitted motion from the readings of displacement.
 
     step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
     makes them; rms, largest: of readings less motion; at: where (s)
@@ -134,7 +134,7 @@ class NoiseSeen(
 
 
 class Shown(Part, frozen=True):
-    """Whether tests can show a part of the model.
+    """Say whether tests can show a part of the model.
 
     about: which; constants, effects: their names; reason: the fact behind the answer; remedy: the
     test that would show it, empty where they do.

@@ -21,7 +21,7 @@ from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import (
     DEEPER,
     Facts,
-    Hold,
+    LoadedDwell,
     at_one_depth,
     loaded_once,
     noise_of,
@@ -135,7 +135,7 @@ def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Show
     return Shown(about, "no", reason, remedy, constants)
 
 
-def _still_changing(facts: Facts) -> Hold:
+def _still_changing(facts: Facts) -> LoadedDwell:
     """Return the hold, of nearly the longest ones, whose second half changes most."""
     long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
     return max(long, key=lambda hold: abs(hold.change))

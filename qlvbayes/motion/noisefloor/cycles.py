@@ -16,7 +16,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from qlvbayes.motion.noisefloor.dwells import Dwell, Record, dwell_of, pressed
+from qlvbayes.motion.noisefloor.dwells import Dwell, MeasuredTest, dwell_of, pressed
 from qlvbayes.motion.phases import MOVING, Phase
 
 Array = NDArray[np.float64]
@@ -30,13 +30,13 @@ _MOST_KNOTS = 16  # along a stroke: pieces of 6 % of it, within which a soft law
 _SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
 
 
-def find_cycles(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
+def find_cycles(tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
     """Return the readings of each test of equal cycles while pressed, with their smooth curves."""
     cycles = [_repeating(test, cut) for test, cut in zip(tests, phases, strict=True)]
     return [one for one in cycles if one is not None]
 
 
-def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
+def _repeating(test: MeasuredTest, phases: Sequence[Phase]) -> Dwell | None:
     turns = _turns(phases)
     if turns is None or not _equally_deep(test, turns):
         return None
@@ -70,7 +70,7 @@ def _turns(phases: Sequence[Phase]) -> Array | None:
     return clock if shorter > 0.0 and late <= _LATE * shorter else None
 
 
-def _equally_deep(test: Record, turns: Array) -> bool:
+def _equally_deep(test: MeasuredTest, turns: Array) -> bool:
     depths = [
         test.displacement[(test.time > begin) & (test.time <= end)]
         for begin, end in pairwise(turns[:, 0])

@@ -28,7 +28,7 @@ _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
 _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
 
-class Record(Protocol):
+class MeasuredTest(Protocol):
     """The fields of a test that the noise floor needs."""
 
     @property
@@ -54,7 +54,7 @@ class Record(Protocol):
 
 @dataclass(frozen=True)
 class Readings:
-    """Some readings of a test, as a `Record` has them."""
+    """Some readings of a test, as a `MeasuredTest` has them."""
 
     time: Array
     displacement: Array
@@ -95,21 +95,21 @@ class Dwell:
 
 
 def find_dwells(
-    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
+    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], step: float
 ) -> list[Dwell]:
     """Return the best-sampled dwells, one of each test before a second of any."""
     return _best_sampled(tests, phases, lambda test, phase: _at_rest(test, phase, step))
 
 
-def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
+def find_strokes(tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
     """Return the best-sampled loading and unloading strokes while the pad is pressed."""
     return _best_sampled(tests, phases, _stroke)
 
 
 def _best_sampled(
-    tests: Sequence[Record],
+    tests: Sequence[MeasuredTest],
     phases: Sequence[Sequence[Phase]],
-    read: Callable[[Record, Phase], Dwell | None],
+    read: Callable[[MeasuredTest, Phase], Dwell | None],
 ) -> list[Dwell]:
     ranked: list[tuple[int, int, Dwell]] = []
     for test, cut in zip(tests, phases, strict=True):
@@ -120,7 +120,7 @@ def _best_sampled(
     return [dwell for _, _, dwell in ranked[:_MOST]]
 
 
-def _at_rest(test: Record, phase: Phase, step: float) -> Dwell | None:
+def _at_rest(test: MeasuredTest, phase: Phase, step: float) -> Dwell | None:
     if phase.kind not in ("hold", "recovery"):
         return None
     inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
@@ -133,7 +133,7 @@ def _at_rest(test: Record, phase: Phase, step: float) -> Dwell | None:
     return dwell_of(test, inside)
 
 
-def _stroke(test: Record, phase: Phase) -> Dwell | None:
+def _stroke(test: MeasuredTest, phase: Phase) -> Dwell | None:
     if phase.kind in ("hold", "recovery"):
         return None
     margin = _MARGIN * (phase.stop - phase.start)
@@ -144,7 +144,7 @@ def _stroke(test: Record, phase: Phase) -> Dwell | None:
     return replace(dwell_of(test, inside), degree=_DEGREE)
 
 
-def pressed(test: Record, among: NDArray[np.bool_]) -> NDArray[np.intp] | None:
+def pressed(test: MeasuredTest, among: NDArray[np.bool_]) -> NDArray[np.intp] | None:
     """Return the readings among some (n,) at which the pad is pressed; None if there are few."""
     least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
     inside = np.flatnonzero(among & (np.abs(test.force) > least))
@@ -172,7 +172,7 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
     return step == 0.0 or abs(median) < step or median >= float(force.max())
 
 
-def dwell_of(test: Record, inside: NDArray[np.intp]) -> Dwell:
+def dwell_of(test: MeasuredTest, inside: NDArray[np.intp]) -> Dwell:
     """Return the readings of a test at some indices, thinned where there are many."""
     scale = np.ones(inside.size)
     if test.force_sd is not None:

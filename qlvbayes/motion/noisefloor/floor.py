@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from qlvbayes.motion.noisefloor.posterior import Dwells, Noise
+from qlvbayes.motion.noisefloor.posterior import Dwells, NoiseConstants
 
 Array = NDArray[np.float64]
 
@@ -123,5 +123,5 @@ class NoiseFloor:
         least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
         return replace(self, white=max(self.white, float(least)))
 
-    def _like(self, noise: Noise) -> NoiseFloor:
+    def _like(self, noise: NoiseConstants) -> NoiseFloor:
         return replace(self, **noise._asdict()).rounded()

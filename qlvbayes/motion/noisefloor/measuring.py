@@ -14,8 +14,8 @@ from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.noisefloor.cycles import find_cycles
 from qlvbayes.motion.noisefloor.dwells import (
     Dwell,
+    MeasuredTest,
     Readings,
-    Record,
     find_dwells,
     find_strokes,
 )
@@ -49,7 +49,7 @@ _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
 def measure(
-    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
 ) -> NoiseFloor:
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
@@ -91,7 +91,7 @@ def measure(
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
-def _without_outliers(test: Record) -> Record:
+def _without_outliers(test: MeasuredTest) -> MeasuredTest:
     outliers = outlying(test.time, test.force)
     if not outliers.any():
         return test
@@ -104,7 +104,7 @@ def _without_outliers(test: Record) -> Record:
     )
 
 
-def _force_step(tests: Sequence[Record]) -> float:
+def _force_step(tests: Sequence[MeasuredTest]) -> float:
     """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
     steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
     span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
@@ -119,7 +119,7 @@ def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
 
 
 def _without_dwells(
-    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
+    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
 ) -> NoiseFloor:
     """Measure the noise about smooth curves of strokes, with the prior where these leave it open.
 

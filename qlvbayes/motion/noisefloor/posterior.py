@@ -25,7 +25,7 @@ TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
 
-class Noise(NamedTuple):
+class NoiseConstants(NamedTuple):
     """White sd, correlated sd and its time, and whether that part is smooth (`NoiseFloor`)."""
 
     white: float
@@ -62,7 +62,7 @@ class Dwells:
         size = variance / white**2
         return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
 
-    def draw(self, count: int) -> list[Noise]:
+    def draw(self, count: int) -> list[NoiseConstants]:
         """Return equally likely noises, the same at every call.
 
         The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
@@ -71,7 +71,7 @@ class Dwells:
         others = self.other._own(few) if self.other and few else []
         return [*self._own(count - few), *others]
 
-    def weighted(self, count: int) -> tuple[list[Noise], Array]:
+    def weighted(self, count: int) -> tuple[list[NoiseConstants], Array]:
         """Return noises with weights (count,) of sum 1, so that unlikely ones are included."""
         share = self._share
         parts = np.sqrt([1.0 - share, share])
@@ -92,16 +92,16 @@ class Dwells:
         """Whether that noise is correlated, and in which way, is beyond doubt."""
         return self.correlated and self._share < _DOUBT
 
-    def _own(self, count: int) -> list[Noise]:
+    def _own(self, count: int) -> list[NoiseConstants]:
         return self._chosen(count, self._sample[2])[0]
 
-    def _own_weighted(self, count: int) -> tuple[list[Noise], Array]:
+    def _own_weighted(self, count: int) -> tuple[list[NoiseConstants], Array]:
         weights = self._sample[2]
         draws, chosen = self._chosen(count, np.sqrt(weights))
         shares = np.sqrt(weights[chosen])
         return draws, shares / shares.sum()
 
-    def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
+    def _chosen(self, count: int, weights: Array) -> tuple[list[NoiseConstants], NDArray[np.intp]]:
         """Return noises at points drawn by their weights, and the indices of those points."""
         # here and below, as it takes longer to load than a first look takes
         from scipy.stats import chi2
@@ -118,7 +118,7 @@ class Dwells:
             white = float(np.sqrt(variances[k]) * scale)
             ratio, tau = points[k]
             ou = white * float(np.exp(0.5 * ratio))
-            draws.append(Noise(white, ou, float(np.exp(tau)), self.smooth))
+            draws.append(NoiseConstants(white, ou, float(np.exp(tau)), self.smooth))
         return draws, chosen
 
     @cached_property

@@ -1,12 +1,12 @@
-"""Write a fit for other programs. One file, one target; ``catalogue`` lists them.
+"""Write a fit for other programs. One file, one target; ``io.catalogue`` lists them.
 
-A new target is one class in one file here, under ``target.AbstractTarget``, and its name in
-``catalogue.TARGETS``; what it writes lies in ``templates/`` where it is longer than a few lines.
+A new target is one class in one file here, under ``target.AbstractTarget``, and its line in
+``TARGETS`` of ``io.catalogue``; what it writes lies in ``templates/`` where it is longer than a
+few lines.
 """
 
-from qlvbayes.use.exports.catalogue import TARGETS
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
-from qlvbayes.use.exports.write import export
+from qlvbayes.use.exports.write import TARGETS, export
 
 __all__ = [
     "TARGETS",

@@ -26,7 +26,7 @@ class TranslationError(Exception):
 
 
 class Expression:
-    """``op`` of ``args``; a constant's or an input's ``value`` is its number or its name."""
+    """Apply ``op`` to ``args``; a constant's or an input's ``value`` is its number or its name."""
 
     __slots__ = ("args", "op", "value")
 
@@ -90,7 +90,7 @@ _REDUCTIONS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min"}
 
 
 class Expressions:
-    """Makes expressions.
+    """Make expressions.
 
     calls: what an instruction that only the caller knows becomes, given this and its arguments.
     """

@@ -11,7 +11,7 @@ from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 
 class JsonFile(AbstractTarget):
-    """Laws, spectrum, intervals, tested range and draws, every one in all its digits."""
+    """Write laws, spectrum, intervals, tested range and draws, every one in all its digits."""
 
     name = "json"
     steps = True

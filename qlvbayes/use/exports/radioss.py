@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import card, commented
-from qlvbayes.use.exports.columns import column
-from qlvbayes.use.exports.material import CANNOT, DENSITY, moduli, structure
+from qlvbayes.use.exports.material import CANNOT, DENSITY, column, moduli, structure
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 

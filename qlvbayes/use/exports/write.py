@@ -1,17 +1,25 @@
-"""Write the files of a target from a folder of results."""
+"""List the targets, and write the files of one from a folder of results."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io import catalogue
+from qlvbayes.io.catalogue import EXPORT_DRAWS
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_whole
-from qlvbayes.use.exports.catalogue import find
 from qlvbayes.use.exports.pad import read_pad
-from qlvbayes.use.exports.target import Geometry
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
-DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws
+TARGETS: tuple[type[AbstractTarget], ...] = tuple(catalogue.loaded(catalogue.TARGETS).values())
+"""Every target."""
+
+
+def find(name: str) -> type[AbstractTarget]:
+    """Return the target of that name, or raise InputError, which lists the known ones."""
+    check_known("export to", name, catalogue.TARGETS)
+    return next(target for target in TARGETS if target.name == name)
 
 
 def export(
@@ -19,7 +27,7 @@ def export(
     pad: str,
     to: str,
     *,
-    draws: int = DRAWS,
+    draws: int = EXPORT_DRAWS,
     height: float | None = None,
     area: float | None = None,
     data: str | Path | None = None,

@@ -1,0 +1,76 @@
+"""List what users choose by name, each with the path of its class, and limits that a help states.
+
+Paths instead of classes, so that the help of a command does not wait for JAX. A name on the left
+is the ``name`` of the class on the right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+ELASTIC = {
+    "exponential": "laws.elastic.exponential.Exponential",
+    "linear": "laws.elastic.linear.Linear",
+    "hertz": "laws.elastic.hertz.HertzPower",
+    "polynomial:2": "laws.elastic.quadratic.Quadratic",
+    "polynomial:3": "laws.elastic.cubic.Cubic",
+    "toe": "laws.elastic.toe_exponential.ToeExponential",
+    "spline": "laws.elastic.spline.Spline",
+}
+"""Elastic laws; a law whose constants are all another's comes after it."""
+RELAXATION = {
+    "prony": "laws.relaxation.prony.Prony",
+    "fung": "laws.relaxation.fung.Fung",
+    "power-law": "laws.relaxation.power_law.PowerLaw",
+    "stretched": "laws.relaxation.stretched.StretchedExponential",
+    "log-normal": "laws.relaxation.log_normal.LogNormalSpectrum",
+}
+"""Relaxations; one comes after a law that has all its constants."""
+NOISES = {
+    "floor": "model.noise.Floor",
+    "correlated": "model.noise.Correlated",
+    "white": "model.noise.White",
+    "student-t": "model.noise.StudentT",
+}
+"""Noise models, the default first; one with more constants precedes those it contains."""
+SAMPLERS = {"emcee": "fitting.ensemble.sample"}
+"""Functions that sample the posterior of constants."""
+METHODS = (*SAMPLERS, "least-squares", "two-step")
+"""Ways to the constants."""
+EVIDENCES = ("laplace", "nested")
+"""Ways to the evidence."""
+TARGETS = {
+    "c": "use.exports.c_header.CHeader",
+    "fmu": "use.exports.fmu.Fmu",
+    "mujoco": "use.exports.mujoco.MuJoCo",
+    "drake": "use.exports.drake.Drake",
+    "isaac": "use.exports.isaac.Isaac",
+    "matlab": "use.exports.matlab.MatlabFunction",
+    "abaqus": "use.exports.abaqus.Abaqus",
+    "ansys": "use.exports.ansys.Ansys",
+    "febio": "use.exports.febio.FEBio",
+    "comsol": "use.exports.comsol.Comsol",
+    "ls-dyna": "use.exports.ls_dyna.LSDyna",
+    "nastran": "use.exports.nastran.Nastran",
+    "radioss": "use.exports.radioss.OpenRadioss",
+    "curves": "use.exports.curves.ViscoelasticCurves",
+    "json": "use.exports.json_file.JsonFile",
+}
+"""Targets of an export, in the order in which they are shown."""
+
+MOST_MODES = 6  # of a Prony series; no test resolves more
+MOST_TESTS = 5  # in a series of proposed tests
+EXPORT_DRAWS = 64  # of the posterior: a 90 % interval from them is off by a few per cent of them
+
+
+def loaded(paths: Mapping[str, str]) -> dict[str, Any]:
+    """Import what the paths lead to, by name."""
+    return {name: at(path) for name, path in paths.items()}
+
+
+def at(path: str) -> Any:
+    """Import one class or function by its path within the package, as ``io.data.Pad``."""
+    module, _, name = path.rpartition(".")
+    return getattr(import_module(f"qlvbayes.{module}"), name)

@@ -1,0 +1,10 @@
+"""What users choose by name: each path leads to the class of that name."""
+
+import pytest
+
+from qlvbayes.io.catalogue import ELASTIC, NOISES, RELAXATION, TARGETS, loaded
+
+
+@pytest.mark.parametrize("paths", [ELASTIC, RELAXATION, NOISES, TARGETS])
+def test_a_class_is_called_as_it_is_listed(paths):
+    assert [kind.name for kind in loaded(paths).values()] == list(paths)
