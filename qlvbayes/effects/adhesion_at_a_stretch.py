@@ -70,8 +70,9 @@ class AdhesionAtAStretch(Adhesion):
         stretch = self.stretch + _NO_STRETCH
         hold = jnp.exp(-(jnp.minimum(farthest / stretch, _TORN) ** _SHARPNESS) / _SHARPNESS)
         ligaments = jnp.exp(1.0 / _SHARPNESS) * jnp.minimum(pull / stretch, _TORN)
-        tension = jnp.minimum(self._with_limited_tension(raw), -self.strength * ligaments)
-        return jnp.where(tension < 0.0, hold * tension, raw)
+        sticking = self._with_limited_tension(raw)
+        tension = jnp.minimum(sticking, -self.strength * ligaments)
+        return jnp.where(tension < 0.0, hold * tension, sticking)
 
 
 def _farthest(displacement: Array) -> Array:
