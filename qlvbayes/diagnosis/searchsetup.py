@@ -182,5 +182,5 @@ def protocol_of(
         curved=any(trial.trajectory.acceleration_resolved for trial in experiment.trials),
         timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
         one_depth=at_one_depth(experiment, nearly),
-        interval=experiment.scales.shortest,
+        interval=experiment.interval,
     )

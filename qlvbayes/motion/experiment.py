@@ -217,6 +217,11 @@ class Experiment:
         return max(float(np.max(np.abs(trial.test.displacement))) for trial in self.trials)
 
     @property
+    def interval(self) -> float:
+        """Shortest sampling interval of a test (s), the median of each test's first ones."""
+        return min(float(np.median(np.diff(one.test.time)[:200])) for one in self.trials)
+
+    @property
     def scales(self) -> Scales:
         """Sizes that the default priors are scaled to."""
         from qlvbayes.laws.scales import Scales
@@ -227,7 +232,7 @@ class Experiment:
         return Scales(
             force=self.peak,
             depth=self.depth,
-            shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
+            shortest=self.interval,
             longest=self.longest,
             white=floor.white,
             ou=floor.ou,

@@ -29,7 +29,7 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
-from .material import Material, SimulatedPad, elastic_force
+from .material import Material, Pad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
     PAPER_RATES,
@@ -44,7 +44,7 @@ from .platen import (
 )
 from .rig import (
     SAMPLE_RATE,
-    SimulatedRecord,
+    Record,
     SimulatedTest,
     record_study,
     record_test,
@@ -76,10 +76,10 @@ __all__ = [
     "Material",
     "Move",
     "Noise",
-    "SimulatedPad",
+    "Pad",
     "Platen",
     "Press",
-    "SimulatedRecord",
+    "Record",
     "Sequence",
     "SimulatedTest",
     "Step",

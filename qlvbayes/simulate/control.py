@@ -23,7 +23,7 @@ from qlvbayes.io.checks import InputError
 from .constants import Constants
 from .creep import Load, runge_kutta
 from .platen import Hold, Move
-from .rig import SAMPLE_RATE, SimulatedRecord
+from .rig import SAMPLE_RATE, Record
 from .sensors import Noise, encode
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def record_controlled(
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,
     closed_loop: bool = False,
-) -> tuple[SimulatedRecord, NDArray[np.bool_]]:
+) -> tuple[Record, NDArray[np.bool_]]:
     """Run one test; return it, and (n,) at which samples the force was prescribed.
 
     closed_loop: the controller of the force follows the load cell, whose slow errors then are in
@@ -89,7 +89,7 @@ def record_controlled(
             run.do(step)
     force, displacement = np.array(run.force), np.array(run.displacement)
     read = force + (slow + white)[: force.size]
-    record = SimulatedRecord(time[: force.size], encode(displacement), read, displacement, force)
+    record = Record(time[: force.size], encode(displacement), read, displacement, force)
     return record, np.array(run.loaded)
 
 

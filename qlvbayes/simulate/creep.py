@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.checks import InputError
 
 from .constants import Constants
-from .rig import PAUSE_S, SAMPLE_RATE, SimulatedRecord, SimulatedTest, stream
+from .rig import PAUSE_S, SAMPLE_RATE, Record, SimulatedTest, stream
 from .sensors import Noise, encode, thin
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def record_creep(
     sample_rate: float = SAMPLE_RATE,
     max_rows: int | None = None,
     closed_loop: bool = False,
-) -> SimulatedRecord:
+) -> Record:
     """Run one load-controlled test.
 
     closed_loop: the controller follows the load cell, whose slow errors then are in the true force
@@ -132,7 +132,7 @@ def record_creep(
     displacement = displacement_under(constants, time, force)
     kept = slice(None) if max_rows is None else thin(time, wanted, max_rows)
     columns = (time, encode(displacement), force + errors, displacement, force)
-    return SimulatedRecord(*(column[kept] for column in columns))
+    return Record(*(column[kept] for column in columns))
 
 
 def creep_study(

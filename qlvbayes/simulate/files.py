@@ -16,7 +16,7 @@ from qlvbayes.io.checks import InputError, check_known
 from .constants import Constants
 from .creep import creep_study
 from .hidden import Effect, HiddenPad
-from .material import Material, SimulatedPad
+from .material import Material, Pad
 from .platen import PAPER_ACCELERATION, PROTOCOLS
 from .rig import PAUSE_S, SAMPLE_RATE, SimulatedTest, record_study
 from .sensors import ENCODER_STEP, Noise
@@ -106,7 +106,7 @@ def simulate_file(
         # a plain pad follows a platen that is drawn off its surface
         name: HiddenPad(constants, tuple(effects))
         if effects or protocol == "pull_off"
-        else SimulatedPad(constants)
+        else Pad(constants)
         for name, constants in pads.items()
     }
     programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}

@@ -28,7 +28,7 @@ class Material(Protocol):
 
 
 @dataclass(frozen=True)
-class SimulatedPad:
+class Pad:
     """The quasi-linear viscoelastic pad of the paper's Eq. 6, as ordinary differential equations.
 
     q_i' = -v_i q_i + K(d) d',  K = m e^{b d},  q_i(0) = 0

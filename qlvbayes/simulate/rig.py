@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.checks import InputError
 
 from .constants import Constants
-from .material import Material, SimulatedPad
+from .material import Material, Pad
 from .motion import Motion
 from .platen import PAPER_RATES, Platen, Step, paper_protocol
 from .sensors import NOISES, Noise, encode, thin
@@ -24,7 +24,7 @@ PAUSE_S = 120.0
 
 
 @dataclass(frozen=True)
-class SimulatedRecord:
+class Record:
     """Hold one test as measured, and the truth behind it; all arrays (n,), s, mm and N."""
 
     time: NDArray[np.float64]
@@ -33,10 +33,10 @@ class SimulatedRecord:
     true_displacement: NDArray[np.float64]
     true_force: NDArray[np.float64]
 
-    def thinned(self, max_rows: int) -> SimulatedRecord:
+    def thinned(self, max_rows: int) -> Record:
         """Keep only the rows that the data logger keeps."""
         kept = thin(self.time, self.displacement, max_rows)
-        return SimulatedRecord(
+        return Record(
             self.time[kept],
             self.displacement[kept],
             self.force[kept],
@@ -55,7 +55,7 @@ class SimulatedTest:
     pad: str
     name: str
     start_s: float
-    record: SimulatedRecord
+    record: Record
     control: str = "displacement"
 
 
@@ -66,7 +66,7 @@ def record_test(
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,
     max_rows: int | None = None,
-) -> SimulatedRecord:
+) -> Record:
     """Run one test on any material, sampled from the start of the motion.
 
     With `max_rows`, only the rows that the data logger keeps; the noise is the one of all
@@ -88,7 +88,7 @@ def record_test(
         kept = thin(time, read, max_rows)
         time, displacement, read, errors = time[kept], displacement[kept], read[kept], errors[kept]
     force = material.force(platen, time)
-    return SimulatedRecord(time, read, force + errors, displacement, force)
+    return Record(time, read, force + errors, displacement, force)
 
 
 def record_study(
@@ -124,11 +124,9 @@ def simulate_test(
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,
     bonded: bool = False,
-) -> SimulatedRecord:
+) -> Record:
     """Run one program on a quasi-linear pad with the given constants."""
-    return record_test(
-        SimulatedPad(constants, bonded), Platen(tuple(program)), noise, rng, sample_rate
-    )
+    return record_test(Pad(constants, bonded), Platen(tuple(program)), noise, rng, sample_rate)
 
 
 def simulate_study(
@@ -139,7 +137,7 @@ def simulate_study(
     max_rows: int | None = None,
 ) -> list[SimulatedTest]:
     """Run the paper's protocol at each rate (mm/s) on each pad; tests are named 'B-0.1'."""
-    pads = {name: SimulatedPad(constants) for name, constants in constants_by_pad.items()}
+    pads = {name: Pad(constants) for name, constants in constants_by_pad.items()}
     programs = {f"{rate:g}": paper_protocol(rate) for rate in rates}
     return record_study(pads, programs, noise, seed, max_rows)
 

@@ -12,7 +12,7 @@ from qlvbayes.io.checks import InputError
 
 from .material import Material
 from .platen import PAPER_ACCELERATION, Hold, Move, Platen, Step
-from .rig import SAMPLE_RATE, SimulatedRecord, SimulatedTest, stream
+from .rig import SAMPLE_RATE, Record, SimulatedTest, stream
 from .sensors import Noise, encode, thin
 
 RETURN_SPEED = 20.0
@@ -129,7 +129,7 @@ class _Test:
         own = self.time - self.begin
         errors = noise.draw(own, stream(seed, self.name))[self.kept]
         time, true = own[self.kept], whole.platen.displacement(self.time[self.kept])
-        record = SimulatedRecord(time, self.read[self.kept], force + errors, true, force)
+        record = Record(time, self.read[self.kept], force + errors, true, force)
         return SimulatedTest(pad, self.name, self.begin, record)
 
 

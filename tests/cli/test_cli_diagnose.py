@@ -110,7 +110,8 @@ def test_what_was_tried_travels_in_the_verdict(study):
     assert used.thresholds == DiagnosisSettings()
     assert {"exponential", "hertz"} <= set(used.elastic)
     assert "prony:2" in used.relaxation
-    assert set(used.effects) == {kind.name for kind in EVERY}
+    loose = {kind.name for kind in EVERY} - {"interface_slip"}  # of a specimen that is held
+    assert set(used.effects) == loose
     assert (used.seed, used.evidence) == (0, "laplace")
 
 

@@ -7,6 +7,7 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
+from qlvbayes.effects.interface_slip import InterfaceSlip
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.starts import amplitude_of, shapes
@@ -17,6 +18,10 @@ USUAL = Hypothesis("exponential", "prony:2")
 RATES = (1.0, 20.0, 100.0)
 
 
+LOOSE = [kind for kind in (*EFFECTS, *FORMS) if kind is not InterfaceSlip]
+"""What may be missing of a specimen that is pressed; one that is held may slip."""
+
+
 @pytest.fixture(scope="module")
 def plain():
     """A search over all effects that knows the plain model's mode, of tests that lose contact."""
@@ -25,7 +30,7 @@ def plain():
     return search
 
 
-@pytest.mark.parametrize("kind", [*EFFECTS, *FORMS], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
 def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
     """Where a record begins above zero too; what adds points to the grid is 1e-5 off at most."""
     point, space = plain.modes[USUAL][0].point, plain.density.space
@@ -38,7 +43,7 @@ def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
     np.testing.assert_allclose(found, point.predicted, rtol=0.0, atol=close)
 
 
-@pytest.mark.parametrize("kind", [*EFFECTS, *FORMS], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("share", [1e-3, 1.0])
 def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share):
     """Z_s = int L_s pi <= max L_s, at every size; also where constants are next to nothing."""

@@ -15,7 +15,7 @@ from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.model import Model
-from qlvbayes.simulate import PAPER_RATES, TABLE_1, Platen, SimulatedPad, paper_protocol
+from qlvbayes.simulate import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
 
 NODES, WEIGHTS = leggauss(20)
 QUICK = settings(max_examples=25, deadline=None, derandomize=True)
@@ -123,7 +123,7 @@ def test_whole_protocol_solves_the_differential_equations(paper_model, speed, gl
     """Against a stiff solver on the true motion, with chords too short to matter."""
     platen = Platen(paper_protocol(speed))
     time = corners(platen, 2000)
-    expected = SimulatedPad(TABLE_1["B"], bonded=glued).force(platen, time)
+    expected = Pad(TABLE_1["B"], bonded=glued).force(platen, time)
     found = force(paper_model("B", bonded=glued), time, platen.displacement(time))
     assert np.max(np.abs(found - expected)) < 2e-7 * expected.max()
 
@@ -133,7 +133,7 @@ def test_chords_cost_force_in_proportion_to_the_square_of_their_length(paper_mod
     model, errors = paper_model("B", bonded=True), []
     for steps in (20, 40, 80):
         time = corners(platen, steps)
-        exact = SimulatedPad(TABLE_1["B"], bonded=True).force(platen, time)
+        exact = Pad(TABLE_1["B"], bonded=True).force(platen, time)
         errors.append(np.max(np.abs(force(model, time, platen.displacement(time)) - exact)))
     assert np.all(np.array(errors[:-1]) / errors[1:] > 3.8)
 

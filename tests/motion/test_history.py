@@ -28,8 +28,8 @@ from qlvbayes.simulate import (
     Constants,
     HiddenPad,
     Hold,
+    Pad,
     Platen,
-    SimulatedPad,
     draw_effect,
     full_retraction_protocol,
     join_programs,
@@ -108,7 +108,7 @@ def differences(programs, model, pad, *, acceleration=AT_ONCE):
 @pytest.mark.parametrize("programs", [PAPER, FULL])
 def test_the_past_adds_what_the_equations_add(programs):
     """Solved by a stiff integrator through the pauses, a mode of 0.05/s after 5 s."""
-    found, true, peak = differences(programs, plain(), SimulatedPad(SLOW, bonded=True))
+    found, true, peak = differences(programs, plain(), Pad(SLOW, bonded=True))
     assert np.max(np.abs(true)) > 0.01 * peak
     assert np.max(np.abs(found - true)) < CLOSE * peak
 
@@ -189,7 +189,7 @@ def test_a_platen_that_stays_keeps_pressing_through_the_pause():
     depth = np.full(time.size, 0.8)
     motion = remembering(Motion(*map(jnp.asarray, (time, depth, 0 * time, 0 * time))), past)
     found = np.asarray(plain().force(motion))[past.time.size :]
-    true = SimulatedPad(SLOW, bonded=True).force(
+    true = Pad(SLOW, bonded=True).force(
         whole.platen, np.minimum(whole.begins[1] + time, whole.ends[1])
     )
     np.testing.assert_allclose(found, true, atol=1e-6 * 2.0)
@@ -224,7 +224,7 @@ def measured(known=True, carried=True):
     """Tests 5 s after one another on a pad of two modes, as a file would give them."""
     programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 5.0)}
     found = record_sequence(
-        SimulatedPad(SLOW),
+        Pad(SLOW),
         programs,
         NOISES["white"],
         3,

@@ -14,7 +14,7 @@ from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.record import batch
 from qlvbayes.motion.reduction import clear_of_kinks, reduce_test
 from qlvbayes.motion.trajectory import smooth
-from qlvbayes.simulate import NOISES, TABLE_1, Platen, SimulatedPad, encode, paper_protocol
+from qlvbayes.simulate import NOISES, TABLE_1, Pad, Platen, encode, paper_protocol
 
 CONSTANTS = TABLE_1["B"]
 MODEL = default_model(
@@ -36,7 +36,7 @@ def record():
         if rate not in made:
             platen = Platen(paper_protocol(rate))
             time = np.arange(int(1e3 * platen.duration)) / 1e3
-            force = SimulatedPad(CONSTANTS).force(platen, time)
+            force = Pad(CONSTANTS).force(platen, time)
             test = Test("t", "B", time, encode(platen.displacement(time)), force)
             trajectory = smooth(test.time, test.displacement)
             made[rate] = test, trajectory, find_phases(trajectory)

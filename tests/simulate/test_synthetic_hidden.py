@@ -21,8 +21,8 @@ from qlvbayes.simulate import (
     HiddenPad,
     Hold,
     Move,
+    Pad,
     Platen,
-    SimulatedPad,
     draw_constants,
     draw_effect,
     full_retraction_protocol,
@@ -104,7 +104,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
     for constants in (B, draw_constants(rng), Constants(0.5, 0.6, (1.0,))):
         for rate in (0.1, 20.0, 100.0):
             platen, times = paired(protocol, rate)
-            expected = SimulatedPad(constants, bonded).force(platen, times)
+            expected = Pad(constants, bonded).force(platen, times)
             force = force_of(platen=platen, times=times, constants=constants, bonded=bonded)
             assert np.abs(force - expected).max() < 1e-8 * expected.max()
 
@@ -112,7 +112,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
 def test_without_effects_it_is_the_pad_also_on_the_far_side_of_zero():
     platen, times = paired(lambda rate: (Move(1.0, rate), Move(-0.5, rate), Hold(2.0)))
     force = force_of(platen=platen, times=times, bonded=True)
-    assert np.abs(force - SimulatedPad(B, bonded=True).force(platen, times)).max() < 1e-8
+    assert np.abs(force - Pad(B, bonded=True).force(platen, times)).max() < 1e-8
 
 
 @pytest.mark.parametrize("name", EVERY)

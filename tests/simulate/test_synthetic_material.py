@@ -11,8 +11,8 @@ from qlvbayes.simulate import (
     Constants,
     Hold,
     Move,
+    Pad,
     Platen,
-    SimulatedPad,
     draw_constants,
     elastic_force,
     paper_protocol,
@@ -45,7 +45,7 @@ def times_of_interest(platen):
 def test_equations_agree_with_the_hereditary_integral(pad, rate):
     platen = Platen(paper_protocol(rate))
     times = times_of_interest(platen)
-    force = SimulatedPad(TABLE_1[pad], bonded=True).force(platen, times)
+    force = Pad(TABLE_1[pad], bonded=True).force(platen, times)
     integral = np.array([hereditary_integral(TABLE_1[pad], platen, t) for t in times])
     assert np.abs(force - integral).max() < 1e-8 * integral.max()
 
@@ -55,7 +55,7 @@ def test_random_constants_agree_with_the_hereditary_integral_on_a_full_retractio
     times = times_of_interest(platen)
     rng = np.random.default_rng(1)
     for constants in [draw_constants(rng) for _ in range(5)]:
-        force = SimulatedPad(constants, bonded=True).force(platen, times)
+        force = Pad(constants, bonded=True).force(platen, times)
         integral = np.array([hereditary_integral(constants, platen, t) for t in times])
         assert np.abs(force - integral).max() < 1e-8 * integral.max()
 
@@ -65,9 +65,7 @@ def test_random_constants_agree_with_the_hereditary_integral_on_a_full_retractio
 )
 def test_instantaneous_peak_and_relaxed_share_of_table_1(pad, peak, relaxed):
     at_once = Platen((Move(1.6, 1e6), Hold(200.0)), acceleration_limit=1e12)
-    force = SimulatedPad(TABLE_1[pad]).force(
-        at_once, np.array([at_once.kinks[-1], at_once.duration])
-    )
+    force = Pad(TABLE_1[pad]).force(at_once, np.array([at_once.kinks[-1], at_once.duration]))
     assert force[0] == pytest.approx(peak, abs=0.005)
     assert force[1] / force[0] == pytest.approx(relaxed, abs=5e-4)
     assert force[0] == pytest.approx(elastic_force(TABLE_1[pad], np.array([1.6]))[0], rel=2e-5)
@@ -78,22 +76,22 @@ def test_without_modes_the_pad_is_elastic():
     platen = Platen(paper_protocol(20.0))
     times = times_of_interest(platen)
     elastic = 0.5 / 0.6 * np.expm1(0.6 * platen.displacement(times))
-    assert SimulatedPad(constants).force(platen, times) == pytest.approx(elastic, abs=1e-14)
+    assert Pad(constants).force(platen, times) == pytest.approx(elastic, abs=1e-14)
 
 
 def test_two_modes_of_one_rate_are_one_mode():
     platen = Platen(paper_protocol(30.0))
     times = times_of_interest(platen)
-    one = SimulatedPad(Constants(0.5, 0.6, (0.3, 0.7), (4.0,))).force(platen, times)
-    two = SimulatedPad(Constants(0.5, 0.6, (0.3, 0.2, 0.5), (4.0, 4.0))).force(platen, times)
+    one = Pad(Constants(0.5, 0.6, (0.3, 0.7), (4.0,))).force(platen, times)
+    two = Pad(Constants(0.5, 0.6, (0.3, 0.2, 0.5), (4.0, 4.0))).force(platen, times)
     assert np.abs(one - two).max() < 1e-8 * one.max()
 
 
 def test_a_free_pad_lets_the_platen_go_and_a_bonded_one_pulls():
     platen = Platen((Move(1.6, 20.0), Hold(5.0), Move(0.0, 20.0), Hold(5.0)))
     times = np.arange(0.0, platen.duration, 1e-3)
-    bonded = SimulatedPad(TABLE_1["B"], bonded=True).force(platen, times)
-    free = SimulatedPad(TABLE_1["B"]).force(platen, times)
+    bonded = Pad(TABLE_1["B"], bonded=True).force(platen, times)
+    free = Pad(TABLE_1["B"]).force(platen, times)
     assert bonded.min() < -0.1
     assert np.array_equal(free, np.maximum(bonded, 0.0))
 
@@ -102,7 +100,7 @@ def test_faster_loading_gives_a_higher_peak_up_to_the_limit_of_acceleration():
     peaks = []
     for rate in (*PAPER_RATES, 1000.0):
         platen = Platen(paper_protocol(rate))
-        peaks.append(SimulatedPad(TABLE_1["B"]).force(platen, platen.kinks).max())
+        peaks.append(Pad(TABLE_1["B"]).force(platen, platen.kinks).max())
     assert np.all(np.diff(peaks[:-1]) > 0)
     assert peaks[-1] == peaks[-2]
 
@@ -111,4 +109,4 @@ def test_times_outside_the_program_or_out_of_order_are_refused():
     platen = Platen(paper_protocol(20.0))
     for times in ([0.0, 1e3], [-1.0, 0.0], [1.0, 0.5]):
         with pytest.raises(InputError):
-            SimulatedPad(TABLE_1["A"]).force(platen, np.array(times))
+            Pad(TABLE_1["A"]).force(platen, np.array(times))

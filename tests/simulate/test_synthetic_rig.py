@@ -15,8 +15,8 @@ from qlvbayes.simulate import (
     NOISES,
     PAPER_RATES,
     TABLE_1,
+    Pad,
     Platen,
-    SimulatedPad,
     paper_protocol,
     record_study,
     simulate_file,
@@ -104,7 +104,7 @@ def test_tests_follow_one_another_after_two_minutes_of_rest(pad_a):
 def test_a_material_of_ones_own_sees_the_motion_and_the_clock():
     class Ageing:
         def force(self, platen, times):
-            fresh = SimulatedPad(TABLE_1["B"]).force(platen, times)
+            fresh = Pad(TABLE_1["B"]).force(platen, times)
             return fresh * np.exp(-0.01 * (platen.start_s + times))
 
     programs = {"first": paper_protocol(20.0), "second": paper_protocol(20.0)}

@@ -33,12 +33,16 @@ from qlvbayes.motion.firstlook.words import span
 
 OF_SPEED = ("viscous_drag", "power_law_drag", "squeeze_film")
 OF_ACCELERATION = ("inertia",)
+OF_STOPS = ("frame_ringing",)
 OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")
+OF_SLIDING = ("interface_slip",)
 OF_RETRACTION = ("adhesion",)
 OF_DEPTH = ("strain_dependent_rate", "strain_dependent_strength")
 OF_THE_CLOCK = ("fluid_leak", "force_drift")
 OF_TESTS = ("conditioning",)
 
+_PER_PERIOD = 4.0  # readings that show a frequency, as of the effect
+_SLOWEST_HZ = 2.0  # of a soft testing machine, as of the effect
 _FEWEST = 10  # readings on the way in, that show a curve
 _CLEAR = 20.0  # times the noise: a peak of which a few per cent are seen
 _FASTER = 2.0  # times a speed: another one
@@ -56,9 +60,10 @@ def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Sho
         _relaxation(experiment, facts),
         _speed(experiment, facts),
         *_depth(experiment, facts),
-        _unloading(experiment),
+        _unloading(experiment, bonded=bonded),
         _retraction(experiment, bonded=bonded),
         _acceleration(experiment),
+        _ringing(experiment),
         _clock(experiment),
         _conditioning(experiment),
         _validation(experiment, facts),
@@ -189,15 +194,16 @@ def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> st
     return f"{joined(named)} {unit}".removesuffix(" 1")
 
 
-def _unloading(experiment: Experiment) -> Shown:
+def _unloading(experiment: Experiment, *, bonded: bool) -> Shown:
     about = "softening and a set that stays"
+    effects = (*OF_UNLOADING, *(OF_SLIDING if bonded else ()))  # a loose specimen does not slide
     if unloads(experiment) and loaded_once(experiment):
         reason = "one test, no load of which goes deeper than the first: they look much alike"
         remedy = "press a fresh specimen in steps, back after each, to growing depths"
-        return Shown(about, "hardly", reason, remedy, effects=OF_UNLOADING)
+        return Shown(about, "hardly", reason, remedy, effects=effects)
     if unloads(experiment):
-        return Shown(about, "yes", "the platen moves back in a test", effects=OF_UNLOADING)
-    return Shown(about, "no", "no test unloads", "move back in a test", effects=OF_UNLOADING)
+        return Shown(about, "yes", "the platen moves back in a test", effects=effects)
+    return Shown(about, "no", "no test unloads", "move back in a test", effects=effects)
 
 
 def _retraction(experiment: Experiment, *, bonded: bool) -> Shown:
@@ -217,6 +223,19 @@ def _acceleration(experiment: Experiment) -> Shown:
         return Shown(about, "yes", "the acceleration is resolved", effects=OF_ACCELERATION)
     remedy = "record more often while the platen starts and stops"
     return Shown(about, "no", "no acceleration is resolved", remedy, effects=OF_ACCELERATION)
+
+
+def _ringing(experiment: Experiment) -> Shown:
+    about, interval = "ringing after a stop", experiment.interval
+    remedy = "record more often while the platen starts and stops"
+    if not any(trial.trajectory.velocity_resolved for trial in experiment.trials):
+        return Shown(about, "no", "no velocity is resolved", remedy, effects=OF_STOPS)
+    if _PER_PERIOD * _SLOWEST_HZ * interval > 1.0:
+        reason = f"readings are {plain(interval, 2)} s apart, and frames swing quicker"
+        return Shown(about, "no", reason, remedy, effects=OF_STOPS)
+    return Shown(
+        about, "yes", f"up to {plain(1.0 / (_PER_PERIOD * interval), 2)} Hz", effects=OF_STOPS
+    )
 
 
 def _clock(experiment: Experiment) -> Shown:
