@@ -119,7 +119,7 @@ def test_units_have_names_in_both_systems(kind):
 
 
 def test_names_are_told_apart():
-    assert len(set(names())) == len(EFFECTS) == 23
+    assert len(set(names())) == len(EFFECTS) == 25
     assert find("friction") is Friction
     with pytest.raises(
         InputError, match=r"no effect 'rust'; use one of viscous_drag, .*channel_lag"

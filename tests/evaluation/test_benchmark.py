@@ -12,6 +12,7 @@ from qlvbayes.evaluation import case as one_study
 from qlvbayes.evaluation.case import run_case
 from qlvbayes.evaluation.constants import coverage, named_as_fitted, true_values
 from qlvbayes.evaluation.counting import COUNTS, Rate
+from qlvbayes.evaluation.lists import PRESENT
 from qlvbayes.evaluation.population import KINDS, PAPER_STRATA, STRATA, Population, kin
 from qlvbayes.evaluation.report import Confusion, Report
 from qlvbayes.evaluation.store import Store, code_digest, run_missing
@@ -19,7 +20,6 @@ from qlvbayes.evaluation.study import SIZES, make_study
 from qlvbayes.io.checks import InputError
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
-from qlvbayes.simulate import HIDDEN
 from qlvbayes.simulate.laws import Law
 
 TRUE_M = 0.5
@@ -82,13 +82,13 @@ def test_the_papers_strata_are_levels_of_all_strata():
 
 
 def test_kinds_protocols_and_effects_come_equally_often():
-    items = [Population(1, paper=True).item(index) for index in range(12 * len(HIDDEN))]
+    items = [Population(1, paper=True).item(index) for index in range(12 * len(PRESENT.listed))]
     count = Counter(item.levels["kind"] for item in items)
-    assert count == dict.fromkeys(KINDS, 2 * len(HIDDEN))
+    assert count == dict.fromkeys(KINDS, 2 * len(PRESENT.listed))
     alone = Counter(item.names[0] for item in items if item.levels["kind"] == "single")
-    assert alone == dict.fromkeys(HIDDEN, 2)
+    assert alone == dict.fromkeys(PRESENT.listed, 2)
     protocols = Counter(item.levels["protocol"] for item in items)
-    assert protocols["paper"] == protocols["one_retraction"] == 6 * len(HIDDEN)
+    assert protocols["paper"] == protocols["one_retraction"] == 6 * len(PRESENT.listed)
 
 
 def test_only_the_chosen_effects_are_hidden_alone():
