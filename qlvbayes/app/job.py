@@ -229,7 +229,8 @@ def deal(data: Path, truth: Path, seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     constants = draw_constants(rng)
-    names = [kind.name for kind in EFFECTS if kind.name in HIDDEN]
+    # the pad lies loose: what only a held specimen does is left out
+    names = [kind.name for kind in EFFECTS if not HIDDEN[kind.name].slides]
     chosen = names[int(rng.integers(len(names)))]
     # at times without need, or the motion would give the effect away
     retracted = rng.random() < 0.5 or chosen in _NEED_RETRACTION

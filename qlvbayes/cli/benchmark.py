@@ -61,13 +61,13 @@ def benchmark(
             remedy="leave --effects and --noise out",
         )
     # imported here, so that the other commands do not wait for what only this one needs
+    from qlvbayes.evaluation.lists import PRESENT
     from qlvbayes.evaluation.population import Population
     from qlvbayes.evaluation.report import Report
     from qlvbayes.plots.benchmark import plot_benchmark
     from qlvbayes.plots.files import save_figure
-    from qlvbayes.simulate import HIDDEN
 
-    hidden = tuple(split_names(effects)) if effects else tuple(HIDDEN)
+    hidden = tuple(split_names(effects)) if effects else PRESENT.listed
     simulated = Population(seed, paper=population == "paper", noise=noise, effects=hidden)
     folder = results_folder(output)
     cases = _run(simulated, folder, studies, work)

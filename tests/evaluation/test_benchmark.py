@@ -82,14 +82,13 @@ def test_the_papers_strata_are_levels_of_all_strata():
 
 
 def test_kinds_protocols_and_effects_come_equally_often():
-    names = PRESENT.listed
-    items = [Population(1, paper=True).item(index) for index in range(12 * len(names))]
+    items = [Population(1, paper=True).item(index) for index in range(12 * len(PRESENT.listed))]
     count = Counter(item.levels["kind"] for item in items)
-    assert count == dict.fromkeys(KINDS, 2 * len(names))
+    assert count == dict.fromkeys(KINDS, 2 * len(PRESENT.listed))
     alone = Counter(item.names[0] for item in items if item.levels["kind"] == "single")
-    assert alone == dict.fromkeys(names, 2)
+    assert alone == dict.fromkeys(PRESENT.listed, 2)
     protocols = Counter(item.levels["protocol"] for item in items)
-    assert protocols["paper"] == protocols["one_retraction"] == 6 * len(names)
+    assert protocols["paper"] == protocols["one_retraction"] == 6 * len(PRESENT.listed)
 
 
 def test_only_the_chosen_effects_are_hidden_alone():

@@ -46,7 +46,7 @@ class RecoveryBench:
     relaxation: AbstractRelaxation
     noise: AbstractNoise
 
-    def space(self, effects: Sequence[AbstractEffect]) -> Space:
+    def space(self, effects: Sequence[AbstractEffect], *, bonded: bool = False) -> Space:
         """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
@@ -54,7 +54,7 @@ class RecoveryBench:
             {self.relaxation.name: in_own_numbers(self.relaxation)},
             {one.name: in_own_numbers(in_natural_amplitude(one)) for one in effects},
             Correlated(_WHITE, _OU, _TAU),
-            bonded=False,
+            bonded=bonded,
         )
 
     def hypothesis(self, effect: str) -> Hypothesis:
