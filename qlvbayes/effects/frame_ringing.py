@@ -10,14 +10,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
 
-_SLOWEST, _FASTEST = 2.0, 200.0  # Hz: testing machines, from soft ones to stiff ones
-_READINGS = 4.0  # in a period, so that a frequency is seen
+_FASTEST = 200.0  # Hz: a stiff testing machine
 
 
 class FrameRinging(AbstractEffect):
@@ -63,10 +63,10 @@ class FrameRinging(AbstractEffect):
         The frequency is log-uniform from 2 Hz to 200 Hz, or as far as there are four readings in a
         period; the damping lies near 0.1.
         """
-        shown = 1.0 / (_READINGS * scales.shortest) if scales.shortest > 0.0 else _FASTEST
-        highest = min(max(shown, 2.0 * _SLOWEST), _FASTEST)
+        shown = 1.0 / (READINGS_A_PERIOD * scales.shortest) if scales.shortest > 0.0 else _FASTEST
+        highest = min(max(shown, 2.0 * SLOWEST_HZ), _FASTEST)
         speed = scales.speed if scales.speed > 0.0 else 1.0
-        return cls(scales.positive(speed), LogUniform(_SLOWEST, highest), lognormal(0.1, 2.0))
+        return cls(scales.positive(speed), LogUniform(SLOWEST_HZ, highest), lognormal(0.1, 2.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with that of the swinging mass added."""
@@ -77,8 +77,9 @@ class FrameRinging(AbstractEffect):
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
         """Return why the records do not show it: speeds, or readings in a period, are missing."""
-        if _READINGS * _SLOWEST * protocol.interval > 1.0:
-            return f"fewer than {_READINGS:.0f} readings fall in a period of {_SLOWEST:.0f} Hz"
+        if READINGS_A_PERIOD * SLOWEST_HZ * protocol.interval > 1.0:
+            fewest = f"fewer than {READINGS_A_PERIOD:.0f} readings"
+            return f"{fewest} fall in a period of {SLOWEST_HZ:.0f} Hz"
         return super().unmeasured(protocol)
 
 

@@ -42,12 +42,8 @@ PAPER_STRATA: dict[str, tuple[str, ...]] = STRATA | {
 """The levels that the paper's rig and pads have."""
 NOISE_LEVELS = {"correlated": "usual", "white": "white"}
 """Levels of the stratum ``noise`` of the paper's strata, by the name that the user gives."""
-_PER_TEST = (
-    "slip",
-    "rezeroed",
-    "cracking_skin",
-    "rolling_specimen",
-)  # drawn anew where a test begins; carried tests are one motion
+_PER_TEST = ("slip", "rezeroed", "cracking_skin", "rolling_specimen")
+"""Drawn anew where a test begins; carried tests are one motion."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
 from qlvbayes.priors.natural import Natural
@@ -17,7 +17,6 @@ from qlvbayes.priors.natural import Natural
 Array = NDArray[np.float64]
 
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
-_FINER = 8  # draws for each quantile, where there are many
 
 
 class Amplitude(NamedTuple):
@@ -90,21 +89,12 @@ def over_shapes(
     if shape is None:
         return [base]
     leaf, values = shape
-    if count > len(values):
-        values = _drawn(leaf, _FINER * count)
     thetas = []
     for share in (np.arange(count) + 0.5) / count:
         start = base.copy()
         start[list(leaf.theta)] = np.quantile(values, share, axis=0)
         thetas.append(start)
     return thetas
-
-
-def _drawn(leaf: Leaf, count: int) -> Array:
-    """Return draws (count, size) of a field from its prior, as numbers of theta."""
-    rng = np.random.default_rng(0)
-    drawn = [np.ravel(leaf.prior.unconstrain(leaf.prior.draw(rng))) for _ in range(count)]
-    return np.stack(drawn)
 
 
 def starts(

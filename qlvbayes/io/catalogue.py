@@ -1,7 +1,7 @@
-"""List what users choose by name, each with the path of its class, and limits that a help states.
+"""List what users choose by name, each with the path of its class, and limits that are stated.
 
 Paths instead of classes, so that the help of a command does not wait for JAX. A name on the left
-is the ``name`` of the class on the right.
+is the ``name`` of the class on the right. The limits are those that a help or a first look states.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ TARGETS = {
 
 MOST_MODES = 6  # of a Prony series; no test resolves more
 MOST_TESTS = 5  # in a series of proposed tests
+SLOWEST_HZ = 2.0  # of a frame that rings: that of a soft testing machine
+READINGS_A_PERIOD = 4.0  # which show a frequency
 EXPORT_DRAWS = 64  # of the posterior: a 90 % interval from them is off by a few per cent of them
 
 

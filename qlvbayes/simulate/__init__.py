@@ -29,6 +29,7 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
+from .logger import thin
 from .material import Material, Pad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
@@ -51,7 +52,7 @@ from .rig import (
     simulate_study,
     simulate_test,
 )
-from .sensors import ENCODER_STEP, NOISES, Noise, encode, thin
+from .sensors import ENCODER_STEP, NOISES, Noise, encode
 from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [

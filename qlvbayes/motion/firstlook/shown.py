@@ -14,6 +14,7 @@ from math import floor, log10
 
 import numpy as np
 
+from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
@@ -41,8 +42,6 @@ OF_DEPTH = ("strain_dependent_rate", "strain_dependent_strength")
 OF_THE_CLOCK = ("fluid_leak", "force_drift")
 OF_TESTS = ("conditioning",)
 
-_PER_PERIOD = 4.0  # readings that show a frequency, as of the effect
-_SLOWEST_HZ = 2.0  # of a soft testing machine, as of the effect
 _FEWEST = 10  # readings on the way in, that show a curve
 _CLEAR = 20.0  # times the noise: a peak of which a few per cent are seen
 _FASTER = 2.0  # times a speed: another one
@@ -230,11 +229,11 @@ def _ringing(experiment: Experiment) -> Shown:
     remedy = "record more often while the platen starts and stops"
     if not any(trial.trajectory.velocity_resolved for trial in experiment.trials):
         return Shown(about, "no", "no velocity is resolved", remedy, effects=OF_STOPS)
-    if _PER_PERIOD * _SLOWEST_HZ * interval > 1.0:
+    if READINGS_A_PERIOD * SLOWEST_HZ * interval > 1.0:
         reason = f"readings are {plain(interval, 2)} s apart, and frames swing quicker"
         return Shown(about, "no", reason, remedy, effects=OF_STOPS)
     return Shown(
-        about, "yes", f"up to {plain(1.0 / (_PER_PERIOD * interval), 2)} Hz", effects=OF_STOPS
+        about, "yes", f"up to {plain(1.0 / (READINGS_A_PERIOD * interval), 2)} Hz", effects=OF_STOPS
     )
 
 
