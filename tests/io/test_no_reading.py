@@ -9,9 +9,9 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from support.machine_files import FIXTURES, pressed
+from support.machine_files import FIXTURES, pressed, table_spanish
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.effects.adhesion import Adhesion
@@ -202,6 +202,7 @@ def hurt(data, chance):
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(fixture=st.sampled_from(TEXTS), seed=st.integers(0, 2**32))
+@example(fixture=next(one for one in TEXTS if one.make is table_spanish), seed=1_592_390_079)
 def test_a_hurt_file_is_read_or_refused(tmp_path, fixture, seed):
     chance = random.Random(seed)
     file = tmp_path / fixture.name

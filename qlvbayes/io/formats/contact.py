@@ -224,8 +224,10 @@ def _solved(
     ay, by, yy = rise @ y, further @ y, float(y @ y)
     tiny = np.finfo(float).tiny
     volume = np.maximum(aa * bb - ab * ab, tiny)
-    a, b = (bb * ay - ab * by) / volume, (aa * by - ab * ay) / volume
-    rises = (volume > _SINGULAR * aa * bb) & (a >= 0.0)
+    regular = volume > _SINGULAR * aa * bb
+    divisor = np.where(regular, volume, 1.0)
+    a, b = (bb * ay - ab * by) / divisor, (aa * by - ab * ay) / divisor
+    rises = regular & (a >= 0.0)
     rises &= power * a + (power + 1.0) * b * reach >= 0.0
     a = np.where(rises, a, np.maximum(ay / np.maximum(aa, tiny), 0.0))
     b = np.where(rises, b, 0.0)
