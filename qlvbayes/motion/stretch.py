@@ -39,6 +39,7 @@ _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: w
 _EXTRA_KNOTS = 2
 _INWARD = 0.8  # of the first span: how far an end may move into it
 _CUBE = 8.0  # 2^3
+_SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
@@ -119,7 +120,8 @@ def _misfit(stretch: Stretch) -> float:
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
     """Return whether a path deviates from a reading, or between two, by more than errors explain.
 
-    Between two readings it may leave their line by as much as these or their neighbours differ.
+    Between two readings it may leave their line by as much as these or their neighbours differ, and
+    by more where the readings of its piece determine it as well as one would.
     """
     knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
     path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
@@ -136,7 +138,27 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
     every = every[(every >= time[0]) & (every <= time[-1])]
     between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
     off = np.abs(evaluated(stretch, every) - np.interp(every, time, x))
-    return not bool(np.all(off <= bound[between]))
+    questioned = every[off > bound[between]]
+    return not all(_is_determined(stretch, time, at) for at in questioned)
+
+
+def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
+    """Return whether the readings of a piece give a path at a time as well as a reading there.
+
+    The path is a parabola through the readings at times (n,) of the piece; their errors, of one
+    variance, give its value there that variance times the leverage, which is at most 1.
+    """
+    knots = stretch.joints.knots
+    k = int(np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2))
+    within = time[(time >= knots[k]) & (time <= knots[k + 1])]
+    if stretch.degree != 2 or within.size < _FEWEST_PER_PIECE:
+        return False
+    scaled = (np.append(within, at) - knots[k]) / (knots[k + 1] - knots[k])
+    design = np.vander(scaled, 3)
+    root = np.linalg.qr(design[:-1], mode="r")
+    if np.min(np.abs(np.diag(root))) <= _SINGULAR * np.max(np.abs(root)):
+        return False
+    return bool(np.sum(np.linalg.solve(root.T, design[-1]) ** 2) <= 1.0)
 
 
 def evaluated(stretch: Stretch, t: Array) -> Array:

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
@@ -288,6 +288,9 @@ coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
 
 @settings(max_examples=40, deadline=None)
 @given(coefficient, coefficient, coefficient, st.integers(10, 300))
+@example(3.0, -0.5, 0.5, 32)  # turns between two readings whose line it leaves by more than they
+@example(0.0, -0.5, 6.0, 68)  # differ
+@example(8.626, 1.943, -1.173, 18)
 def test_parabolas_are_reproduced(a, b, c, n):
     t = np.sort(np.random.default_rng(n).uniform(0.0, 1.0, size=n))
     x = a + b * t + c * t**2
