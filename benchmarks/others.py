@@ -23,6 +23,7 @@ from pathlib import Path
 import emcee
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 from rivals import NumpyPosterior
 from scipy.stats import norm
@@ -324,12 +325,43 @@ def measured(names, share):
     return found
 
 
+def rates(runs):
+    """Effective samples a second of each sampler, once compiled and with what it compiles."""
+    return {
+        name: (one["ess"][1] / one["again_s"], one["ess"][0] / one["first_s"])
+        for name, one in runs.items()
+    }
+
+
+def draw(shown, path):
+    """Bars of the effective samples a second of each sampler, as `rates` gives them."""
+    figure, axes = plt.subplots(figsize=(7.0, 0.9 + 0.42 * len(shown)), layout="constrained")
+    rows = np.arange(len(shown))
+    for k, (label, color) in enumerate(
+        [("once compiled", "#1f77b4"), ("with what is compiled", "#9ecae1")]
+    ):
+        values = [pair[k] for pair in shown.values()]
+        bars = axes.barh(rows + 0.38 * (k - 0.5), values, 0.36, color=color, label=label)
+        axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
+    axes.set(xscale="log", xlabel="effective samples of the worst constant a second")
+    axes.set_yticks(rows, [name.replace(" on qlvbayes' density", "") for name in shown])
+    axes.invert_yaxis()
+    axes.margins(x=0.12)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, loc="lower right", fontsize=9)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
 def section(share=1.0):
-    """Markdown: samplers, least squares, evidences."""
+    """Markdown: samplers with a picture of them, least squares, evidences."""
+    runs = measured(SAMPLERS, share)
+    speeds = rates(runs)
+    draw(speeds, ROOT / "docs" / "pictures" / "samplers.png")
     samplers = "\n".join(
         f"| {name} | {one['ess'][1]:.0f} | {one['again_s']:.1f} | "
-        f"{one['ess'][1] / one['again_s']:.1f} | {one['ess'][0] / one['first_s']:.1f} |"
-        for name, one in measured(SAMPLERS, share).items()
+        f"{speeds[name][0]:.1f} | {speeds[name][1]:.1f} |"
+        for name, one in runs.items()
     )
     evidences = measured(EVIDENCES, share)
     rows = "\n".join(
@@ -338,8 +370,7 @@ def section(share=1.0):
         f"{one['again_s']:.1f} |"
         for name, one in evidences.items()
     )
-    return f"""## Next to other packages
-
+    return f"""\
 The 20 mm/s test of pad B, the plain model with white and correlated noise: the same reduced record,
 priors and start for all ({_versions()}; `benchmarks/others.py`). Effective samples of the worst
 constant; all time from the start to the last draw counts, burn-in and warm-up included. *With what
@@ -348,6 +379,8 @@ is compiled*: in a process that has compiled nothing before.
 | sampler | effective samples | s | a second | a second, with what is compiled |
 |---|---:|---:|---:|---:|
 {samplers}
+
+![Effective samples a second of each sampler](pictures/samplers.png)
 
 {_least_squares(share)}
 

@@ -1,5 +1,9 @@
-"""Run all benchmarks and write docs/performance.md: `make bench`."""
+"""Run all benchmarks, or some sections, and write docs/performance.md: `make bench`.
 
+Sections that are not run stay as they are on the page.
+"""
+
+import argparse
 import datetime
 import os
 import platform
@@ -25,29 +29,39 @@ from timing import QLVBAYES, command_s, in_new_process
 
 
 def main():
-    parts = [HEADING.format(date=datetime.date.today(), machine=machine(), commit=commit())]
-    for section in (
-        force_section,
-        pieces_section,
-        stepping_section,
-        c_section,
-        density_section,
-        others.section,
-        shell_section,
-        diagnosis_section,
-        many_section,
-    ):
-        print(section.__name__, file=sys.stderr)
-        parts.append(section())
-    Path("docs/performance.md").write_text("\n".join(parts), encoding="utf-8")
-    print("\n".join(parts))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, default=list(SECTIONS))
+    chosen = parser.parse_args().only
+    known = _written()
+    for name in chosen:
+        print(name, file=sys.stderr)
+        heading, section = SECTIONS[name]
+        known[heading] = f"{_origin()}\n\n{section()}"
+        parts = [
+            f"## {title}\n\n{known[title]}" for title, _ in SECTIONS.values() if title in known
+        ]
+        PAGE.write_text("\n".join([HEADING, *parts]), encoding="utf-8")
+    print(PAGE)
 
 
+PAGE = Path("docs/performance.md")
 HEADING = """# Performance
 
-Measured by `make bench` on {date}, commit {commit}, {machine}. Times are medians; a ratio compares
-two things measured in the same run.
+Measured by `make bench`, section by section. Times are medians; a ratio compares two things
+measured in the same run.
 """
+
+
+def _written():
+    """The text of each section of the page by its heading."""
+    if not PAGE.exists():
+        return {}
+    parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
+    return {head: text.strip("\n") + "\n" for head, _, text in (p.partition("\n") for p in parts)}
+
+
+def _origin():
+    return f"Measured on {datetime.date.today()}, commit {commit()}, {machine()}."
 
 
 def machine():
@@ -65,8 +79,7 @@ def force_section():
         f"| {n:,} | {ms:.2f} | {ns:.0f} | {mb:.0f} | {' | '.join(map(_ms, rivals))} |"
         for n, ms, ns, mb, *rivals in force.growth()
     )
-    return f"""## Force on a full record
-
+    return f"""\
 One pad, six tests at 1 kHz, {samples:,} samples, two modes: **{ours:.1f} ms**, against
 {rival:.1f} ms for `scipy.signal.lfilter` recursions ({rival / ours:.2f} times as fast; lfilter
 needs evenly spaced samples, this does not). The two differ by at most {error:.0e} N.
@@ -90,8 +103,7 @@ def pieces_section():
     rows = [line.split("\t") for line in printed.splitlines()]
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     whole = sum(float(row[1]) for row in rows)
-    return f"""## The force of a hypothesis
-
+    return f"""\
 Microseconds a set of constants, eight at once, on the record of `data/hidden.csv` (six tests): as a
 chain of compiled pieces, as `diagnose` runs it, against the same model compiled by itself and
 called once for all tests and sets. The two take turns; the quickest of {pieces.REPEATS} counts.
@@ -120,8 +132,7 @@ def stepping_section():
         for count in stepping.IVP_LENGTHS
         for ours, rival, apart in [stepping.dual_against_ivp(count)]
     )
-    return f"""## Step by step, and displacement from force
-
+    return f"""\
 `Stepper`, called from Python once a step, two modes (a step of 1 kHz needs 1,000 a second):
 
 | draws | force, steps a second | displacement, steps a second |
@@ -146,13 +157,12 @@ Creep under 1 N put on in 0.1 s, against `scipy.integrate.solve_ivp` (LSODA, rel
 
 def c_section():
     if shutil.which("gcc") is None:
-        return "## The exported C header\n\nNot measured: no gcc here.\n"
+        return "Not measured: no gcc here.\n"
     rows = "\n".join(
         f"| {name} | {' | '.join(f'{t:.0f}' for t in times)} | {drift:.0e} |"
         for name, *times, drift in c_steps.rows()
     )
-    return f"""## The exported C header
-
+    return f"""\
 Nanoseconds a step of processor time (gcc -O2), a minute at 1 kHz: ramp, hold, back, hold. A step of
 1 kHz has 1,000,000. `float` is single precision; its drift is over the peak force.
 
@@ -167,8 +177,7 @@ def density_section():
     table = "\n".join(f"| {noise} | {w} | {d:.2f} | {g:.2f} |" for noise, w, d, g in rows)
     times = {(noise, w): d for noise, w, d, _ in rows}
     ratio = times["correlated", 32] / times["white", 32]
-    return f"""## Log density on the reduced record
-
+    return f"""\
 Pad B of `data/pads.csv`, all six tests: grids of {grid[1]} points, {blocks[1]} blocks a test.
 Correlated noise takes {ratio:.1f} times as long as white noise at 32 walkers.
 
@@ -182,8 +191,7 @@ def shell_section():
     cold, warm = shell.shell_times()
     words = command_s([QLVBAYES, "--help"], "build/cache")
     rows = _rows(in_new_process(Path(shell.__file__)))
-    return f"""## `qlvbayes fit` of one pad from the shell
-
+    return f"""\
 Cold (nothing compiled before): **{cold:.1f} s**; with a warm compile cache: **{warm:.1f} s**;
 `qlvbayes --help`: **{words:.2f} s**. Where the time goes in a warm process (then follow the summary
 and the results file):
@@ -200,8 +208,7 @@ def diagnosis_section():
         cold, warm = diagnosis.shell_times(cache)
         rows = _rows(in_new_process(script, cache))
     pads = _rows(in_new_process(script))
-    return f"""## `qlvbayes diagnose` of one pad, six tests, all effects
-
+    return f"""\
 From the shell with figures, on `data/hidden.csv`: cold (nothing compiled before) **{cold:.1f} s**,
 with a warm compile cache **{warm:.1f} s**. In one process with that cache, without figures:
 
@@ -220,8 +227,7 @@ process with nothing compiled before, without figures:
 
 def many_section():
     rows = _rows(in_new_process(many.__file__))
-    return f"""## Many pads on two cores
-
+    return f"""\
 A folder of simulated pads of three tests each, a file a pad, by `--jobs 1` and `--jobs 2` from the
 shell, one thread a process, with a warm compile cache. Starting a process and loading what is
 compiled is part of the time of each.
@@ -235,6 +241,19 @@ compiled is part of the time of each.
 def _rows(printed):
     rows = (" | ".join(line.split("\t")) for line in printed.splitlines())
     return "\n".join(f"| {row} |" for row in rows)
+
+
+SECTIONS = {
+    "force": ("Force on a full record", force_section),
+    "pieces": ("The force of a hypothesis", pieces_section),
+    "stepping": ("Step by step, and displacement from force", stepping_section),
+    "header": ("The exported C header", c_section),
+    "density": ("Log density on the reduced record", density_section),
+    "others": ("Next to other packages", others.section),
+    "fit": ("`qlvbayes fit` of one pad from the shell", shell_section),
+    "diagnose": ("`qlvbayes diagnose` of one pad, six tests, all effects", diagnosis_section),
+    "many": ("Many pads on two cores", many_section),
+}
 
 
 if __name__ == "__main__":
