@@ -8,6 +8,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import lru_cache
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -139,12 +140,21 @@ def code_digest(root: Path = _PACKAGE) -> str:
 
     Comments, docstrings and layout do not count. Studies of different code must not be mixed.
     """
+    names = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*.py"))}
+    texts = (
+        (name, path.read_text(encoding="utf-8"))
+        for name, path in names.items()
+        if not name.startswith(_WITHOUT_EFFECT)
+    )
+    return _digest(tuple(texts))
+
+
+@lru_cache(maxsize=1)  # a run asks several times, and to parse the package takes 2 s
+def _digest(texts: tuple[tuple[str, str], ...]) -> str:
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        name = path.relative_to(root).as_posix()
-        if not name.startswith(_WITHOUT_EFFECT):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            digest.update(f"{name}\n{ast.dump(_without_docstrings(tree))}\n".encode())
+    for name, text in texts:
+        tree = _without_docstrings(ast.parse(text))
+        digest.update(f"{name}\n{ast.dump(tree)}\n".encode())
     return digest.hexdigest()[:12]
 
 

@@ -287,7 +287,9 @@ def test_errors_have_the_covariance_that_is_stated(kind):
     rng = np.random.default_rng(5)
     cell = draw_cell(kind, 1.0, 30.0, rng)
     t = np.array([0.0, 0.001, 0.01, 0.5])
-    draws = np.array([cell.draw(t, rng) for _ in range(20_000)])
+    # one walk of 20 000 stretches: the longest memory is 7.5 s, of which e^-133 are left
+    apart = np.arange(20_000)[:, None] * 1000.0
+    draws = cell.draw((apart + t).ravel(), rng).reshape(apart.size, t.size)
     zero = np.zeros(4)
     wanted = cell.covariance(t, zero, zero, zero, 1.0) - cell.step**2 / 12.0 * np.eye(4)
     scale = wanted[0, 0] + 1e-30
