@@ -7,14 +7,21 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+from support.endtoend import (
+    call,
+    keeps_check_contract,
+    keeps_summary_contract,
+    read_json,
+    with_tests,
+)
+from support.hidden_pads import FEW
 
 from qlvbayes import read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects import check_effect
-from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
+from qlvbayes.effects.catalogue import EFFECTS, EVERY, OUTSIDE, find
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
@@ -53,16 +60,30 @@ def own_effects(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.slow)])
+def case(request, tmp_path_factory):
+    """The bundled file and every candidate, or three of its tests and a few candidates."""
+    if request.param == "all":
+        return HIDDEN, EFFECTS
+    file = tmp_path_factory.mktemp("case") / "some.csv"
+    with_tests(file, "C-1", "C-20", "C-100", data=HIDDEN)
+    return file, (*FEW, find("squeeze_film"))
+
+
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
+def study(case, tmp_path_factory):
     """The whole loop, with a short chain."""
+    file, kinds = case
+    drawn = True if kinds is EFFECTS else FIGURES
     folder = tmp_path_factory.mktemp("study")
-    status, out, _ = call("study", HIDDEN, "-o", folder, "--max-steps", "60", drawn=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Choices, "candidates", kinds)
+        status, out, _ = call("study", file, "-o", folder, "--max-steps", "60", drawn=drawn)
     assert status == 0
     return folder / "C", out
 
 
-def test_the_bundled_case_is_solved(study, answer):
+def test_the_case_is_solved(study, answer):
     found = read_json(study[0] / "diagnosis.json")
     hidden = answer["effects"][0]
     assert found["verdict"] == "missing_effect"
@@ -105,17 +126,18 @@ def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
             assert kinds[file.stem].from_json(found.to_json()) == found
 
 
-def test_what_was_tried_travels_in_the_verdict(study):
+def test_what_was_tried_travels_in_the_verdict(study, case):
     used = DiagnosisResult.read(study[0] / "diagnosis.json").settings
     assert used.thresholds == DiagnosisSettings()
     assert {"exponential", "hertz"} <= set(used.elastic)
     assert "prony:2" in used.relaxation
-    loose = {kind.name for kind in EVERY} - {"interface_slip"}  # of a specimen that is held
-    assert set(used.effects) == loose
+    families = {kind.family() for kind in (*case[1], *OUTSIDE)}
+    families -= {"interface_slip"}  # of a specimen that is held
+    assert set(used.effects) == {kind.name for kind in EVERY if kind.family() in families}
     assert (used.seed, used.evidence) == (0, "laplace")
 
 
-def test_study_ends_with_the_report(study, answer):
+def test_study_ends_with_the_report(study, case, answer):
     folder, out = study
     report = folder.parent / "report.html"
     assert f"open {report} in a browser" in out
@@ -124,7 +146,7 @@ def test_study_ends_with_the_report(study, answer):
     # priors actually used, from the fit; the command that repeats it, from the study
     assert "squeeze_film.h</th><td><code>loguniform(" in text
     run = read_json(folder.parent / "run.json")["runs"]["study"]
-    assert run["command"].startswith(f"qlvbayes study {HIDDEN} -o ")
+    assert run["command"].startswith(f"qlvbayes study {case[0]} -o ")
     assert run["command"].endswith("--max-steps 60")
     assert run["command"] in text
 

@@ -29,6 +29,16 @@ CONSTANTS = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
 SHORT = Settings(max_steps=40)
 
 
+def with_tests(path, *tests, data=PADS):
+    """Write some tests of a file of the package to a file of their own."""
+    lines = data.read_text().splitlines(keepends=True)
+    head = next(line for line in lines if not line.startswith("#"))
+    column = head.split(",").index("test")
+    rows = (line for line in lines if not line.startswith("#"))
+    path.write_text(head + "".join(line for line in rows if line.split(",")[column] in tests))
+    return path
+
+
 def true_value(name):
     """The constant that pad B of the example data was simulated with."""
     stem, _, index = name.partition("[")
@@ -52,8 +62,8 @@ def qlvbayes(*words):
 def call(*words, drawn=False):
     """Run the command in this process: its exit status, stdout and stderr.
 
-    drawn: whether its figures are; to draw them takes four fifths of a short fit. Without, files of
-    their names hold nothing to look at.
+    drawn: whether its figures are, or the names of those that are; to draw them takes four fifths
+    of a short fit. Without, files of their names hold nothing to look at.
     """
     out, err = io.StringIO(), io.StringIO()
     line = ["qlvbayes", *map(str, words)]
@@ -62,7 +72,7 @@ def call(*words, drawn=False):
         mock.patch.object(sys, "argv", line),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        contextlib.nullcontext() if drawn else undrawn(),
+        contextlib.nullcontext() if drawn is True else undrawn(drawn or ()),
     ):
         try:
             run()
@@ -72,10 +82,13 @@ def call(*words, drawn=False):
 
 
 @contextlib.contextmanager
-def undrawn():
-    """Figures are left out: an image of one pixel, a page without anything."""
+def undrawn(but=()):
+    """Figures are left out, but for some: an image of one pixel, a page without anything."""
+    draw = plots_files.save_figure
 
-    def save(_, path):
+    def save(figure, path, *kinds):
+        if path.name in but:
+            return draw(figure, path, *kinds)
         image = path.with_name(f"{path.name}.png")
         Image.new("L", (1, 1)).save(image)
         path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
