@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.endtoend import call, one_line
+from support.hidden_pads import FEW
 
 from qlvbayes import InputError
 from qlvbayes.fitting.fit import build_posterior, fit_pad
@@ -322,8 +323,9 @@ def test_two_steps_do_without_a_phase():
     assert np.all(np.isfinite(elastic[2]))
 
 
-def test_a_diagnosis_without_a_phase(tmp_path):
+def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     """The one test's held-out parts, cells and remainder are of the other phases."""
+    monkeypatch.setattr(Choices, "candidates", FEW)
     bad = disturbed(low=1.7, high=11.5)
     file, out = written(tmp_path, bad), tmp_path / "out"
     status, printed, error = call("diagnose", file, "-o", out, "--leave-out", "t:hold", "--json")
