@@ -241,15 +241,22 @@ def test_long_phases_are_looked_at_in_part():
 @pytest.fixture(scope="module")
 def p_values():
     """Of all cells of simulated studies, with the constants and the noise that made them."""
+    studies = [
+        simulate_study({"B": TRUTH}, (1.0, 20.0), NOISES["correlated"], seed, 400)
+        for seed in range(16)
+    ]
+    tests = [
+        Measured(s.name, s.pad, s.record.time, s.record.displacement, s.record.force)
+        for s in studies[0]
+    ]
+    ready = replace(prepare(Pad("B", tuple(tests), PAD)), floor=NoiseFloor(0.006, 0.008, 0.5))
     found = []
-    for seed in range(16):
-        simulated = simulate_study({"B": TRUTH}, (1.0, 20.0), NOISES["correlated"], seed, 400)
-        tests = tuple(
-            Measured(s.name, s.pad, s.record.time, s.record.displacement, s.record.force)
-            for s in simulated
-        )
-        ready = replace(prepare(Pad("B", tests, PAD)), floor=NoiseFloor(0.006, 0.008, 0.5))
-        predictions = predict(ready, Choices(), at_truth(), ready.trials, seed=seed)
+    for seed, tests in enumerate(studies):  # the motion is that of the first, the noise its own
+        trials = []
+        for trial, own in zip(ready.trials, tests, strict=True):
+            np.testing.assert_array_equal(own.record.displacement, trial.test.displacement)
+            trials.append(replace(trial, test=replace(trial.test, force=own.record.force)))
+        predictions = predict(ready, Choices(), at_truth(), trials, seed=seed)
         found.append([c.p_value for c in check("B", ready.floor.total, predictions).cells])
     return np.array(found)
 
