@@ -9,7 +9,7 @@ import time
 
 import h5py
 import pytest
-from support.endtoend import PADS, call, one_line
+from support.endtoend import PADS, call, one_line, with_tests
 from support.work import SlowStep, always_killed, killed_once, pads, squared
 
 from qlvbayes.io.checks import InputError
@@ -38,7 +38,7 @@ class Dask:
             "dask_worker", "--scheduler-file", note, "--nworkers", workers, "--nthreads", 1,
             "--no-dashboard", "--local-directory", place,
         )  # fmt: skip
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + 300.0
         while not note.exists() and time.monotonic() < until:
             time.sleep(0.05)
         self.address = json.loads(note.read_text())["address"]
@@ -105,9 +105,10 @@ def content(path):
 
 
 def test_a_fit_is_that_of_one_process(dask, tmp_path):
+    file = with_tests(tmp_path / "some.csv", "B-20", "C-20")
     for place, words in (("one", ()), ("two", ("--cluster", dask.address))):
         out = tmp_path / place
-        status, told, err = call("fit", PADS, "-o", out, *QUICK, *words, drawn=True)
+        status, told, err = call("fit", file, "-o", out, *QUICK, *words, drawn=True)
         assert (status, err) == (0, "")
         assert f"results in {out}" in told
     one, two = (
@@ -174,7 +175,8 @@ class Killer(Listener):
             self.scheduler.send_signal(signal.SIGKILL)
 
 
-def test_no_scheduler_is_one_line(tmp_path):
+def test_no_scheduler_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("qlvbayes.parallel.engines._WAIT_S", 1.0)
     words = ("fit", PADS, "-o", tmp_path, *QUICK, "--cluster", "tcp://127.0.0.1:9")
     status, _, err = call(*words)
     assert status == 2
