@@ -189,7 +189,8 @@ def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, answers, tol
         ("(a+)+$", "takes too long"),
     ],
 )
-def test_a_pattern_of_no_use_is_told_in_a_line(pattern, told):
+def test_a_pattern_of_no_use_is_told_in_a_line(pattern, told, monkeypatch):
+    monkeypatch.setattr("qlvbayes.app.specimens._PATIENCE", 0.5)  # s
     with pytest.raises(InputError) as refused:
         pads_by(["a" * 40 + "!"], pattern)
     assert told in str(refused.value)

@@ -170,7 +170,7 @@ def refusal(read, file):
 @pytest.mark.skipif(not BROKEN.is_dir(), reason="the broken records are not here")
 @pytest.mark.parametrize("file", sorted(BROKEN.glob("*.*")), ids=lambda file: file.name)
 def test_broken_files_are_read_or_refused(file, monkeypatch):
-    monkeypatch.setattr(isolation, "TIME_S", 4.0)
+    monkeypatch.setattr(isolation, "TIME_S", 1.0 if file.stem == "hang" else 4.0)
     if file.suffix == ".md":
         return
     for read in (read_measurements, lambda one: convert([one])):

@@ -405,8 +405,8 @@ def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
             for t, d, f in zip(test.time, test.way, test.load, strict=True)
         )
     )
-    words = ("fit", path, "-o", tmp_path / "out", "--max-steps", "60", "--use", "test:0..1.5s")
-    assert call(*words)[0] == 0
+    words = ("--method", "least-squares", "--modes", "1", "--use", "test:0..1.5s")
+    assert call("fit", path, "-o", tmp_path / "out", *words)[0] == 0
     status, out, _ = call("check", tmp_path / "out", "--json")
     assert status == 0
     (found,) = json.loads(out)
