@@ -100,6 +100,16 @@ def test_thinned_records():
     assert_centred(total, np.hypot(WHITE, OU), 0.10)
 
 
+@pytest.mark.parametrize("readings", [28, 40, 70])
+def test_a_quick_relaxation_that_few_readings_show_is_no_noise(readings):
+    """Of a relaxation time of 0.16 s in a dwell of 30 s, with the first reading after 0.05 s."""
+    spread = np.geomspace(50, 29_990, readings).astype(int)
+    white, ou, _, total = draws(8, 15, rows=np.concatenate([spread, 30_000 + spread])).T
+    assert np.all(total < 1.5 * np.hypot(WHITE, OU))
+    assert np.all(white > 0.5 * WHITE)
+    assert np.all(ou < 2.0 * OU)
+
+
 def pressed_again(t, drift):
     """The force stays at zero for the first 0.2 s of the recovery: the pad has left the platen."""
     after = (t - 30.0).clip(0.0)

@@ -25,6 +25,7 @@ _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
 _PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
 _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
+_A_TIME = 4  # readings for each relaxation time of the trend: most of them are left for the noise
 _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
 
@@ -214,7 +215,8 @@ def trend(dwell: Dwell, ratio: float) -> Array:
     """Return an orthonormal basis (k, p) of everything but the noise, as means over the runs.
 
     The dwell's own curve, or any combination of a polynomial and exp(-t/T_j), the T_j a factor
-    ``ratio`` apart, from a few thousandths of the length of the dwell to all of it.
+    ``ratio`` apart, from a few thousandths of the length of the dwell to all of it, or farther
+    apart where there are few readings.
     """
     curve = dwell.mean(_relaxing(dwell, ratio)) if dwell.curve is None else dwell.curve
     q, r, _ = qr(curve / run_scale(dwell)[:, None], mode="economic", pivoting=True)
@@ -228,7 +230,8 @@ def _relaxing(dwell: Dwell, ratio: float) -> Array:
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
     times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
-    times = times[: max(1, dwell.begin.size // 6)]
+    if (most := max(2, dwell.begin.size // _A_TIME)) < times.size:
+        times = np.geomspace(times[0], times[-1], most)
     powers = legendre.legvander(2.0 * t / length - 1.0, dwell.degree)
     return np.column_stack([powers, np.exp(-t[:, None] / times)])
 
