@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, dia_array
 
 from qlvbayes.motion.bounds import Tolerance
-from qlvbayes.motion.freeknots import Joints
+from qlvbayes.motion.splines import Joints
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE, Stretch, evaluated
 
 Array = NDArray[np.float64]

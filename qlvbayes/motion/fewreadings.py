@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
-from qlvbayes.motion.freeknots import Joints, Pieces, Window
+from qlvbayes.motion.splines import Joints, Pieces, Window
 
 Array = NDArray[np.float64]
 

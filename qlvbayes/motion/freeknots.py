@@ -1,28 +1,23 @@
 """Least-squares quadratic splines with free knots.
 
-A spline has ``knots`` tau_0 < ... < tau_k; between two of them the acceleration is constant. The
-displacement is continuous. The velocity is continuous too, except at the knots marked in
-``kinked``. An end may be joined to a dwell: there the level is given and the velocity is 0 unless
-that end is kinked.
+Between two knots the acceleration is constant. The knots are moved to the least squared residual,
+and added until every reading is met.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from qlvbayes.motion.bounds import Tolerance, excess
+from qlvbayes.motion.splines import Flags, Joints, Pieces, Window, fit
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
-_STIFFNESS = 1e-9  # keeps a piece without samples straight
-PULL = 1e-8
-"""Weight, over a reading's, of straight lines between readings, for pieces without readings."""
+DEGREE = 2
 _FEW = 10  # knots that are moved one by one;
 _APART = 6  # of more, every sixth is nudged at once
 _GAIN = 1e-4  # share of the squares: of a few hundred readings 0.02 in the log likelihood
@@ -31,166 +26,14 @@ _MOST_MOVED = 200  # knots that are moved at all
 _MOST_PER_PIECE = 400
 
 
-@dataclass(frozen=True)
-class Joints:
-    """Knots, which of them carry a velocity jump, and the dwells at the ends (None: no dwell)."""
-
-    knots: Array
-    kinked: Flags
-    left: float | None
-    right: float | None
-
-
-@dataclass(frozen=True)
-class Window:
-    """The samples of one stretch and how far its end knots may go."""
-
-    time: Array
-    displacement: Array
-    earliest: float
-    latest: float
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """Displacement, velocity and acceleration (k,) at the start of each of k polynomial pieces.
-
-    ``higher`` (m, k): the coefficients of (t - start)^3, (t - start)^4, ...; none if the
-    acceleration is constant.
-    """
-
-    knots: Array
-    displacement: Array
-    velocity: Array
-    acceleration: Array
-    higher: Array | None = None
-
-
-def _full_knots(joints: Joints) -> Array:
-    repeats = np.where(joints.kinked, 2, 1)
-    repeats[0] = repeats[-1] = 3
-    return np.repeat(joints.knots, repeats)
-
-
-def _spans(full: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return the span of each time and the three basis functions (3, n) that are non-zero there.
-
-    The times must lie between the first knot and the last.
-    """
-    span = np.minimum(np.searchsorted(full, time, side="right") - 1, full.size - 4)
-    length = full[1:] - full[:-1]
-    with np.errstate(divide="ignore"):  # no time lies in a span without length
-        first = 1.0 / ((full[2:] - full[:-2]) * length[1:])
-        third = 1.0 / ((full[2:] - full[:-2]) * length[:-1])
-    start, stop = full[span], full[span + 1]
-    early = (stop - time) ** 2 * first[span - 1]
-    late = (time - start) ** 2 * third[span]
-    return span, np.stack([early, 1.0 - early - late, late])
-
-
-def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return, for each span, the weights of its coefficients in length^2 x acceleration."""
-    span = np.flatnonzero(np.diff(full) > 0.0)
-    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
-    first = 2.0 * (c - b) / (c - a)
-    third = 2.0 * (c - b) / (d - b)
-    return span, np.stack([first, -first - third, third])
-
-
-def _band(span: NDArray[np.intp], weights: Array, size: int) -> Array:
-    """Return the upper banded form of the sum of the outer products of (3, n) weights."""
-    band = np.zeros((3, size))
-    for q in range(3):
-        at = span - 2 + q
-        for p in range(q + 1):
-            band[2 - (q - p)] += np.bincount(at, weights=weights[p] * weights[q], minlength=size)
-    return band
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """A least-squares spline: full knots, coefficients; span and basis (3, n) of each sample."""
-
-    full: Array
-    coefficients: Array
-    span: NDArray[np.intp]
-    basis: Array
-
-
-def _solved(joints: Joints, time: Array, displacement: Array, *, pull: bool = False) -> _Solved:
-    """Return the spline that minimises the squared residuals.
-
-    pull: towards straight lines between readings in pieces without readings.
-    """
-    full = _full_knots(joints)
-    size = full.size - 3
-    origin = float(displacement[0])
-    inside = np.minimum(np.maximum(time, joints.knots[0]), joints.knots[-1])
-    span, basis = _spans(full, inside)
-    bend, weights = _straightening(full)
-    rows = np.concatenate([basis, np.sqrt(_STIFFNESS) * weights], axis=1)
-    band = _band(np.concatenate([span, bend]), rows, size)
-    y = displacement - origin
-    right_side = np.zeros(size)
-    for p in range(3):
-        right_side += np.bincount(span - 2 + p, weights=basis[p] * y, minlength=size)
-    if pull:
-        at, pulled, lines = _between(joints, full, time, y)
-        band += PULL * _band(at, pulled, size)
-        for p in range(3):
-            right_side += PULL * np.bincount(at - 2 + p, weights=pulled[p] * lines, minlength=size)
-    low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
-    high = size - (0 if joints.right is None else (1 if joints.kinked[-1] else 2))
-    c = np.zeros(size)
-    if joints.left is not None:
-        c[:low] = joints.left - origin
-    if joints.right is not None:
-        c[high:] = joints.right - origin
-    if high > low:
-        for off in (1, 2):
-            diagonal = band[2 - off, off:]
-            right_side[:-off] -= diagonal * c[off:]
-            right_side[off:] -= diagonal * c[:-off]
-        free = band[:, low:high].copy()
-        free[1, :1] = 0.0
-        free[0, :2] = 0.0
-        free[2] += 1e-14 * free[2].max()
-        c[low:high] = solveh_banded(free, right_side[low:high], check_finite=False)
-    return _Solved(full, c + origin, span, basis)
-
-
-def _between(
-    joints: Joints, full: Array, time: Array, y: Array
-) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return span, basis (3, k) and interpolated reading at k knots without readings.
-
-    Beside such a one lies a piece without readings.
-    """
-    inside = np.searchsorted(time, joints.knots[1:], "left")
-    inside -= np.searchsorted(time, joints.knots[:-1], "right")
-    lonely = (inside[1:] <= 0) | (inside[:-1] <= 0)
-    inner = joints.knots[1:-1][lonely]
-    span, basis = _spans(full, inner)
-    return span, basis, np.interp(inner, time, y)
-
-
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
     """Return readings minus the fitted spline, the dwells outside the end knots included."""
-    solved = _solved(joints, time, displacement)
-    c, span, basis = solved.coefficients, solved.span, solved.basis
-    return displacement - (basis[0] * c[span - 2] + basis[1] * c[span - 1] + basis[2] * c[span])
+    return fit(joints, time, displacement, DEGREE).residuals
 
 
 def pieces(joints: Joints, window: Window) -> Pieces:
     """Return the fitted spline piece by piece."""
-    solved = _solved(joints, window.time, window.displacement, pull=True)
-    full, k = solved.full, solved.coefficients
-    span = np.flatnonzero(np.diff(full) > 0.0)
-    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
-    velocity = 2.0 * (k[span - 1] - k[span - 2]) / (c - a)
-    after = 2.0 * (k[span] - k[span - 1]) / (d - b)
-    start = k[span - 2] + (k[span - 1] - k[span - 2]) * (b - a) / (c - a)
-    return Pieces(joints.knots, start, velocity, (after - velocity) / (c - b))
+    return fit(joints, window.time, window.displacement, DEGREE).pieces()
 
 
 def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:

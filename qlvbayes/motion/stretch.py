@@ -17,9 +17,6 @@ from qlvbayes.motion import quintic
 from qlvbayes.motion.bounds import Tolerance, excess
 from qlvbayes.motion.fewreadings import corners, monotone, strays_between, trapezoid
 from qlvbayes.motion.freeknots import (
-    Joints,
-    Pieces,
-    Window,
     insert_until_faithful,
     optimise,
     pieces,
@@ -27,6 +24,7 @@ from qlvbayes.motion.freeknots import (
     with_knot_at_worst,
 )
 from qlvbayes.motion.segments import DwellSpan
+from qlvbayes.motion.splines import Joints, Pieces, Spline, Window
 
 Array = NDArray[np.float64]
 
@@ -155,7 +153,7 @@ def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
         return False
     scaled = (np.append(within, at) - knots[k]) / (knots[k + 1] - knots[k])
     design = np.vander(scaled, 3)
-    root = np.linalg.qr(design[:-1], mode="r")
+    root = np.linalg.qr(design[:-1])[1]
     if np.min(np.abs(np.diag(root))) <= _SINGULAR * np.max(np.abs(root)):
         return False
     return bool(np.sum(np.linalg.solve(root.T, design[-1]) ** 2) <= 1.0)
@@ -331,10 +329,10 @@ def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
         spline, faithful = quintic.refined(ends, window, tol)
     if not faithful or _wanders(spline, window, tol):
         return None
-    return Stretch(window, spline.joints, quintic.DEGREE, quintic.pieces(spline), spline.parameters)
+    return Stretch(window, spline.joints, quintic.DEGREE, spline.pieces(), spline.parameters)
 
 
-def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
+def _wanders(spline: Spline, window: Window, tol: Tolerance) -> bool:
     """Return whether a path deviates from the line between two readings by more than their change.
 
     A smooth curve that readings show does not: it has room to where they are far apart.
@@ -347,11 +345,11 @@ def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
     moved = np.abs(np.diff(x))
     neighbouring = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
     middle = 0.5 * (time[1:] + time[:-1])
-    off = quintic.displacement(spline, middle) - 0.5 * (x[1:] + x[:-1])
+    off = spline.displacement(middle) - 0.5 * (x[1:] + x[:-1])
     return bool(np.any(np.abs(off) > np.maximum(moved, neighbouring) + 2.0 * tol.rest))
 
 
-def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
+def _with_better_end(spline: Spline, side: int, window: Window) -> Spline:
     """Move an end that joins a dwell to where the squared residuals nearby are smallest."""
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:

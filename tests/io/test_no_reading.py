@@ -23,7 +23,8 @@ from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.isolation import ApartError, read_apart
 from qlvbayes.io.reading.noreading import no_readings
 from qlvbayes.laws.motion import Motion
-from qlvbayes.motion.freeknots import Joints, _merged
+from qlvbayes.motion.freeknots import _merged
+from qlvbayes.motion.splines import Joints
 
 BROKEN = Path(__file__).parents[3] / "shared" / "records" / "broken"
 RECORD = np.concatenate([np.linspace(0.0, 1.2, 40), np.full(40, 1.2)])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qlvbayes.motion.fewreadings import monotone, strays_between, trapezoid
-from qlvbayes.motion.freeknots import Window
+from qlvbayes.motion.splines import Window
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate.platen import Hold, Move, Platen
 
