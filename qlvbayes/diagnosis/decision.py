@@ -1,4 +1,6 @@
-r"""The decision: a pure function from a posterior over hypotheses to a verdict.
+r"""The decision by probabilities: a pure function from a posterior over hypotheses to a verdict.
+
+What is named by it may still be refused after checks of the tests (`checks.vetoes`).
 
 Each hypothesis H has a log posterior and the probability that the data also hold something
 unmodelled (the discrepancy is larger than the tolerance). An effect's inclusion probability is the

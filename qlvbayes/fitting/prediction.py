@@ -180,9 +180,10 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
 
     It is independent but for the error of a test's zero.
     """
-    weight, zero = posterior.record.blocks.weight, np.asarray(posterior.record.blocks.zero)
-    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
-    noise = np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+    samples = posterior.record.blocks
+    zero = np.asarray(samples.zero)
+    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(samples))(matrix)
+    noise = np.asarray(sds) * rng.standard_normal((len(matrix), *samples.weight.shape))
     if zero.any():
         noise += zero * rng.standard_normal((len(matrix), len(zero), 1))
     return noise

@@ -1,4 +1,4 @@
-"""List the laws that come with the package, and read a user's own."""
+"""Load the laws that `io.catalogue` lists, and read a user's own."""
 
 from __future__ import annotations
 

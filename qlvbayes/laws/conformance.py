@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import leggauss
 from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.law import MOST_TERMS, AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import AbstractPrior
 
@@ -54,8 +54,8 @@ def check_law(
     checked at draws from its default priors. An elastic law has no force at zero depth, its
     stiffness is the slope of its force, and its step equals the integral that it stands for. A
     relaxation law has g(0) = 1 and falls; its fractions are not negative and sum to 1; its rates
-    are finite, above 0, and as many whatever the constants are. Values and slopes are finite, and
-    compiled and plain evaluation agree.
+    are finite, above 0, at most 60, and as many whatever the constants are. Values and slopes are
+    finite, and compiled and plain evaluation agree.
 
     Parameters
     ----------
@@ -219,6 +219,8 @@ def _check_spectrum(law: AbstractRelaxation, time: Array) -> None:
     fractions, rates = law.spectrum()
     if fractions.shape != (rates.shape[0] + 1,):
         raise LawError(f"{law}: a spectrum has one fraction more than rates")
+    if rates.size > MOST_TERMS:
+        raise LawError(f"{law}: the spectrum has {rates.size} rates, more than {MOST_TERMS}")
     if not np.all(np.isfinite(fractions)) or not np.all(np.isfinite(rates)):
         raise LawError(f"{law}: the spectrum is not finite")
     if np.min(fractions) < 0.0:

@@ -10,6 +10,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem, unit_system
+from qlvbayes.io.wording import joined
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
@@ -163,8 +164,7 @@ def _noise(given: set[str]) -> str:
             return name
     if has_noise(given):
         present = ", ".join(sorted(name for name in given if name.startswith("noise.")))
-        raise InputError(
-            f"the posterior's noise has only {present}",
-            remedy="give noise.white, or also noise.ou and noise.tau, or noise.scale and noise.nu",
-        )
+        kinds = sorted(NOISES.values(), key=lambda kind: len(kind.units))
+        wanted = ", or ".join(joined([kind.prefix + name for name in kind.units]) for kind in kinds)
+        raise InputError(f"the posterior's noise has only {present}", remedy=f"give {wanted}")
     return "white"

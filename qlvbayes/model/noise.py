@@ -61,8 +61,8 @@ class AbstractNoise(eqx.Module):
         """Return one realisation (B,) of the noise of the block averages (N)."""
 
     @abstractmethod
-    def sample_sd(self, weight: Array) -> Array:
-        """Return the standard deviation (N) of the noise of single samples of these weights."""
+    def sample_sd(self, samples: Blocks) -> Array:
+        """Return the standard deviation (N) of the noise of samples, each a block of its own."""
 
 
 class AbstractGaussian(AbstractNoise):
@@ -120,9 +120,9 @@ class White(AbstractGaussian):
         """Return normal noise of the variance that ``innovations`` has."""
         return self._scale(blocks) * jax.random.normal(key, blocks.force.shape)
 
-    def sample_sd(self, weight: Array) -> Array:
+    def sample_sd(self, samples: Blocks) -> Array:
         """Return white times weight (N)."""
-        return self.white * weight
+        return self.white * samples.weight
 
 
 class StudentT(AbstractNoise):
@@ -167,11 +167,11 @@ class StudentT(AbstractNoise):
         """Return Student-t noise (B,) of scale scale/sqrt(count)."""
         return self._scale(blocks) * jax.random.t(key, self.nu, blocks.force.shape)
 
-    def sample_sd(self, weight: Array) -> Array:
+    def sample_sd(self, samples: Blocks) -> Array:
         """Return scale weight sqrt(nu/(nu - 2)), without the root where nu <= 2 has no variance."""
         heavy = self.nu <= 2.0
         ratio = jnp.where(heavy, 1.0, self.nu / jnp.where(heavy, 1.0, self.nu - 2.0))
-        return self.scale * weight * jnp.sqrt(ratio)
+        return self.scale * samples.weight * jnp.sqrt(ratio)
 
 
 class Correlated(AbstractGaussian):
@@ -271,9 +271,9 @@ class Correlated(AbstractGaussian):
         white = self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
         return blocks.scale * (means + white)
 
-    def sample_sd(self, weight: Array) -> Array:
+    def sample_sd(self, samples: Blocks) -> Array:
         """Return the square root of (white weight)^2 + ou^2 (N)."""
-        return jnp.hypot(self.white * weight, self.ou)
+        return jnp.hypot(self.white * samples.weight, self.ou)
 
 
 class Floor(AbstractGaussian):
@@ -328,9 +328,9 @@ class Floor(AbstractGaussian):
         """Return one realisation (B,) of the correlated noise."""
         return self._alone.draw(key, blocks)
 
-    def sample_sd(self, weight: Array) -> Array:
+    def sample_sd(self, samples: Blocks) -> Array:
         """Return the square root of (white weight)^2 + ou^2 (N)."""
-        return self._alone.sample_sd(weight)
+        return self._alone.sample_sd(samples)
 
 
 NOISES: dict[str, type[AbstractNoise]] = catalogue.loaded(catalogue.NOISES)

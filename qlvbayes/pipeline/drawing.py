@@ -1,4 +1,4 @@
-"""Save the figures and tables of all pads, and those of one fit.
+"""Save the figures and tables of all pads.
 
 Matplotlib is imported when something is drawn, so that the other steps do not wait for it.
 """
@@ -18,24 +18,10 @@ from qlvbayes.fitting.constants_table import (
     read_references,
     write_constants,
 )
-from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.motion.experiment import Experiment
 from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.report.page import MOST_ON_A_PAGE
-
-
-def draw_fit(folder: Path, fit: Fit, experiment: Experiment) -> list[Path]:
-    """Draw the figures pairs and programme of one pad into a folder; return their paths."""
-    from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.pairs import plot_pairs
-    from qlvbayes.plots.programme import plot_programme
-
-    return [
-        save_figure(plot_pairs(fit), folder / "pairs"),
-        save_figure(plot_programme(experiment), folder / "programme"),
-    ]
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,7 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     The factor is taken over all base laws and all other effects. The number and the probability are
     written to the right of the bar; ``none`` means that no effect is in the model. Effects named in
     the verdict are dark blue, and others that explain the tests as well are light blue with a
-    frame. A cross marks an effect that was refused because it imitates something else or left-out
-    tests are predicted worse with it.
+    frame. A cross marks an effect that a check refused; diagnosis.txt gives the reason.
 
     Parameters
     ----------
@@ -207,9 +206,7 @@ def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
         f"odds of {exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
-        lines += [
-            "×: refused, as it imitates something, or left-out tests are predicted worse with it."
-        ]
+        lines += ["×: refused by a check of the tests; the text of the diagnosis gives the reason."]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
     text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)

@@ -11,6 +11,7 @@ from typing import Any
 
 import matplotlib
 from cycler import cycler
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from qlvbayes.io.checks import InputError
@@ -109,7 +110,8 @@ def own_look() -> dict[str, Any]:
 def colours() -> tuple[str, ...]:
     """Return the colours of curves in the look in use, and ours after them up to six."""
     own = _matplotlib.rcParams["axes.prop_cycle"].by_key().get("color", [])
-    return (*map(str, own), *COLOURS[len(own) :])
+    names = (one if isinstance(one, str) else to_hex(one) for one in own)
+    return (*names, *COLOURS[len(own) :])
 
 
 def title_look() -> dict[str, Any]:

@@ -16,6 +16,7 @@ from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbaye
 from typer.testing import CliRunner
 
 from qlvbayes.cli.main import application
+from qlvbayes.io.catalogue import METHODS, NOISES
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
 
@@ -44,8 +45,8 @@ def refused(*words):
     ("words", "says"),
     [
         (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
-        (["--method", "guess"], "use one of emcee, least-squares, two-step"),
-        (["--noise", "pink"], "use one of floor, correlated, white, student-t"),
+        (["--method", "guess"], f"use one of {', '.join(METHODS)}"),
+        (["--noise", "pink"], f"use one of {', '.join(NOISES)}"),
         (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
         (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
         (["--prior", "v[1]"], "is not name=value"),

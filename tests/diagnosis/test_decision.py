@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from qlvbayes.diagnosis.checks import vetoes
+from qlvbayes.diagnosis.checks.vetoes import RISES
 from qlvbayes.diagnosis.decision import (
     Weight,
     apply_adequacy,
@@ -110,7 +112,20 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
     assert weights[found.selected].base == EXP
 
 
-def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
+@pytest.mark.parametrize(("error", "reason"), [(0.99, None), (1.0005, None), (1.01, RISES)])
+def test_an_effect_with_which_tests_left_out_are_predicted_worse_is_refused(
+    monkeypatch, error, reason
+):
+    monkeypatch.setattr(vetoes, "_varies", lambda *_: False)
+    search = SimpleNamespace(settings=DiagnosisSettings(), without=lambda candidate, effect: "")
+    outcome = SimpleNamespace(
+        search=search, candidates=["drag"], heldout=lambda one: error if one == "drag" else 1.0
+    )
+    decision = decide([weight("drag", 1.0)])
+    assert vetoes._refused(outcome, decision) == ({"drag": reason} if reason else {})
+
+
+def test_what_is_likely_without_a_refused_effect_is_named():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
     found = decide(restrict_to(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))

@@ -7,8 +7,9 @@ import pytest
 from scipy.special import exp1
 
 from qlvbayes.laws.catalogue import LAWS
-from qlvbayes.laws.conformance import check_law
+from qlvbayes.laws.conformance import LawError, check_law
 from qlvbayes.laws.relaxation.fung import Fung
+from qlvbayes.laws.relaxation.law import MOST_TERMS
 from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 from qlvbayes.laws.relaxation.prony import Prony
@@ -147,7 +148,19 @@ def test_the_number_of_terms_hangs_on_the_tests_and_not_on_the_constants(kind):
         drawn = jax.tree.unflatten(shape, [jnp.asarray(x.draw(rng)) for x in leaves])
         terms.add(drawn.spectrum()[1].shape)
     assert len(terms) == 1
-    assert terms.pop()[0] <= 60
+    assert terms.pop()[0] <= MOST_TERMS
+
+
+def test_a_spectrum_of_too_many_terms_breaks_a_rule():
+    class Long(PowerLaw):
+        name = "long"
+
+        def spectrum(self):
+            rates = jnp.geomspace(1e-3, 1e3, MOST_TERMS + 1)
+            return jnp.full(MOST_TERMS + 2, 1.0 / (MOST_TERMS + 2)), rates
+
+    with pytest.raises(LawError, match="61 rates, more than 60"):
+        check_law(Long)
 
 
 def test_prony_hands_over_its_own_constants():

@@ -187,12 +187,12 @@ def test_student_t_is_scipys():
 
 
 def test_sample_sd_is_that_of_a_single_sample():
-    weight = jnp.array([1.0, 2.0])
-    assert np.allclose(White(0.4).sample_sd(weight), [0.4, 0.8])
+    samples = Blocks.from_samples(np.arange(2.0), np.zeros(2), np.array([1.0, 2.0]))
+    assert np.allclose(White(0.4).sample_sd(samples), [0.4, 0.8])
     student = 0.4 * stats.t.std(5.0)
-    assert np.allclose(StudentT(0.4, 5.0).sample_sd(weight), [student, 2.0 * student])
-    assert np.allclose(StudentT(0.4, 2.0).sample_sd(weight), [0.4, 0.8])
-    assert np.allclose(Correlated(0.3, 0.4, 1.0).sample_sd(weight), np.hypot([0.3, 0.6], 0.4))
+    assert np.allclose(StudentT(0.4, 5.0).sample_sd(samples), [student, 2.0 * student])
+    assert np.allclose(StudentT(0.4, 2.0).sample_sd(samples), [0.4, 0.8])
+    assert np.allclose(Correlated(0.3, 0.4, 1.0).sample_sd(samples), np.hypot([0.3, 0.6], 0.4))
 
 
 DRAWS = 20_000

@@ -14,6 +14,9 @@ from jaxtyping import Array
 
 from qlvbayes.laws.scales import Scales
 
+MOST_TERMS = 60
+"""Largest number of exponentials of a law: the time that a force takes grows with it."""
+
 
 class AbstractRelaxation(eqx.Module):
     r"""Define a relaxation law: the reduced relaxation function, a sum of falling exponentials.
@@ -47,7 +50,7 @@ class AbstractRelaxation(eqx.Module):
         fractions
             (k + 1,); the first is the share that never relaxes.
         rates
-            (k,) in 1/s. The number k does not depend on the constants.
+            (k,) in 1/s. The number k does not depend on the constants, and is at most `MOST_TERMS`.
         """
 
     @abstractmethod
