@@ -4,7 +4,7 @@
 simulates it again, diagnoses it with the present code, fits what is really hidden from its true
 constants, and gives a cause (`causes`). Interrupted, the same command goes on where it was; the
 quickest studies come first. `--part 0` and `--part 1` run in two processes and write no page;
-`--finished` writes what there is.
+`--finished` writes what there is, `--keep` with what earlier code left on the page for the others.
 """
 
 from __future__ import annotations
@@ -75,8 +75,9 @@ def main() -> None:
                 by_index, report,
             )  # fmt: skip
     if options.part is None:
-        found = [store.cases[c["index"]] for c in wrong if c["index"] in store.cases]
-        _publish(options, found, len(wrong))
+        kept = _published(options.output.with_suffix(".json")) if options.keep else {}
+        cases = kept | store.cases
+        _publish(options, [cases[c["index"]] for c in wrong if c["index"] in cases], len(wrong))
 
 
 def _options() -> argparse.Namespace:
@@ -86,6 +87,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--only", help="numbers of studies, as 3,17")
     parser.add_argument("--part", type=int, choices=range(_PARTS), help="every second study")
     parser.add_argument("--finished", action="store_true", help="write the page, run nothing")
+    parser.add_argument("--keep", action="store_true", help="others as they are on the page")
     parser.add_argument("--before", type=Path, help="JSON beside the page of earlier code")
     parser.add_argument("-o", "--output", type=Path, help="page, by default docs/why_RUN.md")
     options = parser.parse_args()
@@ -103,6 +105,14 @@ def _wanted(wrong: Sequence[Case], options: argparse.Namespace) -> list[Case]:
         some = [case for case in some if case["index"] in numbers]
     some = some[: options.studies]
     return some if options.part is None else some[options.part :: _PARTS]
+
+
+def _published(file: Path) -> dict[int, Case]:
+    """The studies on a page, each with the commit of the code that explained it."""
+    if not file.exists():
+        return {}
+    known = json.loads(file.read_text(encoding="utf-8"))
+    return {case["index"]: {"commit": known["commit"], **case} for case in known["cases"]}
 
 
 def _publish(options: argparse.Namespace, found: Sequence[Case], wrong: int) -> None:

@@ -25,7 +25,7 @@ constants, from others with the relaxation drawn anew and from places near by, t
 | date, commit | {date}, {commit} |
 | machine | {machine} |
 
-{meaning}
+{earlier}{meaning}
 """
 _WORDS = {RIGHT: "right now"}
 
@@ -36,9 +36,17 @@ def why_page(
     """Markdown; before: what an earlier run of the same left beside its page."""
     head = _HEAD.format(
         run=run, wrong=wrong, done=len(found), command=origin.command, date=origin.date,
-        commit=origin.commit, machine=origin.machine, meaning=_meaning(),
+        commit=origin.commit, machine=origin.machine, earlier=_earlier(found), meaning=_meaning(),
     )  # fmt: skip
     return "\n".join([head, _counts(found, before), _kinds(found), _studies(found)])
+
+
+def _earlier(found: Sequence[Case]) -> str:
+    """Which studies other code than the present one explained."""
+    commits = Counter(case["commit"] for case in found if "commit" in case)
+    return "".join(
+        f"{n} of them by the code of commit {commit}.\n\n" for commit, n in commits.items()
+    )
 
 
 def _meaning() -> str:
