@@ -56,21 +56,26 @@ def _meaning() -> str:
 
 
 def _counts(found: Sequence[Case], before: dict | None) -> str:
-    lines = ["## By cause\n"]
-    columns = {"studies": {case["index"]: case["cause"] for case in found}}
+    now = {case["index"]: case["cause"] for case in found}
+    lines = ["## By cause\n", *_table({"studies": now})]
     if before is not None:
         earlier = {case["index"]: case["cause"] for case in before["cases"]}
-        columns = {f"before ({before['commit']})": earlier, "now": columns["studies"]}
-        both = set.intersection(*map(set, columns.values()))
-        columns = {head: {k: own[k] for k in both} for head, own in columns.items()}
-        lines.append(f"Of the {len(both)} studies that both have.\n")
-    lines += [f"| cause | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+        both = now.keys() & earlier.keys()
+        columns = {f"before ({before['commit']})": earlier, "now": now}
+        lines.append(f"\nOf the {len(both)} studies that an earlier commit explained too:\n")
+        lines += _table({head: {k: own[k] for k in both} for head, own in columns.items()})
+    return "\n".join([*lines, ""])
+
+
+def _table(columns: dict[str, dict[int, str]]) -> list[str]:
+    """How many studies have each cause, by column."""
+    lines = [f"| cause | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     counts = [Counter(own.values()) for own in columns.values()]
     for cause in (RIGHT, *CAUSES):
         if any(count[cause] for count in counts):
             numbers = " | ".join(str(count[cause]) for count in counts)
             lines.append(f"| {_WORDS.get(cause, cause)} | {numbers} |")
-    return "\n".join([*lines, ""])
+    return lines
 
 
 def _kinds(found: Sequence[Case]) -> str:
