@@ -241,7 +241,8 @@ def test_the_page_counts_before_and_now_over_the_same_studies():
     }
     found = [case(1, RIGHT), case(2, "error budget")]
     page = why_page("run", found, 9, ORIGIN, before)
-    assert "Of the 2 studies that both have." in page
+    assert "| right now | 1 |" in page
+    assert "Of the 2 studies that an earlier commit explained too:" in page
     assert "| right now | 0 | 1 |" in page
     assert "| search | 1 | 0 |" in page
     assert "| error budget | 1 | 1 |" in page

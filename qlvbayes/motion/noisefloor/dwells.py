@@ -25,7 +25,7 @@ _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
 _PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
 _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
-_A_TIME = 4  # readings for each relaxation time of the trend: most of them are left for the noise
+_A_TIME = 6  # readings for each relaxation time of the trend: most of them are left for the noise
 _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
 
