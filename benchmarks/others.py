@@ -23,7 +23,6 @@ from pathlib import Path
 import emcee
 import jax
 import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 from rivals import NumpyPosterior
 from scipy.stats import norm
@@ -37,6 +36,7 @@ from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.inference.nested_sampling import nested_evidence
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.plots.style import DOUBLE, canvas, colours, style
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -335,22 +335,21 @@ def rates(runs):
 
 def draw(shown, path):
     """Bars of the effective samples a second of each sampler, as `rates` gives them."""
-    figure, axes = plt.subplots(figsize=(7.0, 0.9 + 0.42 * len(shown)), layout="constrained")
-    rows = np.arange(len(shown))
-    for k, (label, color) in enumerate(
-        [("once compiled", "#1f77b4"), ("with what is compiled", "#9ecae1")]
-    ):
-        values = [pair[k] for pair in shown.values()]
-        bars = axes.barh(rows + 0.38 * (k - 0.5), values, 0.36, color=color, label=label)
-        axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
-    axes.set(xscale="log", xlabel="effective samples of the worst constant a second")
-    axes.set_yticks(rows, [name.replace(" on qlvbayes' density", "") for name in shown])
-    axes.invert_yaxis()
-    axes.margins(x=0.12)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="lower right", fontsize=9)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    with style():
+        figure = canvas(DOUBLE, 20.0 + 11.0 * len(shown))
+        axes = figure.subplots()
+        rows = np.arange(len(shown))
+        looks = [("once compiled", colours()[0]), ("with what is compiled", colours()[5])]
+        for k, (label, color) in enumerate(looks):
+            values = [pair[k] for pair in shown.values()]
+            bars = axes.barh(rows + 0.38 * (k - 0.5), values, 0.36, color=color, label=label)
+            axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=3)
+        axes.set(xscale="log", xlabel="effective samples of the worst constant a second")
+        axes.set_yticks(rows, [name.replace(" on qlvbayes' density", "") for name in shown])
+        axes.invert_yaxis()
+        axes.margins(x=0.12)
+        axes.legend(loc="lower right")
+        figure.savefig(path)
 
 
 def section(share=1.0):

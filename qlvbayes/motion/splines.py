@@ -74,7 +74,9 @@ class Spline:
 
     def displacement(self, time: Array) -> Array:
         """Return the displacement at times (n,), constant beyond the ends."""
-        return _product(_basis(self.joints, time, self.degree), self.coefficients)
+        return _product(
+            _basis(_full_knots(self.joints, self.degree), time, self.degree), self.coefficients
+        )
 
     def pieces(self) -> Pieces:
         """Return the polynomial between each two knots."""
@@ -96,10 +98,11 @@ def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> Spline
     y, knots = displacement - origin, joints.knots
     shares = np.linspace(0.0, 1.0, degree + 1)
     between = (knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel()
-    basis = _basis(joints, np.concatenate([time, between]), degree)
+    full = _full_knots(joints, degree)
+    basis = _basis(full, np.concatenate([time, between]), degree)
     goal = np.concatenate([y, np.interp(between, time, y)])
     weight = np.where(np.arange(goal.size) < y.size, 1.0, _PULL)
-    size = _full_knots(joints, degree).size - degree - 1
+    size = full.size - degree - 1
     low, high = _fixed(joints)
     c = np.zeros(size)
     c[:low] = 0.0 if joints.left is None else joints.left - origin
@@ -126,10 +129,9 @@ def _fixed(joints: Joints) -> tuple[int, int]:
     return low, high
 
 
-def _basis(joints: Joints, time: Array, degree: int) -> Basis:
+def _basis(full: Array, time: Array, degree: int) -> Basis:
     """Return the first coefficient (n,) that each time depends on, and its B-splines (n, p + 1)."""
-    inside = np.clip(time, joints.knots[0], joints.knots[-1])
-    rows = BSpline.design_matrix(inside, _full_knots(joints, degree), degree)
+    rows = BSpline.design_matrix(np.clip(time, full[0], full[-1]), full, degree)
     shape = time.size, degree + 1
     return rows.indices.reshape(shape)[:, 0], rows.data.reshape(shape)
 

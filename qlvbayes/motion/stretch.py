@@ -129,15 +129,20 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
     time, x = time[inside], x[inside]
     if time.size < 2:
         return False
-    moved = np.abs(np.diff(x))
-    neighbouring = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
-    bound = np.maximum(moved, neighbouring) + tol.farthest
+    bound = _changes(x) + tol.farthest
     every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
     every = every[(every >= time[0]) & (every <= time[-1])]
-    between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
+    between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, bound.size - 1)
     off = np.abs(evaluated(stretch, every) - np.interp(every, time, x))
     questioned = every[off > bound[between]]
     return not all(_is_determined(stretch, time, at) for at in questioned)
+
+
+def _changes(x: Array) -> Array:
+    """Return by how much two readings or their neighbours differ, (n - 1,) for n readings."""
+    moved = np.abs(np.diff(x))
+    around = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    return np.maximum(moved, around)
 
 
 def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
@@ -342,11 +347,9 @@ def _wanders(spline: Spline, window: Window, tol: Tolerance) -> bool:
     time, x = time[inside], x[inside]
     if time.size < 2:
         return False
-    moved = np.abs(np.diff(x))
-    neighbouring = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
     middle = 0.5 * (time[1:] + time[:-1])
     off = spline.displacement(middle) - 0.5 * (x[1:] + x[:-1])
-    return bool(np.any(np.abs(off) > np.maximum(moved, neighbouring) + 2.0 * tol.rest))
+    return bool(np.any(np.abs(off) > _changes(x) + 2.0 * tol.rest))
 
 
 def _with_better_end(spline: Spline, side: int, window: Window) -> Spline:
