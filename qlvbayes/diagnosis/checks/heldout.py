@@ -61,7 +61,7 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Hold root mean square errors (N) on parts that were not fitted.
+    """Hold root mean square errors (N) on parts that were not fitted, weighted by stated sds.
 
     Parameters
     ----------
@@ -75,11 +75,12 @@ class HeldOut:
     by_part: tuple[float, ...]
 
     @classmethod
-    def from_residuals(cls, residuals: list[Array]) -> HeldOut:
-        """Return the errors from the residuals of each part."""
+    def from_residuals(cls, residuals: list[Array], sds: list[Array]) -> HeldOut:
+        """Return the errors from the residuals of each part and the relative sds of its samples."""
         if not residuals:
             return cls(math.nan, ())
-        return cls(rmse(residuals), tuple(rmse([one]) for one in residuals))
+        by_part = (rmse([one], [own]) for one, own in zip(residuals, sds, strict=True))
+        return cls(rmse(residuals, sds), tuple(by_part))
 
 
 def held_out(density: Density, samples: Samples, candidate: Candidate) -> HeldOut:
@@ -118,7 +119,8 @@ def errors(
             weights = softmax(logs)
         mean = weights @ np.array([p.force for p in each])
         residuals.append(samples.observed[part.test][part.rows] - mean)
-    return HeldOut.from_residuals(residuals)
+    sds = [samples.weights[part.test][part.rows] for part in parts]
+    return HeldOut.from_residuals(residuals, sds)
 
 
 def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:

@@ -164,7 +164,7 @@ class SearchOutcome:
         return Stage(
             base=LawPair(*candidate.hypothesis.base),
             effects=tuple(self._ordered(candidate)),
-            rmse=rmse(residuals),
+            rmse=self.samples.error(residuals),
             heldout_rmse=_finite(self.heldout(candidate)),
             log_evidence=_finite(candidate.log_evidence),
             p_value=tested.p_value,
@@ -234,7 +234,7 @@ class SearchOutcome:
             inclusion=share,
             probability=float((self.shares / counts)[inside].sum()),
             log_bayes_factor=_finite(odds),
-            rmse=rmse(self.residuals(best)),
+            rmse=self.samples.error(self.residuals(best)),
             parameters={key.removeprefix(f"{form}."): value for key, value in own.items()},
             inclusion_error=float(self.draws[:, inside].sum(axis=1).std()),
             half=self._half(best, form) if name != "none" and share >= LEAST else None,

@@ -114,6 +114,10 @@ class Samples:
         predicted = self.predict(hypothesis, constants[None])
         return [one - two[0] for one, two in zip(self.observed, predicted, strict=True)]
 
+    def error(self, residuals: Sequence[Array]) -> float:
+        """Return the root mean square (N) of residuals of each test, weighted by the stated sds."""
+        return rmse(residuals, self.weights)
+
     def phases(self, k: int) -> NDArray[np.str_]:
         """Return the kind of phase (n,) of the samples of test k."""
         return self.trials[k].phase_of(self.trials[k].test.time[self.rows[k]])
@@ -163,6 +167,18 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
     return cells
 
 
-def rmse(residuals: list[Array]) -> float:
-    """Return the root mean square of residuals over all samples (N)."""
-    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+def rmse(residuals: Sequence[Array], sds: Sequence[Array] = ()) -> float:
+    r"""Return the root mean square of residuals :math:`r` over all samples (N).
+
+    .. math:: \sqrt{\textstyle \sum_i r_i^2 s_i^{-2} / \sum_i s_i^{-2}}
+
+    Parameters
+    ----------
+    residuals
+        Measured minus predicted force (N), one array for each test.
+    sds
+        Relative sd :math:`s` of each sample, in arrays of the same shapes; one for all if empty.
+        A fit that believes some samples less than others is not to be judged by these.
+    """
+    weights = np.concatenate(sds) ** -2.0 if sds else None
+    return float(np.sqrt(np.average(np.concatenate(residuals) ** 2, weights=weights)))

@@ -42,6 +42,10 @@ _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
+_WEIGHTED = (
+    "the readings are not equally good: each has an sd, by which the fit and the errors over "
+    "several phases are weighted"
+)
 _OF_CYCLES = (
     "no hold or recovery shows the noise: it is what does not repeat from one cycle to the next"
 )
@@ -87,7 +91,8 @@ def measure(
         floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
     else:
         floor = _without_dwells(tests, phases, known, quickest)
-    floor = replace(floor, weighted_by_sds=weighted)
+    if weighted:
+        floor = replace(floor, weighted_by_sds=True, notices=(*floor.notices, _WEIGHTED))
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
@@ -172,7 +177,8 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
     """
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
-    typical, longest = float(np.median(lengths)), max(lengths)
+    # a memory that less than half of the dwells are long enough to show may be one's relaxation
+    typical = longest = float(np.median(lengths))
     neutral = _NEUTRAL * typical
     if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
         typical, neutral = length, float(np.exp(prior_log_tau(length)))
