@@ -49,6 +49,7 @@ from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.parallel.engines import Processes
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule
@@ -62,8 +63,10 @@ def main() -> None:
     pads = dict(_recorded(options.folders)) | dict(_simulated(options.seed, options.pads))
     store = Store(store_path(ROOT / "build" / "validation", "budget"), "budget")
     if not options.finished:
+        engine = Processes(options.jobs) if options.jobs > 1 else None
+        check = partial(_checked, pads, options.bonded.split(","))
         with counting("pads") as report:
-            run_missing(partial(_checked, pads, options.bonded.split(",")), store, pads, report)
+            run_missing(check, store, pads, report, engine)
     found = [store.cases[name] for name in pads if name in store.cases]
     command = shlex.join([".venv/bin/python", "validation/budget.py", *sys.argv[1:]])
     origin = Origin.now(command, ROOT)
@@ -80,6 +83,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--bonded", default="adhesive_shear", help="files whose specimens are fixed to the platen"
     )
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--finished", action="store_true", help="write the page, run nothing")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "budget.md")
     return parser.parse_args()
