@@ -1,9 +1,10 @@
 """A beam search over hypotheses: the most probable ones are expanded to all their neighbours.
 
-A neighbour has another law, one effect more, one effect less, or an effect in another form. Each
-is optimised from several starts: the constants that it shares with the hypothesis it came from are
-kept, a new effect starts small and large, and its shape starts at several quantiles of its prior.
-The best few are also optimised from relaxations that are drawn anew. The neighbours of one
+A neighbour has another law, one effect more, one effect less, or an effect in another form. Where
+the most probable hypothesis of all leaves structure, its effects are also exchanged for others.
+Each is optimised from several starts: the constants that it shares with the hypothesis it came from
+are kept, a new effect starts small and large, and its shape starts at several quantiles of its
+prior. The best few are also optimised from relaxations that are drawn anew. The neighbours of one
 hypothesis are optimised in parallel. The state of a search may be read at any time.
 """
 
@@ -81,6 +82,7 @@ class Search:
     _redrawn: set[Hypothesis] = field(default_factory=set)
     _expanded: set[Hypothesis] = field(default_factory=set)
     _forms_tried: set[Hypothesis] = field(default_factory=set)
+    _exchanged: set[Hypothesis] = field(default_factory=set)
 
     @property
     def breadth(self) -> Breadth:
@@ -184,6 +186,10 @@ class Search:
                 self._forms_tried.add(best)
                 self.report(f"other forms of the effects of {described(best)}")
                 self.expand(best, self.forms(best))
+            elif self._leaves_structure(best) and best not in self._exchanged:
+                self._exchanged.add(best)
+                self.report(f"other effects instead of those of {described(best)}")
+                self.expand(best, self.exchanges(best))
             else:
                 break
 
@@ -240,6 +246,28 @@ class Search:
             more = self.families.addable(hypothesis.effects)
             some += [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
+
+    def exchanges(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Return the hypotheses with one effect exchanged for another one.
+
+        The first effect that explains much may be an imitation of two that are there, neither of
+        which is worth adding to it. The others are the candidates that explained most elsewhere.
+        """
+        others = [name for name in self.families.nameable if name not in hypothesis.effects]
+        others.sort(key=self._largest_gain, reverse=True)
+        return [
+            less.plus(other)
+            for less in map(hypothesis.less, self.added(hypothesis))
+            for other in others[: self.breadth.exchanged]
+            if other in self.families.addable(less.effects)
+        ]
+
+    def _largest_gain(self, effect: str) -> float:
+        """Return the largest rise of the log posterior when an effect was added to a hypothesis."""
+        logs = {one: log for one in self.modes if math.isfinite(log := self.log_posterior(one))}
+        having = [(one, log) for one, log in logs.items() if effect in one.effects]
+        gains = [log - logs[less] for one, log in having if (less := one.less(effect)) in logs]
+        return max(gains, default=-math.inf)
 
     def _relatives(self, effect: str) -> list[str]:
         """Return every form of an effect."""
