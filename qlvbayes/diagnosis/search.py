@@ -1,7 +1,7 @@
 """A beam search over hypotheses: the most probable ones are expanded to all their neighbours.
 
 A neighbour has another law, one effect more, one effect less, or an effect in another form. Where
-the most probable hypothesis of all leaves structure, its effects are also exchanged for others.
+the most probable hypothesis of all leaves structure, its effects are also replaced by others.
 Each is optimised from several starts: the constants that it shares with the hypothesis it came from
 are kept, a new effect starts small and large, and its shape starts at several quantiles of its
 prior. The best few are also optimised from relaxations that are drawn anew. The neighbours of one
@@ -82,7 +82,7 @@ class Search:
     _redrawn: set[Hypothesis] = field(default_factory=set)
     _expanded: set[Hypothesis] = field(default_factory=set)
     _forms_tried: set[Hypothesis] = field(default_factory=set)
-    _exchanged: set[Hypothesis] = field(default_factory=set)
+    _substituted: set[Hypothesis] = field(default_factory=set)
 
     @property
     def breadth(self) -> Breadth:
@@ -186,10 +186,10 @@ class Search:
                 self._forms_tried.add(best)
                 self.report(f"other forms of the effects of {described(best)}")
                 self.expand(best, self.forms(best))
-            elif self._leaves_structure(best) and best not in self._exchanged:
-                self._exchanged.add(best)
+            elif self._leaves_structure(best) and best not in self._substituted:
+                self._substituted.add(best)
                 self.report(f"other effects instead of those of {described(best)}")
-                self.expand(best, self.exchanges(best))
+                self.expand(best, self.substitutions(best))
             else:
                 break
 
@@ -247,8 +247,8 @@ class Search:
             some += [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
-    def exchanges(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with one effect exchanged for another one.
+    def substitutions(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Return the hypotheses with one effect replaced by another one.
 
         The first effect that explains much may be an imitation of two that are there, neither of
         which is worth adding to it. The others are the candidates that explained most elsewhere.
@@ -258,7 +258,7 @@ class Search:
         return [
             less.plus(other)
             for less in map(hypothesis.less, self.added(hypothesis))
-            for other in others[: self.breadth.exchanged]
+            for other in others[: self.breadth.substitutes]
             if other in self.families.addable(less.effects)
         ]
 

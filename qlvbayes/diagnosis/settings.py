@@ -38,9 +38,9 @@ class Breadth:
         relaxations.
     effects
         Largest number of effects that a hypothesis adds to the user's own.
-    exchanged
-        Number of effects, those that explained most, for which each effect of the most probable
-        hypothesis is exchanged where it leaves structure.
+    substitutes
+        Number of effects, those that explained most elsewhere, by which each effect of the most
+        probable hypothesis is replaced in turn where it leaves structure.
     hypotheses
         Largest number of hypotheses that are evaluated. Where something unmodelled is there, very
         many fit alike.
@@ -68,7 +68,7 @@ class Breadth:
     near: float = 25.0
     redrawn: int = 1
     effects: int = 3
-    exchanged: int = 4
+    substitutes: int = 3
     hypotheses: int = 250
     modes: int = 4
     far: float = 15.0

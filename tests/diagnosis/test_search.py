@@ -127,15 +127,15 @@ def test_neighbours_are_one_law_or_one_effect_away():
     assert forms == set(drag.families.family_of) - listed
 
 
-def test_effects_are_exchanged_for_those_that_explained_most_elsewhere():
+def test_effects_are_replaced_by_those_that_explained_most_elsewhere():
     """Friction came first, and neither thixotropy nor drift is worth adding to it."""
     friction, thixotropy = USUAL.plus("friction"), USUAL.plus("thixotropy")
     known = {USUAL: -200.0, friction: -150.0, thixotropy: -160.0, USUAL.plus("inertia"): -199.0}
     search = tabled(known | {friction.plus("force_drift"): -149.0})
     names = ("friction", "thixotropy", "inertia", "force_drift")
     search.families = Families({name: name for name in names})
-    search.settings = DiagnosisSettings(breadth=Breadth(exchanged=1))
-    assert search.exchanges(friction.plus("force_drift")) == [
+    search.settings = DiagnosisSettings(breadth=Breadth(substitutes=1))
+    assert search.substitutions(friction.plus("force_drift")) == [
         USUAL.plus("thixotropy").plus("friction"),
         USUAL.plus("thixotropy").plus("force_drift"),
     ]
