@@ -20,8 +20,8 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, dia_array
 
 from qlvbayes.motion.bounds import Tolerance
-from qlvbayes.motion.splines import Joints
-from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE, Stretch, evaluated
+from qlvbayes.motion.splines import Joints, Stretch
+from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
     """Return the variance (n,) of each reading, of residuals or of the encoder."""
     x, t = stretch.window.displacement[inside], stretch.window.time[inside]
     if tol.step == 0.0 and tol.noise == 0.0:
-        left = x - evaluated(stretch, t)
+        left = x - stretch.at(t)
         return np.full(x.size, max(float(np.mean(left**2)), 1e-30 * float(np.ptp(x)) ** 2))
     if tol.noise > 0.0:
         return np.full(x.size, tol.variance)

@@ -145,3 +145,10 @@ def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.in
             kept.add(first + worst)
             open_ends += [(first, first + worst), (first + worst, last)]
     return np.array(sorted(kept))
+
+
+def changes(x: Array) -> Array:
+    """Return by how much two readings or their neighbours differ, (n - 1,) for n readings."""
+    moved = np.abs(np.diff(x))
+    around = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    return np.maximum(moved, around)

@@ -1,7 +1,7 @@
 """Least-squares quadratic splines with free knots.
 
 Between two knots the acceleration is constant. The knots are moved to the least squared residual,
-and added until every reading is met.
+added until every reading is met, and removed where the readings do not support them.
 """
 
 from __future__ import annotations
@@ -24,6 +24,11 @@ _GAIN = 1e-4  # share of the squares: of a few hundred readings 0.02 in the log 
 _STEPS = (25, 10)  # of the search, with few knots and with many
 _MOST_MOVED = 200  # knots that are moved at all
 _MOST_PER_PIECE = 400
+_FEWEST_RESOLVED = 3  # samples that show an acceleration
+_EXTRA_KNOTS = 2
+_MOST_WORTH = 10  # knots that are added to a path that is faithful without them
+FEWEST_PER_PIECE = 5
+"""Readings of a piece, below which they do not show it."""
 
 
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
@@ -180,3 +185,91 @@ def _merged(joints: Joints, knots: Array, kinked: Flags, time: Array) -> Joints:
         keep[drop] = False
     order = order[keep[order]]
     return replace(joints, knots=knots[order], kinked=kinked[order])
+
+
+def simplest(
+    knots: Array, left: float | None, right: float | None, window: Window, tol: Tolerance
+) -> Joints:
+    """Return the first choice of joints that agrees with the readings.
+
+    In order: smooth; kinks between the long pieces only; smooth with one or two more knots than
+    the segments have; kinks throughout. If none is faithful, the one with the smallest largest
+    residual. The looser bound for the smooth choices is there because a knot too many costs more
+    than a residual of one step.
+    """
+    many = np.diff(np.searchsorted(window.time, knots)) >= FEWEST_PER_PIECE
+    long = np.concatenate([[True], many[:-1] & many[1:], [True]])
+    smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)
+    best = optimise(smooth_start, window)
+    least = worst_residual(best, window, tol)
+    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
+        return best
+    merged = Joints(knots[long], np.ones(int(long.sum()), dtype=bool), left, right)
+    trial = optimise(merged, window)
+    if worst_residual(trial, window, tol) <= tol.sample:
+        return trial
+    trial = best
+    for _ in range(_EXTRA_KNOTS):
+        if least <= tol.rest or trial.knots.size > _FEW:
+            break
+        trial = optimise(with_knot_at_worst(trial, window, tol), window)
+        if (worst := worst_residual(trial, window, tol)) < least:
+            best, least = trial, worst
+    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
+        return best
+    trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
+    return trial if worst_residual(trial, window, tol) < max(least, tol.sample) else best
+
+
+def with_worthwhile_knots(joints: Joints, window: Window, tol: Tolerance) -> Joints:
+    """Remove and add knots by the gain in squared residuals against the cost of their parameters.
+
+    Where readings scatter, several may each be off by less than scatter could make, and all
+    together by more. A knot, and a kink, must lower the squares by 2 ln n variances for each of
+    its numbers, as the best of n positions fits more of the scatter than a given one does (Zhang &
+    Siegmund 2007). No path is asked to be better than the floor.
+    """
+    if tol.noise == 0.0:
+        return joints
+    number = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
+    joints = _spared(joints, window, tol, number)
+    for _ in range(_MOST_WORTH):
+        added = with_knot_at_worst(joints, window, tol)
+        kinked = replace(added, kinked=added.kinked | ~np.isin(added.knots, joints.knots))
+        trials = [optimise(some, window) for some in (added, kinked)]
+        costs = [_squares(one, window) + k * number for one, k in zip(trials, (2, 3), strict=True)]
+        best = int(np.argmin(costs))
+        if costs[best] >= _squares(joints, window):
+            break
+        joints = trials[best]
+    return joints
+
+
+def _spared(joints: Joints, window: Window, tol: Tolerance, number: float) -> Joints:
+    """Remove knots that the readings do not support, as scatter may divide a piece."""
+    while 2 < joints.knots.size <= _FEW:
+        trials = [
+            optimise(replace(joints, knots=knots, kinked=kinked), window)
+            for k in range(1, joints.knots.size - 1)
+            for knots, kinked in [(np.delete(joints.knots, k), np.delete(joints.kinked, k))]
+        ]
+        best = min(trials, key=lambda trial: _squares(trial, window))
+        lost = _squares(best, window) - _squares(joints, window)
+        if lost >= 2.0 * number or worst_residual(best, window, tol) > tol.rest:
+            break
+        joints = best
+    return joints
+
+
+def _squares(joints: Joints, window: Window) -> float:
+    return float(np.sum(residuals(joints, window.time, window.displacement) ** 2))
+
+
+def worst_residual(joints: Joints, window: Window, tol: Tolerance) -> float:
+    """Return the largest residual, or that of a run of readings scaled to its bound."""
+    off = residuals(joints, window.time, window.displacement)
+    return tol.rest * float(excess(off, tol, tol.rest).max())
+
+
+def _fewest_samples(joints: Joints, window: Window) -> int:
+    return int(np.diff(np.searchsorted(window.time, joints.knots)).min())

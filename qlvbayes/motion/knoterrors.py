@@ -27,7 +27,7 @@ from scipy.sparse.linalg import splu
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.clock import last_decimal
 from qlvbayes.motion.errors import derivative, repeated_knots
-from qlvbayes.motion.stretch import Stretch, evaluated
+from qlvbayes.motion.splines import Stretch
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def _from_readings(
 def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
     """Return the variance (n,) of each reading, times the readings that share its error."""
     time, x = stretch.window.time[inside], stretch.window.displacement[inside]
-    path = evaluated(stretch, time)
+    path = stretch.at(time)
     rounding = max(tol.step, last_decimal(x)) ** 2 / 12.0
     single = max(rounding + tol.noise**2, (_EXACT * float(np.ptp(x))) ** 2)
     if tol.step == 0.0 and tol.noise == 0.0:
@@ -164,4 +164,4 @@ def _speed(stretch: Stretch, time: Array) -> Array:
     """Return the speed (n,) at some times, from differences of the path."""
     if time.size < 2:
         return np.zeros(time.shape)
-    return np.abs(np.gradient(evaluated(stretch, time), time))
+    return np.abs(np.gradient(stretch.at(time), time))

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from qlvbayes.motion.bounds import Tolerance, excess
-from qlvbayes.motion.splines import Joints, Spline, Window
+from qlvbayes.motion.fewreadings import changes
+from qlvbayes.motion.splines import Joints, Spline, Stretch, Window
 from qlvbayes.motion.splines import fit as fitted_spline
 
 Array = NDArray[np.float64]
@@ -18,12 +20,78 @@ _FEWEST = 2  # samples in a span that may not be halved further
 _MANY = 16  # samples in a span that is halved because all together leave too much
 _LITTLE = 0.1  # of the readings' variance: less is not worth more knots
 _ROUNDS = 24  # of halving: enough for 2^24 readings
+_INWARD = 0.8  # of the first span: how far an end may move into it
 _SURE = 3.0  # sds by which a span's mean square must exceed its expectation
 
 
 def fit(joints: Joints, window: Window) -> Spline:
     """Return the spline on these joints that minimises the squared residuals."""
     return fitted_spline(joints, window.time, window.displacement, DEGREE)
+
+
+def smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
+    """Return a quintic spline between dwells, or None if none agrees with the readings."""
+    spline, faithful = refined(ends, window, tol)
+    if ends.left is not None or ends.right is not None:
+        for side in (0, -1):
+            spline = _with_better_end(spline, side, window)
+        ends = Joints(
+            spline.joints.knots[[0, -1]], spline.joints.kinked[[0, -1]], ends.left, ends.right
+        )
+        spline, faithful = refined(ends, window, tol)
+    if not faithful or _wanders(spline, window, tol):
+        return None
+    return Stretch(window, spline.joints, DEGREE, spline.pieces(), spline.parameters)
+
+
+def _wanders(spline: Spline, window: Window, tol: Tolerance) -> bool:
+    """Return whether a path deviates from the line between two readings by more than their change.
+
+    A smooth curve that readings show does not: it has room to where they are far apart.
+    """
+    time, x = window.time, window.displacement
+    inside = (time >= spline.joints.knots[0]) & (time <= spline.joints.knots[-1])
+    time, x = time[inside], x[inside]
+    if time.size < 2:
+        return False
+    middle = 0.5 * (time[1:] + time[:-1])
+    off = spline.displacement(middle) - 0.5 * (x[1:] + x[:-1])
+    return bool(np.any(np.abs(off) > changes(x) + 2.0 * tol.rest))
+
+
+def _with_better_end(spline: Spline, side: int, window: Window) -> Spline:
+    """Move an end that joins a dwell to where the squared residuals nearby are smallest."""
+    joints = spline.joints
+    if (joints.left if side == 0 else joints.right) is None:
+        return spline
+    here, neighbour = joints.knots[side], joints.knots[1 if side == 0 else -2]
+    few = joints.knots[:6] if side == 0 else joints.knots[-6:]
+    outward = few[0] - few[-1] if side == 0 else few[-1] - few[0]
+    near = np.sort(np.array([here + outward, here + _INWARD * (neighbour - here)]))
+    near = np.clip(near, window.earliest, window.latest)
+    inside = (window.time >= min(near[0], few[0])) & (window.time <= max(near[1], few[-1]))
+    part = replace(window, time=window.time[inside], displacement=window.displacement[inside])
+
+    def lost(end: float) -> float:
+        return float(np.sum(fit(_local(joints, side, end), part).residuals ** 2))
+
+    end = float(minimize_scalar(lost, bounds=near, method="bounded", options={"maxiter": 25}).x)
+    if lost(end) >= lost(float(here)):
+        return spline
+    moved = joints.knots.copy()
+    moved[side] = end
+    return replace(spline, joints=replace(joints, knots=moved))
+
+
+def _local(joints: Joints, side: int, end: float) -> Joints:
+    """Return the joints next to one end, with that end moved."""
+    part = slice(0, 6) if side == 0 else slice(-6, None)
+    knots = joints.knots[part].copy()
+    knots[side] = end
+    whole = joints.knots.size <= 6
+    left = joints.left if side == 0 or whole else None
+    right = joints.right if side == -1 or whole else None
+    return Joints(knots, joints.kinked[part], left, right)
 
 
 def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[Spline, bool]:

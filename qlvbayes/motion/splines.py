@@ -59,6 +59,32 @@ class Pieces:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """A fitted stretch: its window, its joints, their degree, and the motion piece by piece.
+
+    ``parameters``: how many numbers the record had to give for it.
+    """
+
+    window: Window
+    joints: Joints
+    degree: int
+    pieces: Pieces
+    parameters: int
+
+    def at(self, time: Array) -> Array:
+        """Return the displacement (n,) at times (n,) inside the pieces."""
+        part = self.pieces
+        k = np.clip(np.searchsorted(part.knots, time, side="right") - 1, 0, part.knots.size - 2)
+        s = time - part.knots[k]
+        value = np.zeros_like(time)
+        if part.higher is not None:
+            for row in part.higher[::-1]:
+                value = s * (value + row[k])
+        value = part.velocity[k] + s * (0.5 * part.acceleration[k] + value)
+        return part.displacement[k] + s * value
+
+
+@dataclass(frozen=True)
 class Spline:
     """A fitted spline: joints, degree, coefficients of its B-splines, residuals of the samples."""
 

@@ -23,7 +23,8 @@ from qlvbayes.motion.segments import (
     scatter_left,
     tolerance,
 )
-from qlvbayes.motion.stretch import Stretch, fitted
+from qlvbayes.motion.splines import Stretch
+from qlvbayes.motion.stretch import fitted
 
 Array = NDArray[np.float64]
 
