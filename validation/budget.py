@@ -1,8 +1,7 @@
 """Does what is fitted follow the readings? Three checks of records and simulated pads; a page.
 
 (a) The root mean square of what a fit leaves of the block means is at most 1.05 times that of least
-squares of the same model on the same block means: of the plain model, and of the answer's. Where
-the file states an sd for each reading, both are weighted by it.
+squares of the same model on the same block means: of the plain model, and of the answer's.
 (b) Along the steps of an answer the error of the fit never rises. (c) An effect that is named
 lowers the error on tests left out by more than its standard error (paired, over the tests; only
 counted).
@@ -43,7 +42,6 @@ from qlvbayes.fitting.fit import build_posterior, separated_start
 from qlvbayes.fitting.optimum import least_squares_points
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode, rough_mode
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
@@ -150,10 +148,8 @@ def by_fit(experiment: Experiment, choices: Choices) -> dict[str, float]:
     plain, rng = build_posterior(experiment, choices, trials), np.random.default_rng(0)
     places = least_squares_points(plain, experiment.floor, rng)
     places.append(separated_start(experiment, choices, trials, rng)[1].mean)
-    blocks = plain.record.blocks
-    real = np.asarray(blocks.real)
-    sds = np.asarray(blocks.weight)[real]
-    *least, rms = (rmse([compiled.response(plain, place)[1][real]], [sds]) for place in places)
+    real = np.asarray(plain.record.blocks.real)
+    *least, rms = (rmse([compiled.response(plain, place)[1][real]]) for place in places)
     return _compared(rms, min(rms, *least))
 
 
@@ -179,8 +175,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     From a fit, from where coarse noise leads it, with its relaxation drawn anew, and near by.
     """
     hypothesis = point.own.hypothesis
-    noise = _BEFORE_PRIORS * rms * _stated_sds(density.space)
-    whitener = density.whitener.with_independent_noise(noise)
+    whitener = density.whitener.with_independent_noise(_BEFORE_PRIORS * rms)
     white = Density(density.space, whitener, Discrepancy.none(whitener, density.discrepancy.peak))
     rough = rough_mode(density, hypothesis, point.theta)
     places = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)
@@ -191,12 +186,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
 
 def _rms(density: Density, point: Point) -> float:
     left = np.asarray(density.space.record.blocks.force) - point.predicted
-    return rmse([left[density.space.real]], [_stated_sds(density.space)])
-
-
-def _stated_sds(space: Space) -> np.ndarray:
-    """Relative sd (n,) that the file states of each block mean's readings; 1 where it does not."""
-    return np.asarray(space.record.blocks.weight)[space.real]
+    return rmse([left[density.space.real]])
 
 
 def _lowered(diagnosis: Diagnosis, effect: str) -> Case:

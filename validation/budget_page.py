@@ -17,9 +17,9 @@ _PAGE = """# Does what is fitted follow the readings?
 
 {done} of {pads} pads. *Plain*, *answer*: of the diagnosis, by all tests; *fit*: of `qlvbayes fit`,
 by those to be fitted: how many leave more than {most} times what least
-squares of the same model leaves of the block means (root mean square, weighted by the sds that
-a file states of its readings), and the largest ratio.
-*Rises*: answers along whose steps the error of the fit rises, and the largest factor. *Lowers*:
+squares of the same model leaves of the block means (root mean square), and the largest ratio.
+*Rises*: answers along whose steps the error of the fit rises (weighted by the sds that a file
+states of its readings), and the largest factor. *Lowers*:
 effects named that lower the mean square on tests left out by more than its standard error, of those
 that can be tested.
 

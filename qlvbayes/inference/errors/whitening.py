@@ -56,12 +56,9 @@ class Whitener:
             timing.append(of_test.timing**2)
         return cls(tuple(arrays.real), tuple(covariances), tuple(timing))
 
-    def with_independent_noise(self, size: float | Array) -> Whitener:
-        """Return the whitener for independent noise of some sd (N), one or (n,), in block means."""
-        variances = np.broadcast_to(np.square(size), self.tests.shape)
-        covariances = tuple(
-            np.diag(variances[self.tests == k]) for k in range(len(self.covariances))
-        )
+    def with_independent_noise(self, size: float) -> Whitener:
+        """Return the whitener for independent noise of one sd (N) in every block mean."""
+        covariances = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
         return Whitener(self.blocks, covariances, tuple(np.zeros(len(one)) for one in covariances))
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:
