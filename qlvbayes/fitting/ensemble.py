@@ -1,6 +1,7 @@
 """Sample a posterior with emcee, store the chain on disk, and stop when it suffices.
 
-One compiled call evaluates all walkers. Two kinds of moves alternate at random: independence
+One compiled call evaluates all walkers, which move in `coordinates` that straighten the posterior;
+what is kept is theta. Two kinds of moves alternate at random: independence
 proposals shaped like the posterior (see ``proposal``), and differential evolution between walkers
 (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs no knowledge of the posterior. Each
 leaves the posterior invariant on its own. The proposals are adapted to the chain a few times, and
@@ -19,6 +20,7 @@ import numpy as np
 
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainSegment, ChainStore
+from qlvbayes.fitting.coordinates import Coordinates
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.proposal import Proposal, from_draws, from_normal
@@ -118,14 +120,16 @@ class _ChainProgress:
             next_check = int(_PATIENCE * kept) if due else next_check
         return due
 
-    def proposals(self, start: NormalApproximation) -> tuple[Proposal, ...]:
+    def proposals(
+        self, start: NormalApproximation, coordinates: Coordinates
+    ) -> tuple[Proposal, ...]:
         """Return one kernel about the optimum; after an adaptation, one and many from the chain."""
         if not self.adapted:
             return (from_normal(start),)
         # the later half of what was sampled with the proposal before
         recent = self.segments[self.adapted // 2 : self.adapted]
         theta = np.concatenate([segment.theta for segment in recent])
-        draws = theta[len(theta) // 2 :].reshape(-1, theta.shape[-1])
+        draws = coordinates.from_theta(theta[len(theta) // 2 :].reshape(-1, theta.shape[-1]))
         covariance = np.atleast_2d(np.cov(draws, rowvar=False))
         overall = NormalApproximation(draws.mean(axis=0), covariance)
         return from_normal(overall), from_draws(draws)
@@ -165,8 +169,10 @@ def sample(
     """
     walkers = max(settings.walkers, 2 * posterior.size + 2)
     so_far = _ChainProgress(list(store.load()) if store else [])
-    sampler = _sampler(posterior, so_far.proposals(start), walkers)
-    state = _state(so_far, sampler, start, walkers, settings.seed)
+    coordinates = Coordinates.from_posterior(posterior, start)
+    start = coordinates.of_normal(start)
+    sampler = _sampler(coordinates, so_far.proposals(start, coordinates), walkers)
+    state = _state(so_far, sampler, start, coordinates, walkers, settings.seed)
     expected = settings.min_steps
     while so_far.steps < settings.max_steps:
         if so_far.is_check_due(settings.min_steps):
@@ -177,12 +183,12 @@ def sample(
         if progress:
             progress(so_far.steps, expected)
         count = min(settings.stretch, settings.max_steps - so_far.steps)
-        state, segment = _advance(sampler, state, count)
+        state, segment = _advance(sampler, state, coordinates, count)
         if store:
             store.save(len(so_far.segments), segment)
         so_far.segments.append(segment)
         if len(so_far.segments) in _ADAPT_AFTER:
-            sampler = _sampler(posterior, so_far.proposals(start), walkers)
+            sampler = _sampler(coordinates, so_far.proposals(start, coordinates), walkers)
     return so_far.chain()
 
 
@@ -195,24 +201,28 @@ def _expected(chain: Chain, so_far: _ChainProgress, settings: Settings) -> int:
 
 
 def autocorrelation_time(theta: np.ndarray) -> float:
-    """Return the longest integrated autocorrelation time (steps) in theta (S, W, D)."""
-    spread = theta.std(axis=(0, 1))
-    if theta.shape[-1] == 0 or np.any(spread == 0.0):
+    """Return the longest integrated autocorrelation time (steps) in theta (S, W, D).
+
+    It is infinite where a walker never moved.
+    """
+    if theta.shape[-1] == 0 or np.any(np.ptp(theta, axis=0) == 0.0):
         return float("inf")
     return float(np.max(emcee.autocorr.integrated_time(theta, tol=0, quiet=True)))
 
 
 def _sampler(
-    posterior: Posterior, proposals: tuple[Proposal, ...], walkers: int
+    coordinates: Coordinates, proposals: tuple[Proposal, ...], walkers: int
 ) -> emcee.EnsembleSampler:
     """Return emcee's sampler with its moves."""
+    posterior = coordinates.posterior
     size = posterior.size
 
-    def log_density(thetas: np.ndarray) -> np.ndarray:
+    def log_density(points: np.ndarray) -> np.ndarray:
         # a move asks for all walkers or for half of them: one compiled size serves both
         full = np.zeros((walkers, size))
-        full[: len(thetas)] = thetas
-        return np.asarray(compiled.log_densities(posterior, full))[: len(thetas)]
+        full[: len(points)] = points
+        thetas = coordinates.to_theta(full)
+        return np.asarray(compiled.log_densities(posterior, thetas))[: len(points)]
 
     independent = [(emcee.moves.MHMove(p.move), _INDEPENDENT / len(proposals)) for p in proposals]
     moves = [*independent, *_differential(size)]
@@ -233,33 +243,40 @@ def _state(
     so_far: _ChainProgress,
     sampler: emcee.EnsembleSampler,
     start: NormalApproximation,
+    coordinates: Coordinates,
     walkers: int,
     seed: int,
 ) -> emcee.State:
     """Return the state from which sampling goes on."""
     if so_far.segments:
         last = so_far.segments[-1]
-        return emcee.State(
-            last.theta[-1], log_prob=last.log_density[-1], random_state=last.random_state
-        )
-    thetas = start.draw(walkers, np.random.default_rng(seed))
+        return _state_after(last, coordinates)
+    points = start.draw(walkers, np.random.default_rng(seed))
     random_state = np.random.RandomState(seed).get_state()
     return emcee.State(
-        thetas, log_prob=sampler.compute_log_prob(thetas)[0], random_state=random_state
+        points, log_prob=sampler.compute_log_prob(points)[0], random_state=random_state
+    )
+
+
+def _state_after(segment: ChainSegment, coordinates: Coordinates) -> emcee.State:
+    """Return the state at the end of a segment, the same whether it was sampled now or loaded."""
+    return emcee.State(
+        coordinates.from_theta(segment.theta[-1]),
+        log_prob=segment.log_density[-1],
+        random_state=segment.random_state,
     )
 
 
 def _advance(
-    sampler: emcee.EnsembleSampler, state: emcee.State, count: int
+    sampler: emcee.EnsembleSampler, state: emcee.State, coordinates: Coordinates, count: int
 ) -> tuple[emcee.State, ChainSegment]:
     """Return the state after ``count`` more steps, and these as a segment."""
     sampler.reset()
     state = sampler.run_mcmc(state, count, skip_initial_state_check=True)
     accepted = int(np.sum(sampler.backend.accepted))
-    segment = ChainSegment(
-        sampler.get_chain(), sampler.get_log_prob(), accepted, state.random_state
-    )
-    return state, segment
+    theta = coordinates.to_theta(sampler.get_chain())
+    segment = ChainSegment(theta, sampler.get_log_prob(), accepted, state.random_state)
+    return _state_after(segment, coordinates), segment
 
 
 def key_of(posterior: Posterior, settings: Settings, method: str = "emcee") -> str:

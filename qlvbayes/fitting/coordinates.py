@@ -1,0 +1,126 @@
+r"""The coordinates in which a chain moves: theta, with the force at the best reading in it.
+
+A stiffness k, the shape of the elastic law and the shares that relax all change the force at one
+reading. Where that reading is much better than the others, as at the end of a hold in which noise
+dies away, they lie on a thin, curved surface, which no straight step follows. With the logarithm of
+the force that is left at its depth and time,
+
+.. math:: u = \ln \left| g(t)\, F_e(\delta) \right| = \ln k + s(\text{the others}),
+
+in place of ln k the surface is a plane. The map shears theta, so that the determinant of its
+Jacobian is 1 and a density over the coordinates is the density over theta. Where the posterior is
+thicker than it bends, the coordinates are theta itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.fitting.least_squares import NormalApproximation
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.motion.record import Record
+
+_TRIALS = 64  # draws at which u is tried
+_EXACT = 1e-9  # rounding of u
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """The map between theta (D,) and the coordinates of a chain.
+
+    depth (mm), time (s): of the best reading, the time since the platen came half as far; index: of
+    ln k in theta; None where u does not bend by more than its sd, or the elastic force is not
+    proportional to one free constant.
+    """
+
+    posterior: Posterior
+    depth: float
+    time: float
+    index: int | None
+
+    @classmethod
+    def from_posterior(cls, posterior: Posterior, start: NormalApproximation) -> Self:
+        """Return the coordinates of a posterior; u is tried at draws of a normal approximation."""
+        depth, time = best_reading(posterior.record)
+        straight = cls(posterior, depth, time, None)
+        some = start.draw(_TRIALS, np.random.default_rng(0))
+        moved = np.concatenate([some, *(some + unit for unit in np.eye(posterior.size))])
+        logs = straight._logs(moved).reshape(-1, _TRIALS)
+        slope = straight._slope(start.mean)
+        linear = straight._logs(start.mean) + (some - start.mean) @ slope
+        bends = float(np.mean((logs[0] - linear) ** 2)) > float(slope @ start.covariance @ slope)
+        follows = np.all(np.abs(logs[1:] - logs[0] - 1.0) < _EXACT, axis=1)
+        return replace(straight, index=int(np.argmax(follows)) if bends and any(follows) else None)
+
+    def from_theta(self, theta: np.ndarray) -> np.ndarray:
+        """Return coordinates (..., D) of theta (..., D)."""
+        return theta if self.index is None else self._with_index(theta, self._logs(theta))
+
+    def to_theta(self, coordinates: np.ndarray) -> np.ndarray:
+        """Return theta (..., D) at coordinates (..., D)."""
+        if self.index is None:
+            return coordinates
+        others = self._with_index(coordinates, np.zeros(coordinates.shape[:-1]))
+        return self._with_index(coordinates, coordinates[..., self.index] - self._logs(others))
+
+    def of_normal(self, normal: NormalApproximation) -> NormalApproximation:
+        """Return the normal approximation over the coordinates, to first order at its mean."""
+        if self.index is None:
+            return normal
+        jacobian = np.eye(self.posterior.size)
+        jacobian[self.index] = self._slope(normal.mean)
+        return NormalApproximation(
+            self.from_theta(normal.mean), jacobian @ normal.covariance @ jacobian.T
+        )
+
+    def _with_index(self, theta: np.ndarray, values: np.ndarray) -> np.ndarray:
+        changed = np.array(theta)
+        changed[..., self.index] = values
+        return changed
+
+    def _logs(self, theta: np.ndarray) -> np.ndarray:
+        flat = theta.reshape(-1, theta.shape[-1])
+        logs = _log_forces(self.posterior, self.depth, self.time, flat)
+        return np.asarray(logs).reshape(theta.shape[:-1])
+
+    def _slope(self, theta: np.ndarray) -> np.ndarray:
+        return np.asarray(_log_force_slope(self.posterior, self.depth, self.time, theta))
+
+
+def best_reading(record: Record) -> tuple[float, float]:
+    """Return depth (mm) and time (s) of the block mean whose force is largest over its noise.
+
+    The time is that since the displacement first came half as far.
+    """
+    blocks, motion = jax.tree.map(np.asarray, (record.blocks, record.motion))
+    force = np.where(blocks.real, np.abs(blocks.force), 0.0)
+    test, block = np.unravel_index(
+        np.argmax(force * np.sqrt(blocks.count) / (blocks.weight * blocks.scale)), force.shape
+    )
+    node = int(np.asarray(record.nodes)[test, block, 1])
+    displacement, time = motion.displacement[test], motion.time[test]
+    first = int(np.argmax(np.abs(displacement) >= 0.5 * abs(displacement[node])))
+    return float(displacement[node]), float(time[node] - time[min(first, node)])
+
+
+def _log_force(posterior: Posterior, depth: float, time: float, theta: Array) -> Array:
+    """Return ln |g(t) F_e(depth)| at theta (D,)."""
+    model = posterior.bind(theta)[0]
+    left = model.relaxation.curve(jnp.asarray(time)) * model.elastic.force(jnp.asarray(depth))
+    return jnp.log(jnp.abs(left))
+
+
+@jax.jit
+def _log_forces(posterior: Posterior, depth: float, time: float, thetas: Array) -> Array:
+    return jax.vmap(lambda theta: _log_force(posterior, depth, time, theta))(thetas)
+
+
+@jax.jit
+def _log_force_slope(posterior: Posterior, depth: float, time: float, theta: Array) -> Array:
+    return jax.jacfwd(lambda x: _log_force(posterior, depth, time, x))(theta)

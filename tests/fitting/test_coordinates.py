@@ -1,0 +1,124 @@
+"""The coordinates of a chain: a shear of theta that makes one exact reading a plane."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.endtoend import experiment
+
+from qlvbayes.fitting.coordinates import Coordinates, best_reading
+from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, sample
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.least_squares import NormalApproximation
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import White
+from qlvbayes.model.posterior import Posterior, draw_priors
+
+NOISE = 30.0  # N, which drowns a test of some newtons
+SHARE = 1e-3  # of its force: sd of the one good reading
+
+
+def posterior(elastic="exponential", relaxation="prony"):
+    """Of one test whose noise drowns it, but for the last reading of the hold."""
+    choices = Choices(law=elastic, relaxation=relaxation)
+    built = build_posterior(experiment(), choices, experiment().with_role("fit"))
+    blocks = built.record.blocks
+    weight = np.asarray(blocks.weight).copy()
+    best = good_block(built.record)
+    count = float(np.asarray(blocks.count)[0, best])
+    force = float(np.asarray(blocks.force)[0, best])
+    weight[0, best] = SHARE * force * np.sqrt(count) / NOISE
+    record = replace(built.record, blocks=replace(blocks, weight=jnp.asarray(weight)))
+    return Posterior(built.model, White(NOISE), record)
+
+
+def good_block(record):
+    displacement = np.asarray(record.motion.displacement)[0]
+    held = displacement[np.asarray(record.nodes)[0]].min(axis=1) >= 0.999 * displacement.max()
+    return int(np.flatnonzero(held & np.asarray(record.blocks.real)[0])[-1])
+
+
+def normal(about):
+    """Of the prior's spread about its mean."""
+    draws = draw_priors(about, 500, np.random.default_rng(1))
+    return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
+
+
+def thin(about):
+    """The same, but as thin as the good reading's error allows, to first order."""
+    wide = normal(about)
+    slope = Coordinates.from_posterior(about, wide)._slope(wide.mean)
+    along = wide.covariance @ slope
+    variance = slope @ along
+    covariance = wide.covariance - np.outer(along, along) * (1.0 - SHARE**2 / variance) / variance
+    return NormalApproximation(wide.mean, covariance)
+
+
+@pytest.mark.parametrize("elastic", ["exponential", "linear", "hertz", "toe"])
+@pytest.mark.parametrize("relaxation", ["prony", "stretched"])
+def test_the_map_is_a_shear_and_has_an_inverse(elastic, relaxation):
+    own = posterior(elastic, relaxation)
+    start = thin(own)
+    coordinates = Coordinates.from_posterior(own, start)
+    assert coordinates.index is not None
+    theta = start.draw(5, np.random.default_rng(2))
+    there = coordinates.from_theta(theta)
+    np.testing.assert_allclose(coordinates.to_theta(there), theta, rtol=0, atol=1e-12)
+    step = 1e-6
+    moved = coordinates.from_theta(theta[0] + step * np.eye(own.size))
+    jacobian = (moved - there[0]) / step
+    assert np.linalg.det(jacobian) == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(jacobian - np.eye(own.size)).max() > 0.1
+
+
+def test_a_law_that_no_constant_scales_keeps_theta():
+    own = posterior("polynomial:2")
+    start = thin(own)
+    coordinates = Coordinates.from_posterior(own, start)
+    theta = start.draw(5, np.random.default_rng(2))
+    assert coordinates.index is None
+    assert coordinates.from_theta(theta) is theta
+    assert coordinates.to_theta(theta) is theta
+    assert coordinates.of_normal(start) is start
+
+
+def test_where_the_posterior_is_thicker_than_it_bends_theta_stays():
+    own = posterior()
+    assert Coordinates.from_posterior(own, thin(own)).index is not None
+    wide = normal(own)
+    narrow = replace(wide, covariance=1e-4 * wide.covariance)
+    assert Coordinates.from_posterior(own, narrow).index is None
+
+
+def test_the_best_reading_is_the_one_of_least_noise():
+    record = posterior().record
+    depth, time = best_reading(record)
+    displacement, clock = np.asarray(record.motion.displacement)[0], record.motion.time[0]
+    at = int(np.asarray(record.nodes)[0, good_block(record), 1])
+    half = int(np.argmax(displacement >= 0.5 * displacement[at]))
+    assert depth == float(displacement[at])
+    assert time == pytest.approx(float(clock[at] - clock[half]))
+
+
+def test_one_good_reading_among_noise_does_not_stop_the_walkers():
+    """Its force is known to a thousandth, and what makes it up by the priors alone."""
+    own = posterior()
+    best = good_block(own.record)
+    chain = sample(own, thin(own), Settings(seed=3, max_steps=12_000))
+    assert chain.enough
+    assert chain.acceptance > 0.15
+    thetas = chain.theta[::10].reshape(-1, own.size)
+    rows = np.random.default_rng(0).choice(len(thetas), 500, replace=False)
+    forces = np.array([np.asarray(own.predict(jnp.asarray(x)))[0, best] for x in thetas[rows]])
+    force = float(np.asarray(own.record.blocks.force)[0, best])
+    assert forces.mean() == pytest.approx(force, abs=0.25 * SHARE * force)
+    assert forces.std() == pytest.approx(SHARE * force, rel=0.2)
+    assert thetas[:, 0].std() > 100.0 * SHARE
+
+
+def test_a_walker_that_never_moves_has_no_autocorrelation_time():
+    theta = np.random.default_rng(0).normal(size=(200, 4, 2))
+    assert np.isfinite(autocorrelation_time(theta))
+    theta[:, 2] = theta[0, 2]
+    assert autocorrelation_time(theta) == np.inf
