@@ -48,7 +48,7 @@ def _name(hypothesis):
 
 def _in_turn(space, hypothesis, constants):
     """Quickest microseconds a set: in pieces, and by one call of one compiled function."""
-    record = with_zeros(space.record, "bow", float)
+    record = with_zeros(space.record, "sagitta", float)
     posterior = space.parameters(hypothesis).posterior
 
     def one(row, motion):

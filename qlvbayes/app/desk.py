@@ -52,9 +52,9 @@ class Desk:
         """Return all that is shown of a session, with the probabilities of a running search."""
         shown, jobs = session.shown(), self.jobs.in_session(session.id)
         for job in jobs:
-            if job.state == "running" and job.standing:
-                so_far = {key: job.standing[key] for key in ("ranking", "laws")}
-                shown["pad"][job.standing["pad"]] |= so_far
+            if job.state == "running" and job.probabilities:
+                so_far = {key: job.probabilities[key] for key in ("ranking", "laws")}
+                shown["pad"][job.probabilities["pad"]] |= so_far
         return shown | {"jobs": [self.jobs.shown(job) for job in jobs]}
 
     def bundled(self) -> list[dict[str, str]]:

@@ -112,7 +112,7 @@ class ProgressReporter(Watcher):
                 ("relaxation", _shares(decision, 1)),
             )
         }
-        self._parent.send({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
+        self._parent.send({"probabilities": {"pad": pad, "ranking": ranking, "laws": laws}})
         if self._enough.is_set():
             self._enough.clear()  # the search ends once
             raise StopSearch

@@ -30,7 +30,7 @@ class Job:
     """Hold a job as in docs/app_api.md.
 
     ``enough`` is whether a search was told to end with its results so far; ``result`` is what its
-    process returned; ``standing`` are the probabilities that it reported last.
+    process returned; ``probabilities`` are the probabilities that it reported last.
     """
 
     id: str
@@ -45,7 +45,7 @@ class Job:
     error: ErrorContent | None = None
     enough: bool = False
     result: dict[str, Any] = field(default_factory=dict)
-    standing: dict[str, Any] = field(default_factory=dict)
+    probabilities: dict[str, Any] = field(default_factory=dict)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -135,7 +135,7 @@ class Jobs:
     async def enough(self, job: Job) -> None:
         """Make a search sum up its results so far; raise RefusedError where there are none."""
         process = self._processes.get(_key(job))
-        if job.kind != "diagnose" or process is None or not job.standing:
+        if job.kind != "diagnose" or process is None or not job.probabilities:
             raise refused(409, "nothing is known yet", "wait for the first probabilities")
         if not job.enough:
             job.enough = True
@@ -160,7 +160,7 @@ class Jobs:
             "state": job.state,
             "place": self._waiting.index(job) + 1 if job in self._waiting else 0,
             "text": job.text,
-            "enough": None if not (job.kind == "diagnose" and job.standing) else job.enough,
+            "enough": None if not (job.kind == "diagnose" and job.probabilities) else job.enough,
             "done": job.done,
             "total": job.total,
             "left_s": job.left_s,
@@ -228,9 +228,9 @@ class Jobs:
             if "result" in line:
                 job.result = line["result"]
                 return
-            if "standing" in line:
-                job.standing = line["standing"]
-                self._events.publish(job.session, "ranking", job.standing)
+            if "probabilities" in line:
+                job.probabilities = line["probabilities"]
+                self._events.publish(job.session, "ranking", job.probabilities)
                 continue
             job.text, job.elapsed_s = line["text"], line["elapsed_s"]
             job.done, job.total, job.left_s = line["done"], line["total"], line["left_s"]

@@ -51,7 +51,7 @@ class Backlash(AbstractEffect):
             displacement=depth,
             velocity=jnp.where(waits, still, motion.velocity),
             acceleration=jnp.where(waits, still, motion.acceleration),
-            bow=None if motion.bow is None else jnp.where(waits, still, motion.bow),
+            sagitta=None if motion.sagitta is None else jnp.where(waits, still, motion.sagitta),
         )
         return below.force(followed)
 

@@ -139,13 +139,13 @@ def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
     # of equal times the delayed one comes first, as it does for any delay above 0
     order = jnp.argsort(jax.lax.stop_gradient(joined.time))
     joined = jax.tree.map(lambda x: x[order] if x.ndim else x, joined)
-    if joined.bow is None:
+    if joined.sagitta is None:
         return joined, order
     # the midpoint of a part of a step deviates less, by the square of the part's share
     step = jnp.diff(motion.time, prepend=motion.time[:1])
     whole = jnp.concatenate([step[_after(motion, late)], step])[order]
     share = jnp.diff(joined.time, prepend=joined.time[:1]) / jnp.where(whole > 0.0, whole, 1.0)
-    return replace(joined, bow=joined.bow * share**2), order
+    return replace(joined, sagitta=joined.sagitta * share**2), order
 
 
 def _after(motion: Motion, time: Array) -> Array:
@@ -165,9 +165,9 @@ def _at(motion: Motion, time: Array) -> Motion:
     here = jnp.where(time < motion.time[after], after - 1, after)
     elapsed = time - motion.time[here]
     displacement = motion.displacement[after] + slope * (time - motion.time[after])
-    if motion.bow is not None:
+    if motion.sagitta is not None:
         share = (motion.time[after] - time) / jnp.where(step > 0.0, step, 1.0)
-        displacement = displacement + 4.0 * motion.bow[after] * share * (1.0 - share)
+        displacement = displacement + 4.0 * motion.sagitta[after] * share * (1.0 - share)
     return replace(
         motion,
         time=time,
@@ -175,5 +175,5 @@ def _at(motion: Motion, time: Array) -> Motion:
         velocity=motion.velocity[here] + motion.acceleration[here] * elapsed,
         acceleration=motion.acceleration[here],
         ago=None if motion.ago is None else jnp.zeros_like(motion.ago),
-        bow=None if motion.bow is None else motion.bow[after],
+        sagitta=None if motion.sagitta is None else motion.sagitta[after],
     )

@@ -78,5 +78,5 @@ def rested(motion: Motion) -> Motion:
         velocity=jnp.concatenate([rest, motion.velocity]),
         acceleration=jnp.concatenate([rest, motion.acceleration]),
         ago=None if ago is None else jnp.concatenate([ago[:1]] * BEFORE + [ago]),
-        bow=None if motion.bow is None else jnp.concatenate([rest, motion.bow]),
+        sagitta=None if motion.sagitta is None else jnp.concatenate([rest, motion.sagitta]),
     )

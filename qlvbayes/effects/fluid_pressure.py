@@ -58,7 +58,7 @@ class FluidPressure(AbstractEffect):
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         depth = own.displacement - own.displacement[0]
-        pressure = hereditary_force(*self._drainage, xi, depth, own.bow)
+        pressure = hereditary_force(*self._drainage, xi, depth, own.sagitta)
         return below.force(motion) + pressure
 
     def begin(self, below: Law, displacement: Array) -> State:

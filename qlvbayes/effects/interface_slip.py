@@ -58,7 +58,7 @@ class InterfaceSlip(AbstractEffect):
             displacement=depth,
             velocity=share * motion.velocity,
             acceleration=share * motion.acceleration,
-            bow=None if motion.bow is None else share * motion.bow,
+            sagitta=None if motion.sagitta is None else share * motion.sagitta,
         )
         return below.force(followed)
 

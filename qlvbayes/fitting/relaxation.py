@@ -104,10 +104,10 @@ def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
 
 
 def _held(experiment: Experiment, trial: Trial) -> Held | None:
-    place = _first_hold(trial.phases)
-    if place is None:
+    index = _first_hold(trial.phases)
+    if index is None:
         return None
-    ramp, hold = trial.phases[place - 1], trial.phases[place]
+    ramp, hold = trial.phases[index - 1], trial.phases[index]
     if hold not in trial.used_phases:
         return None
     time, force = trial.test.time, trial.test.force
@@ -142,10 +142,10 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
 
 def _first_hold(phases: tuple[Phase, ...]) -> int | None:
     """Place of the first hold of a displacement that a ramp goes before."""
-    for place, (before, phase) in enumerate(pairwise(phases), start=1):
+    for index, (before, phase) in enumerate(pairwise(phases), start=1):
         held = phase.control == Control.DISPLACEMENT
         if held and (before.kind, phase.kind) == ("ramp", "hold"):
-            return place
+            return index
     return None
 
 

@@ -71,11 +71,11 @@ def hereditary_force(
     relaxation: AbstractRelaxation,
     time: Array,
     depth: Array,
-    bow: Array | None = None,
+    sagitta: Array | None = None,
 ) -> Array:
     r"""Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm).
 
-    ``bow`` (N,) is the deviation (mm) of the middle of the step that ends at a point from the
+    ``sagitta`` (N,) is the deviation (mm) of the middle of the step that ends at a point from the
     straight line. Taken as a parabola, it changes a mode's step by
 
     .. math:: -v \int_0^h K\, 4 B x (1 - x)\, e^{-v (h - s)} ds, \quad x = s/h.
@@ -87,28 +87,28 @@ def hereditary_force(
     times, start_time = _chunks(time, length, time[0])
     depths, start_depth = _chunks(depth, length, jnp.zeros((), depth.dtype))
     instant = elastic.force(depths)
-    bows = None
-    if bow is not None:
-        bows, _ = _chunks(bow * _mean_stiffness(elastic, depth), length, bow[0])
+    sagittas = None
+    if sagitta is not None:
+        sagittas, _ = _chunks(sagitta * _mean_stiffness(elastic, depth), length, sagitta[0])
     fractions, rates = relaxation.spectrum()
     rates = rates[:, None]
 
     def advance(state: tuple[Array, ...], point: tuple[Any, ...]) -> tuple:
         part, time_before, depth_before, instant_before = state
-        time_now, depth_now, instant_now, bow_now = point
+        time_now, depth_now, instant_now, sagitta_now = point
         decay = rates * (time_now - time_before)
         step = elastic.relaxed_step(depth_before, depth_now, instant_before, instant_now, decay)
         survival = jnp.exp(-decay)
         part = survival * part + step
-        if bow_now is not None:
-            part = part - bow_now * _bow_factor(decay, survival)
+        if sagitta_now is not None:
+            part = part - sagitta_now * _sagitta_factor(decay, survival)
         local = jnp.sum(fractions[1:, None] * part, axis=0)
         return (part, time_now, depth_now, instant_now), local
 
     shape = (rates.shape[0], times.shape[1])
     first = (jnp.zeros(shape), start_time, start_depth, elastic.force(start_depth))
     local: Array
-    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant, bows))
+    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant, sagittas))
     left = jnp.exp(-rates * (times - start_time)[:, None])
     chunk_states = fractions[1:, None] * _chunk_starts(left[-1], part)
     force = fractions[0] * instant + local + jnp.sum(left * chunk_states, axis=1)
@@ -121,7 +121,7 @@ def _mean_stiffness(elastic: AbstractElastic, depth: Array) -> Array:
     return 0.5 * (stiffness + jnp.concatenate([stiffness[:1], stiffness[:-1]]))
 
 
-def _bow_factor(decay: Array, survival: Array) -> Array:
+def _sagitta_factor(decay: Array, survival: Array) -> Array:
     r"""Return 4 a \int_0^1 x (1 - x) e^{-a (1 - x)} dx at a = decay; survival is e^{-a}."""
     near = decay < _NEAR
     far = jnp.where(near, 1.0, decay)

@@ -50,7 +50,7 @@ class Law(eqx.Module):
         """Return the force (N,) in N; every constant must be a number."""
         if self.layers:
             return self.layers[-1].force(self._below, motion)
-        path = motion.time, motion.displacement, motion.bow
+        path = motion.time, motion.displacement, motion.sagitta
         return hereditary_force(self.elastic, self.relaxation, *path)
 
     def begin(self, displacement: Array) -> State:
@@ -111,7 +111,7 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
         displacement=jnp.where(contact, displacement, 0.0),
         velocity=jnp.where(contact, motion.velocity, 0.0),
         acceleration=jnp.where(contact, motion.acceleration, 0.0),
-        bow=None if motion.bow is None else jnp.where(contact, motion.bow, 0.0),
+        sagitta=None if motion.sagitta is None else jnp.where(contact, motion.sagitta, 0.0),
     )
 
 

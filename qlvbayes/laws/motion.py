@@ -50,7 +50,7 @@ class Motion(eqx.Module):
         How many tests before this one a point lies, with the pause that follows: 0 in the test
         itself. Velocity and acceleration of earlier tests are set to 0. None where no earlier test
         is included.
-    bow
+    sagitta
         Deviation (mm) of the middle of the step that ends at a point from its straight line, for
         the relaxing modes, where errors of one sign would add up. None for straight lines.
     number
@@ -63,7 +63,7 @@ class Motion(eqx.Module):
     acceleration: Array
     start: Array
     ago: Array | None
-    bow: Array | None
+    sagitta: Array | None
     number: Array
 
     def __init__(
@@ -74,13 +74,13 @@ class Motion(eqx.Module):
         acceleration: Array,
         start: ArrayLike = 0.0,
         ago: Array | None = None,
-        bow: Array | None = None,
+        sagitta: Array | None = None,
         number: ArrayLike | None = None,
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
         self.start = jnp.asarray(start, dtype=float)
-        self.ago, self.bow = ago, bow
+        self.ago, self.sagitta = ago, sagitta
         first = jnp.zeros_like(self.start)
         self.number = first if number is None else jnp.asarray(number, dtype=float)
 
@@ -111,6 +111,6 @@ class Motion(eqx.Module):
             held(self.velocity),
             held(self.acceleration),
             self.start,
-            bow=None if self.bow is None else jnp.where(own, self.bow, 0.0),
+            sagitta=None if self.sagitta is None else jnp.where(own, self.sagitta, 0.0),
             number=self.number,
         )

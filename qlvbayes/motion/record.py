@@ -92,7 +92,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
         points = max(points, like.motion.time.shape[-1])
         blocks = max(blocks, like.blocks.force.shape[-1])
     known = (*records, *([like] if like else []))
-    for field, dtype in (("ago", int), ("bow", float)):
+    for field, dtype in (("ago", int), ("sagitta", float)):
         if any(getattr(r.motion, field) is not None for r in known):
             records = [with_zeros(record, field, dtype) for record in records]
     padded = [_pad(record, points, blocks) for record in records]

@@ -202,7 +202,9 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool
         off = middle - 0.5 * (displacement[1:] + displacement[:-1])
         curvature = held(np.append(0.0, np.where(grid[:-1] < first, 0.0, off)))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
-    return Motion(held(grid), held(displacement), held(velocity), held(acceleration), bow=curvature)
+    return Motion(
+        held(grid), held(displacement), held(velocity), held(acceleration), sagitta=curvature
+    )
 
 
 def _remembering(motion: Motion, past: Past) -> Motion:
@@ -218,7 +220,7 @@ def _remembering(motion: Motion, past: Past) -> Motion:
         velocity=join(still, motion.velocity),
         acceleration=join(still, motion.acceleration),
         ago=join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
-        bow=None if motion.bow is None else join(still, motion.bow),
+        sagitta=None if motion.sagitta is None else join(still, motion.sagitta),
     )
 
 

@@ -79,7 +79,7 @@ def _draw(axes: Sequence[Axes], test: Tidied) -> None:
     rise.axvline(0.0, color=BLACK, linewidth=0.5, gid="zero")
     rise.set(xlabel=way, ylabel=load)
     if test.contact is not None:
-        contact = test.contact.place - test.zero
+        contact = test.contact.position - test.zero
         half = _WIDE * test.contact.sd
         rise.axvspan(
             contact - half, contact + half, color=first, alpha=0.25, linewidth=0, gid="contact"

@@ -60,7 +60,7 @@ def test_a_search_tells_the_probabilities_so_far(told):
     decision = Decision("ambiguous", (), (), inclusion, base, 0.0, 0)
     best = Hypothesis("hertz", "prony:2")
     watcher.searched("B", SearchProgress("effects", 3, best, decision))
-    found = next(line["standing"] for line in lines if "standing" in line)
+    found = next(line["probabilities"] for line in lines if "probabilities" in line)
     assert found["pad"] == "B"
     assert [(one["effect"], one["probability"]) for one in found["ranking"]] == [
         ("viscous_drag", 0.7),
@@ -81,7 +81,7 @@ def test_a_search_that_has_told_enough_ends_once(told):
     watcher.enough()
     with pytest.raises(StopSearch):
         watcher.searched("B", STANDING)
-    assert sum("standing" in line for line in lines) == 2
+    assert sum("probabilities" in line for line in lines) == 2
     watcher.searched("B", STANDING)
 
 

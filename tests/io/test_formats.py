@@ -183,7 +183,7 @@ def test_contact_lies_within_its_interval_as_often_as_it_says(speed, rate, noise
     for seed in range(60):
         test = pressed(rng.uniform(0.2, 0.8), speed=speed, rate=rate, noise=noise, seed=seed)
         found = find_contact(test.way + 3.0, test.load)
-        hits += found is not None and abs(found.place - 3.0) < 1.645 * found.sd
+        hits += found is not None and abs(found.position - 3.0) < 1.645 * found.sd
     assert hits >= 45
 
 

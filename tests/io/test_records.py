@@ -79,7 +79,7 @@ def test_contact_is_found_within_its_error_for_every_power(power, noise):
     for seed in range(20):
         way, load = rise(power, seed, noise=noise)
         found = find_contact(way + 5.0, load)
-        hits += found is not None and abs(found.place - 5.0) < 1.645 * found.sd
+        hits += found is not None and abs(found.position - 5.0) < 1.645 * found.sd
     assert hits >= 15
 
 

@@ -443,14 +443,16 @@ def test_hold_after_a_step_follows_the_relaxation_curve():
 
 
 @pytest.mark.parametrize("points", [3, 8, 60])
-def test_a_parabola_told_by_its_bow_is_exact_for_a_linear_law(points):
+def test_a_parabola_told_by_its_sagitta_is_exact_for_a_linear_law(points):
     """d = t^2 makes k (c_0 t^2 + sum_i 2 c_i (t/v_i - (1 - e^{-v_i t})/v_i^2)), on any grid."""
     relaxation = Prony(jnp.array([0.2, 0.5, 0.3]), jnp.array([40.0, 0.3]))
     time = np.sort(np.random.default_rng(points).uniform(0.0, 3.0, points))
     time[0] = 0.0
-    bow = np.append(0.0, -(np.diff(time) ** 2) / 4.0)
+    sagitta = np.append(0.0, -(np.diff(time) ** 2) / 4.0)
     still = jnp.zeros(points)
-    motion = Motion(jnp.asarray(time), jnp.asarray(time**2), still, still, bow=jnp.asarray(bow))
+    motion = Motion(
+        jnp.asarray(time), jnp.asarray(time**2), still, still, sagitta=jnp.asarray(sagitta)
+    )
     found = bonded(Linear(2.0), relaxation).force(motion)
     c, v = np.asarray(relaxation.c), np.asarray(relaxation.v)
     grown = time[:, None] / v + np.expm1(-v * time[:, None]) / v**2
@@ -458,21 +460,21 @@ def test_a_parabola_told_by_its_bow_is_exact_for_a_linear_law(points):
     assert np.allclose(found, expected, rtol=0.0, atol=1e-10 * expected.max())
 
 
-def test_bows_make_a_sine_a_hundred_times_as_exact(paper_model):
+def test_sagittas_make_a_sine_a_hundred_times_as_exact(paper_model):
     """At sixteen steps a cycle, against the force on a very fine grid."""
 
-    def sine(steps, bowed):
+    def sine(steps, curved):
         time = np.linspace(0.0, 3.0, 3 * steps + 1)
         depth = lambda t: 0.8 * (1.0 - np.cos(2.0 * np.pi * t))  # noqa: E731
         middle = depth(0.5 * (time[1:] + time[:-1]))
-        bow = np.append(0.0, middle - 0.5 * (depth(time)[1:] + depth(time)[:-1]))
+        sagitta = np.append(0.0, middle - 0.5 * (depth(time)[1:] + depth(time)[:-1]))
         still = jnp.zeros(time.shape)
-        own = jnp.asarray(bow) if bowed else None
-        motion = Motion(jnp.asarray(time), jnp.asarray(depth(time)), still, still, bow=own)
+        own = jnp.asarray(sagitta) if curved else None
+        motion = Motion(jnp.asarray(time), jnp.asarray(depth(time)), still, still, sagitta=own)
         return np.asarray(
             bonded(paper_model("B").elastic, paper_model("B").relaxation).force(motion)
         )
 
     exact = sine(1600, True)[::100]
-    straight, bowed = sine(16, False) - exact, sine(16, True) - exact
-    assert np.max(np.abs(bowed)) < 0.01 * np.max(np.abs(straight))
+    straight, curved = sine(16, False) - exact, sine(16, True) - exact
+    assert np.max(np.abs(curved)) < 0.01 * np.max(np.abs(straight))

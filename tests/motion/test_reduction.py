@@ -127,9 +127,9 @@ def test_motion_on_the_grid_follows_the_trajectory(record, rate):
     straight = np.interp(test.time, motion.time, motion.displacement)
     after = np.clip(np.searchsorted(motion.time, test.time), 1, motion.time.size - 1)
     share = (motion.time[after] - test.time) / np.diff(motion.time)[after - 1]
-    bow = np.zeros(motion.time.size) if motion.bow is None else motion.bow
-    bowed = straight + 4.0 * bow[after] * np.clip(share * (1.0 - share), 0.0, None)
-    assert np.max(np.abs(bowed - trajectory.displacement(test.time))) < 0.3e-3
+    sagitta = np.zeros(motion.time.size) if motion.sagitta is None else motion.sagitta
+    curved = straight + 4.0 * sagitta[after] * np.clip(share * (1.0 - share), 0.0, None)
+    assert np.max(np.abs(curved - trajectory.displacement(test.time))) < 0.3e-3
 
 
 def test_a_record_that_begins_on_the_move_is_given_its_approach():

@@ -172,7 +172,7 @@ class LayerChain:
 
     def _material(self, sets: Sets, motion: Motion) -> JaxArray:
         """Return the force (T, K, N) of the material alone."""
-        path: tuple[Any, Any, Any] = motion.time, motion.displacement, motion.bow
+        path: tuple[Any, Any, Any] = motion.time, motion.displacement, motion.sagitta
         shared = path[0].ndim == 2, path[1].ndim == 2, path[2].ndim == 2
         force = material_of(self.elastic, sets.rates.ndim == 1, shared)
         return force(sets.elastic, sets.fractions, sets.rates, *path)
@@ -211,7 +211,7 @@ class ForceEngine:
         key = id(record.motion.time), id(record.motion.displacement), id(record.nodes)
         with self._lock:
             if key not in self._tests:
-                self._tests[key] = record, _by_length(with_zeros(record, "bow", float))
+                self._tests[key] = record, _by_length(with_zeros(record, "sagitta", float))
             self._tests.move_to_end(key)
             while len(self._tests) > _KEPT:
                 self._tests.popitem(last=False)

@@ -175,7 +175,7 @@ def _dummy(motion_structure: Any) -> Motion:
     like: Motion = jax.tree.unflatten(motion_structure, [0] * motion_structure.num_leaves)
     time = jnp.arange(float(_POINTS))
     ago = None if like.ago is None else jnp.zeros(_POINTS, int)
-    return Motion(time, time, time, time, ago=ago, bow=None if like.bow is None else time)
+    return Motion(time, time, time, time, ago=ago, sagitta=None if like.sagitta is None else time)
 
 
 @cache
@@ -263,15 +263,17 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
     """Return the compiled force (T, K, N) of the material alone.
 
     It takes the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), and time, depth
-    and bow of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the rates
-    (L,); path: which of time, depth and bow they share, (T, N) each.
+    and sagitta of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the
+    rates (L,); path: which of time, depth and sagitta they share, (T, N) each.
     """
 
     def one(
-        law: Array, fractions: Array, rates: Array, time: Array, depth: Array, bow: Array
+        law: Array, fractions: Array, rates: Array, time: Array, depth: Array, sagitta: Array
     ) -> Array:
         spectrum = Spectrum(fractions, rates)
-        return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
+        return hereditary_force(
+            jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, sagitta
+        )
 
     inner = (0, 0, *_axes((rates, *path)))
     batched = _over_all(one, inner, (None, None, None, 0, 0, 0))

@@ -90,10 +90,10 @@ def is_dead(way: Floats, load: Floats) -> bool:
 class FirstContact:
     """Hold the point of first contact and the force before it, each with its standard error.
 
-    ``place`` and ``sd`` are displacements; ``rows`` is the number of rows before contact.
+    ``position`` and ``sd`` are displacements; ``rows`` is the number of rows before contact.
     """
 
-    place: float
+    position: float
     sd: float
     force: float
     force_sd: float
@@ -124,11 +124,11 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     if not fits:
         return None
     middle = fits[min(_MIDDLE, len(fits) - 1)]
-    row = int(np.argmax(way > middle.place))
+    row = int(np.argmax(way > middle.position))
     spacing = abs(float(way[row] - way[max(row - 1, 0)])) / np.sqrt(12.0)
-    spread = float(np.std([fit.place for fit in fits]))
+    spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
-    return FirstContact(middle.place, sd, middle.force, middle.force_sd, row)
+    return FirstContact(middle.position, sd, middle.force, middle.force_sd, row)
 
 
 def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:

@@ -60,7 +60,7 @@ class Tidied:
         """Return the conversion of this test as a dictionary for JSON."""
         contact = None
         if self.contact is not None:
-            contact = {"place": self.contact.place, "sd": self.contact.sd}
+            contact = {"place": self.contact.position, "sd": self.contact.sd}
         return {
             "file": str(self.file),
             "format": self.format.name,
@@ -278,7 +278,7 @@ class _Stage:
             sd *= self.units.factor_to(units, "displacement")
         return Tidied(
             self.file, self.kind, self.pad, name, _name_in(self.file, self.recording), units,
-            self.time, way, load, start, self.signs, self.zero.contact, self.zero.place, sd,
+            self.time, way, load, start, self.signs, self.zero.contact, self.zero.position, sd,
             self.sampling, self.dropped, self.findings,
         )  # fmt: skip
 
@@ -405,7 +405,7 @@ def _stage(read: _Prepared, zero: Zero) -> _Stage:
     begin = float(time[first])
     return _Stage(
         read.file, read.kind, read.pad, read.recording, read.shown.units, time[first:] - begin,
-        (read.shown.way - zero.place)[first:], (read.shown.load - zero.force)[first:],
+        (read.shown.way - zero.position)[first:], (read.shown.load - zero.force)[first:],
         read.shown.signs, zero, read.sampling, dropped, (*read.findings, zero.finding, sampled),
         begin,
     )  # fmt: skip

@@ -47,7 +47,7 @@ class OrientedRecording:
         """Return whether it moved before the force began to rise, or rests without a force."""
         if self.contact is None:
             return False
-        travelled = self.contact.place - float(self.way[0]) > _AGREES * self.contact.sd
+        travelled = self.contact.position - float(self.way[0]) > _AGREES * self.contact.sd
         return travelled or abs(self.contact.force) <= _REST * self.peak
 
     def written(self, displacement: float) -> str:
@@ -59,11 +59,11 @@ class OrientedRecording:
 class Zero:
     """Hold what is subtracted from displacement and force, and the displacement's standard error.
 
-    ``place`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
+    ``position`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
     how it was found; ``contact`` is where the file's own rise of the force shows it.
     """
 
-    place: float
+    position: float
     force: float
     finding: str
     sd: float | None = None
@@ -112,10 +112,10 @@ def _zero(
         return _from_others(one, agreed)
     if before is not None:
         finding = (
-            f"contact at {one.written(before.place)} {length}, the zero of the file's test "
+            f"contact at {one.written(before.position)} {length}, the zero of the file's test "
             "before: this one begins in contact"
         )
-        return Zero(before.place, 0.0, finding, before.sd, before.contact)
+        return Zero(before.position, 0.0, finding, before.sd, before.contact)
     return _at_start(one)
 
 
@@ -123,7 +123,7 @@ def _zero(
 class _Agreed:
     """Hold contact and force at rest of files that agree: means, standard errors, how many."""
 
-    place: float
+    position: float
     sd: float
     force: float
     force_sd: float
@@ -135,7 +135,7 @@ def _agreed(others: Sequence[OrientedRecording]) -> _Agreed | None:
     seen = [o.contact for o in others if o.contact is not None and o.approached]
     if len(seen) < _ENOUGH:
         return None
-    positions, sds = (np.array([getattr(c, key) for c in seen]) for key in ("place", "sd"))
+    positions, sds = (np.array([getattr(c, key) for c in seen]) for key in ("position", "sd"))
     middle = float(np.median(positions))
     alike = np.abs(positions - middle) <= _APART * sds
     if np.count_nonzero(alike) < max(_ENOUGH, len(seen) / 2.0):
@@ -154,12 +154,12 @@ def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
-        f"contact at {one.written(agreed.place)} +- {agreed.sd:.2g} {length}, on which the pad's "
-        f"{agreed.files} other files agree: this one begins beyond it, at "
+        f"contact at {one.written(agreed.position)} +- {agreed.sd:.2g} {length}, on which the "
+        f"pad's {agreed.files} other files agree: this one begins beyond it, at "
         f"{one.written(float(one.way[0]))} {length} with {start:.3g} {force}; taken off the force: "
         f"{one.signs.load * agreed.force:.3g} {force}, theirs at rest"
     )
-    return Zero(agreed.place, agreed.force, finding, agreed.sd)
+    return Zero(agreed.position, agreed.force, finding, agreed.sd)
 
 
 def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed | None) -> Zero:
@@ -171,25 +171,25 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
         if offset
         else ""
     )
-    if agreed is not None and abs(contact.place - agreed.place) > _APART * np.hypot(
+    if agreed is not None and abs(contact.position - agreed.position) > _APART * np.hypot(
         contact.sd, agreed.sd
     ):
         off += (
             f"; doubt: the pad's {agreed.files} other files have it at "
-            f"{one.written(agreed.place)} +- {agreed.sd:.2g} {length}: was the stage or the pad "
+            f"{one.written(agreed.position)} +- {agreed.sd:.2g} {length}: was the stage or the pad "
             "moved, or the zero set anew"
         )
-    if abs(contact.place) <= _AGREES * contact.sd:
+    if abs(contact.position) <= _AGREES * contact.sd:
         finding = (
-            f"contact {one.signs.way * contact.place:.4g} +- {contact.sd:.2g} {length} agrees with "
-            f"the file's zero, which is kept{off}"
+            f"contact {one.signs.way * contact.position:.4g} +- {contact.sd:.2g} {length} agrees "
+            f"with the file's zero, which is kept{off}"
         )
         return Zero(0.0, offset, finding, contact.sd, contact)
     finding = (
-        f"contact at {one.written(contact.place)} +- {contact.sd:.2g} {length} of the file, where "
-        f"the force begins to rise; that is the new zero{off}"
+        f"contact at {one.written(contact.position)} +- {contact.sd:.2g} {length} of the file, "
+        f"where the force begins to rise; that is the new zero{off}"
     )
-    return Zero(contact.place, offset, finding, contact.sd, contact)
+    return Zero(contact.position, offset, finding, contact.sd, contact)
 
 
 def _at_start(one: OrientedRecording) -> Zero | UnsureError:

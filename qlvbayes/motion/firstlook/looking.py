@@ -161,12 +161,12 @@ def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
     if _loaded(_first_ramp(trial) or trial.phases[0]):
         return None
     contact = find_contact(trial.test.displacement, trial.test.force)
-    if contact is None or not np.all(np.isfinite([contact.place, contact.sd, contact.force_sd])):
+    if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
         return None
     begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
     if begun and contact.force > _clear(experiment):
         return None
-    return ContactSeen(contact.place, contact.sd, contact.force, float(contact.force_sd))
+    return ContactSeen(contact.position, contact.sd, contact.force, float(contact.force_sd))
 
 
 def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
@@ -216,9 +216,9 @@ def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
 
 def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
     contact, cautions = test.contact, []
-    if contact is not None and contact.place > max(_SURE * contact.sd, _TOE * test.depth):
+    if contact is not None and contact.position > max(_SURE * contact.sd, _TOE * test.depth):
         cautions.append(
-            f"the force begins to rise at {plain(contact.place)} +- {plain(contact.sd, 2)} "
+            f"the force begins to rise at {plain(contact.position)} +- {plain(contact.sd, 2)} "
             f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
             "fit find it by --add contact_offset"
         )

@@ -54,11 +54,11 @@ class MotionSeen(
 class ContactSeen(
     Part,
     frozen=True,
-    rename={"place": "place_mm", "sd": "sd_mm", "force": "force_N", "force_sd": "force_sd_N"},
+    rename={"position": "place_mm", "sd": "sd_mm", "force": "force_N", "force_sd": "force_sd_N"},
 ):
     """Displacement where the force begins to rise, from the file's zero; force: before it."""
 
-    place: float
+    position: float
     sd: float
     force: float
     force_sd: float

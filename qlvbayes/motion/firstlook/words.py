@@ -99,9 +99,9 @@ def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
     if not contacts:
         return ["contact: no test shows an approach, so that depth counts from the zero as it is"]
     off = [
-        f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
+        f"{plain(seen.position, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
         for name, seen in contacts
-        if abs(seen.place) > _AGREES * seen.sd
+        if abs(seen.position) > _AGREES * seen.sd
     ]
     agree, most = len(contacts) - len(off), max(seen.sd for _, seen in contacts)
     sentences = []
