@@ -33,7 +33,7 @@ _TAUS = 5
 _RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
 _LEAST_RATIO = -9.0
 _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
-_LONGEST = 0.5  # of the longest dwell: a longer memory cannot be told from the trend
+_LONGEST = 0.5  # of the median dwell: a longer memory cannot be told from the trend
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
 _NEUTRAL = 0.1  # of a dwell: memory where none is seen
@@ -178,18 +178,18 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
     # a memory that less than half of the dwells are long enough to show may be one's relaxation
-    typical = longest = float(np.median(lengths))
-    neutral = _NEUTRAL * typical
+    typical = float(np.median(lengths))
+    neutral, memory = _NEUTRAL * typical, _LONGEST * typical
     if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
         typical, neutral = length, float(np.exp(prior_log_tau(length)))
-        longest = neutral / _LONGEST
+        memory = neutral
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
-    posterior = _fitted(pool, longest, typical, quickest)
+    posterior = _fitted(pool, memory, typical, quickest)
     growth, level = 0.0, float(np.mean(np.abs(pool.force)))
     if peak > 0.0 and (grown := _growth(posterior, peak, level)) is not None:
         growth, scaled = grown
-        posterior = _fitted(scaled, longest, typical, quickest)
+        posterior = _fitted(scaled, memory, typical, quickest)
     pool = posterior.pool
     alone, variance = pool.of_white()
     if posterior.best - alone < _DECISIVE:
@@ -211,15 +211,16 @@ def _pool(dwells: list[Dwell]) -> Pool:
     return pool
 
 
-def _fitted(pool: Pool, longest: float, typical: float, quickest: float) -> Dwells:
+def _fitted(pool: Pool, memory: float, typical: float, quickest: float) -> Dwells:
     """Return the more likely of both kinds of correlated noise at its mode, with the other one.
 
+    memory, typical (s): the longest correlation time, and the length of a dwell.
     Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
     than the quickest movement, of which the record would show little otherwise.
     """
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
-    most = max(_LONGEST * longest, 2.0 * shortest)
+    most = max(memory, 2.0 * shortest)
     taus = np.log([shortest, most])
     bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
     starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
