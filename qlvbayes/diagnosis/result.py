@@ -186,6 +186,37 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
     time: float
 
 
+class Support(Part, frozen=True):
+    """State what besides its evidence speaks for or against an effect (`checks.support`).
+
+    Parameters
+    ----------
+    heldout_gain
+        Logarithm of the error on tests left out without the effect over that with it.
+    heldout_sds
+        Mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
+        than three parts.
+    share
+        Logarithm of the structured part that is left without the effect over that with it.
+    varying
+        Log Bayes factor that its strength varies between tests and kinds of phase.
+    error_left
+        Logarithm of the error of the fit with the effect over the noise floor.
+    p_left
+        P-value of the adequacy test with the effect.
+    effects
+        Number of effects that the hypothesis adds.
+    """
+
+    heldout_gain: float
+    heldout_sds: float
+    share: float
+    varying: float
+    error_left: float
+    p_left: float
+    effects: int
+
+
 class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):
     """The probability of one effect, or of ``none``, over all hypotheses.
 
@@ -212,6 +243,9 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
         or the hypothesis without it was not evaluated.
     certainty
         How often an effect with such evidence was there in blind studies (`certainty`).
+    support
+        What else speaks for or against it; None where it is improbable, or the hypothesis without
+        it was not evaluated.
     """
 
     effect: str
@@ -223,6 +257,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
     inclusion_error: float = 0.0
     half: Decisive | None = None
     certainty: float | None = None
+    support: Support | None = None
 
 
 class Unseen(Part, frozen=True):

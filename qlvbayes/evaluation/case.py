@@ -79,6 +79,8 @@ def verdict_of(result: DiagnosisResult) -> dict:
         "floor": result.noise,
         "log_bayes_factors": {ranked.effect: ranked.log_bayes_factor for ranked in result.ranking},
         "probabilities": {ranked.effect: ranked.inclusion for ranked in result.ranking},
+        "support": {one.effect: to_builtins(one.support) for one in result.ranking if one.support},
+        "readings": {one.effect: one.half.blocks for one in result.ranking if one.half},
         "refused": [[one.effect, one.reason] for one in result.refused],
         "stages": [_stage(stage) for stage in result.stages],
         "found": _means_and_sds(result.constants),

@@ -225,6 +225,23 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
+def test_the_support_of_an_effect_that_is_there():
+    """Tests left out, structure and constancy all speak for it; of improbable ones nothing."""
+    pad = measured([HIDDEN["viscous_drag"](eta=0.004)], rates=(1.0, 20.0, 100.0))
+    drag = diagnose(pad, kinds=FEW)
+    first, *others = (one for one in drag.result.ranking if one.effect != "none")
+    assert first.effect == "viscous_drag"
+    support, stages = first.support, drag.result.stages
+    before, after = (stages[k].heldout_rmse for k in (0, -1))
+    assert support.heldout_gain == pytest.approx(np.log(before / after), abs=0.2)
+    assert support.heldout_sds > 1.0
+    assert support.share > np.log(2.0)
+    assert support.varying < np.log(drag.work.search.settings.imitation.odds)
+    assert support.error_left == pytest.approx(np.log(stages[-1].rmse / drag.result.noise), abs=0.1)
+    assert support.p_left > 0.01
+    assert all(one.support is None for one in others if one.inclusion < 0.1)
+
+
 def _plain_point(experiment, work):
     """Record and mode of the plain model of the same pad under other noise."""
     search = build_search(experiment, kinds=())

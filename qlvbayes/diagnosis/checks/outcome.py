@@ -13,7 +13,14 @@ from scipy.special import logsumexp, softmax
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import HeldOutPart, Predicted, errors, leave_out, predictions
+from qlvbayes.diagnosis.checks.heldout import (
+    HeldOut,
+    HeldOutPart,
+    Predicted,
+    errors,
+    leave_out,
+    predictions,
+)
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities
@@ -90,7 +97,11 @@ class SearchOutcome:
 
     def heldout(self, candidate: Candidate) -> float:
         """Return the error on tests left out (N)."""
-        return errors(self.samples, self._parts, [self._predicted(candidate)]).rmse
+        return self.heldout_parts(candidate).rmse
+
+    def heldout_parts(self, candidate: Candidate) -> HeldOut:
+        """Return the errors on tests left out (N), of all and of each part."""
+        return errors(self.samples, self._parts, [self._predicted(candidate)])
 
     @cached_property
     def _parts(self) -> list[HeldOutPart]:
@@ -182,6 +193,15 @@ class SearchOutcome:
     def inclusion(self, effect: str) -> float:
         """Return the probability that an effect is in the model, in any of its forms."""
         return self._share_of(np.array([effect in weight.effects for weight in self.weights]))
+
+    def most_probable(self, effect: str) -> Candidate | None:
+        """Return the most probable hypothesis with an effect, in any of its forms."""
+        having = [k for k, weight in enumerate(self.weights) if effect in weight.effects]
+        return (
+            self.candidates[max(having, key=lambda k: self.weights[k].log_posterior)]
+            if having
+            else None
+        )
 
     def _share_of(self, inside: NDArray[np.bool_]) -> float:
         """Return the total probability of some hypotheses, as a mask (H,)."""

@@ -12,6 +12,7 @@ from msgspec import structs
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.certainty import LEAST as LEAST_PROBABLE
 from qlvbayes.diagnosis.certainty import certainty
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
@@ -21,6 +22,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
     unmeasured,
     unseen,
 )
+from qlvbayes.diagnosis.checks.support import support
 from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
@@ -117,7 +119,7 @@ def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]
     remainder, worst = outcome.remainder(selected), stages[0].worst
     return {
         "stages": stages,
-        "ranking": _with_certainty(outcome.ranking(), stages, outcome.experiment.floor.total),
+        "ranking": _supported(outcome, stages),
         "heldout_of_all": outcome.heldout_of_all(),
         "discrepancy": selected.mode.size,
         "tolerance": remainder.tolerance,
@@ -155,18 +157,18 @@ def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) ->
     )
 
 
-def _with_certainty(
-    ranking: Sequence[Ranked], stages: Sequence[Stage], noise: float
-) -> tuple[Ranked, ...]:
-    """Return the ranking with the certainty of each effect, by blind studies."""
+def _supported(outcome: SearchOutcome, stages: Sequence[Stage]) -> tuple[Ranked, ...]:
+    """Return the ranking with the support for each probable effect, and with its certainty."""
+    noise = outcome.experiment.floor.total
     return tuple(
-        structs.replace(
+        one
+        if one.effect == "none" or one.inclusion < LEAST_PROBABLE
+        else structs.replace(
             one,
-            certainty=None
-            if one.effect == "none"
-            else certainty(one.effect, one.inclusion, one.log_bayes_factor, stages, noise),
+            certainty=certainty(one.effect, one.inclusion, one.log_bayes_factor, stages, noise),
+            support=support(outcome, one.effect),
         )
-        for one in ranking
+        for one in outcome.ranking()
     )
 
 

@@ -1,0 +1,75 @@
+r"""The support for an effect: what besides its evidence speaks for or against its being there.
+
+All figures compare the most probable hypothesis that has the effect with the same without it, as
+the search left both. With E the errors on tests left out, S the structured parts of the residuals
+(`remainder`) and n the number of parts left out,
+
+.. math:: \text{gain} = \ln \frac{E_{without}}{E_{with}}, \quad
+          \text{sds} = \frac{\bar d}{s_d / \sqrt n},\ d = E_{without}^2 - E_{with}^2
+          \text{ of each part}, \quad
+          \text{share} = \ln \frac{S_{without}}{S_{with}}
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qlvbayes.diagnosis.checks.constancy import log_odds_of_varying
+from qlvbayes.diagnosis.checks.outcome import SearchOutcome
+from qlvbayes.diagnosis.result import Support
+
+_NONE_LEFT = 1e-3  # of the noise floor: a structured part that counts as none
+
+
+def support(outcome: SearchOutcome, effect: str) -> Support | None:
+    """Return the support for an effect; None where the same without it was not evaluated.
+
+    Parameters
+    ----------
+    outcome
+        The posterior over the hypotheses of a search.
+    effect
+        Name of a candidate effect.
+    """
+    having = outcome.most_probable(effect)
+    if having is None:
+        return None
+    form = outcome.search.form_of(having.hypothesis, effect)
+    without = outcome.search.candidates.get(having.hypothesis.less(form)) if form else None
+    if form is None or without is None:
+        return None
+    errors = [outcome.heldout_parts(one) for one in (without, having)]
+    noise = outcome.experiment.floor.total
+    left = [
+        math.hypot(outcome.remainder(one).excess, _NONE_LEFT * noise) for one in (without, having)
+    ]
+    search = outcome.search
+    return Support(
+        heldout_gain=_log_ratio(*(one.rmse for one in errors)),
+        heldout_sds=_paired(*(np.square(one.by_part) for one in errors)),
+        share=math.log(left[0] / left[1]),
+        varying=log_odds_of_varying(
+            search.density, outcome.samples, having, form, search.settings.imitation
+        ),
+        error_left=_log_ratio(outcome.samples.error(outcome.residuals(having)), noise),
+        p_left=outcome.adequacy(having).p_value,
+        effects=len(search.added(having.hypothesis)),
+    )
+
+
+def _log_ratio(first: float, second: float) -> float:
+    """Return ln(first / second); 0 where it is not finite."""
+    if not (first > 0.0 and second > 0.0):  # false for NaN
+        return 0.0
+    return math.log(first / second)
+
+
+def _paired(before: np.ndarray, after: np.ndarray) -> float:
+    """Return the mean of before - after over its standard error; 0 of fewer than three parts."""
+    falls = before - after
+    if falls.size < 3 or not np.isfinite(falls).all():
+        return 0.0
+    error = falls.std(ddof=1) / math.sqrt(falls.size)
+    return float(falls.mean() / error) if error > 0.0 else 0.0
