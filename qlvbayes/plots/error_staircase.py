@@ -31,8 +31,8 @@ _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # ratio of highest to lowest beyond which the axis is logarithmic
 _DECADES = 50.0  # ratio of highest to lowest below which 2 and 5 have ticks too
 _RISE = (
-    "An effect is added where the evidence rises, which weighs readings by their noise; "
-    "RMSE does not."
+    "An effect is added where the evidence rises, which weighs readings by all their noise; RMSE "
+    "weighs them by stated sds alone."
 )
 
 
