@@ -77,6 +77,7 @@ class Name:
 
     run: str
     study: int
+    effect: str
     x: Array
     stated: float
     there: bool
@@ -94,7 +95,7 @@ def names_of(run: str, cases: Sequence[dict[str, Any]]) -> Iterator[Name]:
             if effect == "none" or stated < LEAST or factor is None:
                 continue
             x = features(effect, factor, steps, case["floor"])
-            yield Name(run, case["index"], x, stated, effect in there)
+            yield Name(run, case["index"], effect, x, stated, effect in there)
 
 
 def learnt(x: Array, there: Array) -> Array:

@@ -1,0 +1,30 @@
+"""What a decision by certainty alone would have said of a study."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "validation"))
+
+from decisions import decided
+
+
+@pytest.mark.parametrize(
+    ("stated", "certainty", "verdict", "effects", "group"),
+    [
+        ("missing_effect", {"drag": 0.95}, "missing_effect", ["drag"], []),
+        ("missing_effect", {"drag": 0.7}, "ambiguous", ["drag"], ["drag"]),
+        ("missing_effect", {"drag": 0.3}, "adequate", [], []),
+        ("adequate", {}, "adequate", [], []),
+        ("unexplained", {"drag": 0.95}, "partly_explained", ["drag"], []),
+        ("unexplained", {"drag": 0.7}, "unexplained", [], []),
+        ("partly_explained", {}, "unexplained", [], []),
+        ("missing_effect", {"lag": 0.6, "drag": 0.95}, "ambiguous", ["drag", "lag"], ["lag"]),
+        ("adequate", dict.fromkeys("abcd", 0.6), "unexplained", [], []),
+    ],
+)
+def test_a_decision_by_certainty(stated, certainty, verdict, effects, group):
+    case = decided({"verdict": stated, "kind": "single"}, certainty, 0.9)
+    assert (case["verdict"], case["effects"], case["group"]) == (verdict, effects, group)
+    assert case["kind"] == "single"
