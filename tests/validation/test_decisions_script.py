@@ -1,12 +1,6 @@
 """What a decision by certainty alone would have said of a study."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "validation"))
-
 from decisions import decided
 
 
