@@ -28,6 +28,7 @@ from qlvbayes.motion.record import Record
 
 _TRIALS = 64  # draws at which u is tried
 _EXACT = 1e-9  # rounding of u
+_STEP = 1e-5  # in theta's units of order one: of a shape that a Metropolis step corrects
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +48,18 @@ class Coordinates:
     @classmethod
     def from_posterior(cls, posterior: Posterior, start: NormalApproximation) -> Self:
         """Return the coordinates of a posterior; u is tried at draws of a normal approximation."""
-        depth, time = best_reading(posterior.record)
-        straight = cls(posterior, depth, time, None)
+        straight = cls(posterior, *best_reading(posterior.record), None)
+        if posterior.size == 0:
+            return straight
+        near = straight._about(start.mean)
         some = start.draw(_TRIALS, np.random.default_rng(0))
-        moved = np.concatenate([some, *(some + unit for unit in np.eye(posterior.size))])
-        logs = straight._logs(moved).reshape(-1, _TRIALS)
-        slope = straight._slope(start.mean)
-        linear = straight._logs(start.mean) + (some - start.mean) @ slope
+        moved = np.concatenate([near, some, *(some + unit for unit in np.eye(posterior.size))])
+        logs = straight._logs(moved)
+        if not np.isfinite(logs).all():  # as with the platen off the specimen
+            return straight
+        at_mean, slope = logs[0], _slope(logs[: len(near)])
+        logs = logs[len(near) :].reshape(-1, _TRIALS)
+        linear = at_mean + (some - start.mean) @ slope
         bends = float(np.mean((logs[0] - linear) ** 2)) > float(slope @ start.covariance @ slope)
         follows = np.all(np.abs(logs[1:] - logs[0] - 1.0) < _EXACT, axis=1)
         return replace(straight, index=int(np.argmax(follows)) if bends and any(follows) else None)
@@ -74,7 +80,7 @@ class Coordinates:
         if self.index is None:
             return normal
         jacobian = np.eye(self.posterior.size)
-        jacobian[self.index] = self._slope(normal.mean)
+        jacobian[self.index] = _slope(self._logs(self._about(normal.mean)))
         return NormalApproximation(
             self.from_theta(normal.mean), jacobian @ normal.covariance @ jacobian.T
         )
@@ -89,8 +95,14 @@ class Coordinates:
         logs = _log_forces(self.posterior, self.depth, self.time, flat)
         return np.asarray(logs).reshape(theta.shape[:-1])
 
-    def _slope(self, theta: np.ndarray) -> np.ndarray:
-        return np.asarray(_log_force_slope(self.posterior, self.depth, self.time, theta))
+    def _about(self, theta: np.ndarray) -> np.ndarray:
+        """Return theta (D,) and, below it, theta with a step along each of its numbers."""
+        return theta + _STEP * np.vstack([np.zeros(theta.size), np.eye(theta.size)])
+
+
+def _slope(logs: np.ndarray) -> np.ndarray:
+    """Return the derivatives (D,) of u from its values (1 + D,) at a point and at steps from it."""
+    return (logs[1:] - logs[0]) / _STEP
 
 
 def best_reading(record: Record) -> tuple[float, float]:
@@ -119,8 +131,3 @@ def _log_force(posterior: Posterior, depth: float, time: float, theta: Array) ->
 @jax.jit
 def _log_forces(posterior: Posterior, depth: float, time: float, thetas: Array) -> Array:
     return jax.vmap(lambda theta: _log_force(posterior, depth, time, theta))(thetas)
-
-
-@jax.jit
-def _log_force_slope(posterior: Posterior, depth: float, time: float, theta: Array) -> Array:
-    return jax.jacfwd(lambda x: _log_force(posterior, depth, time, x))(theta)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -45,11 +46,17 @@ def normal(about):
     return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
 
 
+def held_force(about, depth, time, theta):
+    model = about.bind(theta)[0]
+    return jnp.log(model.relaxation.curve(time) * model.elastic.force(depth))
+
+
 def thin(about):
     """The same, but as thin as the good reading's error allows, to first order."""
     wide = normal(about)
-    slope = Coordinates.from_posterior(about, wide)._slope(wide.mean)
-    along = wide.covariance @ slope
+    depth, time = best_reading(about.record)
+    slope = jax.grad(lambda theta: held_force(about, depth, time, theta))(wide.mean)
+    along = wide.covariance @ np.asarray(slope)
     variance = slope @ along
     covariance = wide.covariance - np.outer(along, along) * (1.0 - SHARE**2 / variance) / variance
     return NormalApproximation(wide.mean, covariance)
@@ -89,6 +96,18 @@ def test_where_the_posterior_is_thicker_than_it_bends_theta_stays():
     wide = normal(own)
     narrow = replace(wide, covariance=1e-4 * wide.covariance)
     assert Coordinates.from_posterior(own, narrow).index is None
+
+
+def test_without_free_constants_or_a_finite_force_theta_stays():
+    own = posterior()
+    start = thin(own)
+    depths = own.record.motion.displacement
+    motion = replace(own.record.motion, displacement=jnp.zeros_like(depths))
+    off = Posterior(own.model, White(NOISE), replace(own.record, motion=motion))
+    assert Coordinates.from_posterior(off, start).index is None
+    fixed = Posterior(own.bind(jnp.asarray(start.mean))[0], White(NOISE), own.record)
+    nothing = NormalApproximation(np.zeros(0), np.zeros((0, 0)))
+    assert Coordinates.from_posterior(fixed, nothing).index is None
 
 
 def test_the_best_reading_is_the_one_of_least_noise():
