@@ -129,7 +129,7 @@ def test_one_good_reading_among_noise_does_not_stop_the_walkers():
     assert chain.acceptance > 0.15
     thetas = chain.theta[::10].reshape(-1, own.size)
     rows = np.random.default_rng(0).choice(len(thetas), 500, replace=False)
-    forces = np.array([np.asarray(own.predict(jnp.asarray(x)))[0, best] for x in thetas[rows]])
+    forces = np.asarray(jax.vmap(own.predict)(jnp.asarray(thetas[rows])))[:, 0, best]
     force = float(np.asarray(own.record.blocks.force)[0, best])
     assert forces.mean() == pytest.approx(force, abs=0.25 * SHARE * force)
     assert forces.std() == pytest.approx(SHARE * force, rel=0.2)

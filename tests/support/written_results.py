@@ -126,6 +126,15 @@ def curves(pad, effects=(), miss=0.0, samples=80):
 
 
 LAWS = {"elastic": "exponential", "relaxation": "prony:2"}
+SUPPORT = {
+    "heldout_gain": 1.5,
+    "heldout_sds": 3.0,
+    "share": 2.0,
+    "varying": -2.0,
+    "error_left": 0.01,
+    "p_left": 0.4,
+    "effects": 1,
+}
 HALF = {"block_means": 21, "of": 956, "test": "fast", "phase": "ramp", "time_s": 0.031}
 
 
@@ -146,6 +155,7 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
             "inclusion_error": 0.001,
             "half_of_evidence": HALF if k == 0 else None,
             "certainty": 0.9 if k == 0 else None,
+            "support": SUPPORT if k == 0 else None,
         }
         for k, effect in enumerate([*(named or ["friction"]), "inertia", "none"])
     ]
