@@ -47,7 +47,7 @@ from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.parallel.engines import Processes
+from qlvbayes.parallel.engines import opened_engine
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule
@@ -61,9 +61,8 @@ def main() -> None:
     pads = dict(_recorded(options.folders)) | dict(_simulated(options.seed, options.pads))
     store = Store(store_path(ROOT / "build" / "validation", "budget"), "budget")
     if not options.finished:
-        engine = Processes(options.jobs) if options.jobs > 1 else None
         check = partial(_checked, pads, options.bonded.split(","))
-        with counting("pads") as report:
+        with opened_engine(options.jobs) as engine, counting("pads") as report:
             run_missing(check, store, pads, report, engine)
     found = [store.cases[name] for name in pads if name in store.cases]
     command = shlex.join([".venv/bin/python", "validation/budget.py", *sys.argv[1:]])

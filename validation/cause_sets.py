@@ -10,8 +10,6 @@ laws are no causes here: their probabilities are reported by themselves.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import shlex
 import sys
@@ -19,20 +17,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
-from certainty import FOLDS, given, learnt
+from certainty import FOLDS, given, learnt, runs_asked_for
 from numpy.typing import NDArray
 from page import Origin
 
 from qlvbayes.diagnosis.certainty import STRUCTURE, features
-from qlvbayes.evaluation.counting import true_names
+from qlvbayes.evaluation.counting import Case, true_names
 from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
 Array = NDArray[np.float64]
-Case = dict[str, Any]
 
 LEVELS = (0.8, 0.9, 0.95)
 """Shares of the studies whose set is to hold all that is there."""
@@ -215,15 +211,9 @@ def _row(words: str, some: Sequence[tuple[int, bool]]) -> str:
 
 def main() -> int:
     """Count, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "cause_sets.md")
-    chosen = parser.parse_args()
-    cases: list[Case] = []
-    for run in chosen.runs:
-        text = (ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8")
-        cases += [c for c in json.loads(text)["cases"] if c.get("seen") and c.get("stages")]
-    write_whole(chosen.output, page(cases, shlex.join(sys.argv)).encode())
+    runs, output = runs_asked_for(__doc__, "cause_sets.md")
+    cases = [case for own in runs.values() for case in own]
+    write_whole(output, page(cases, shlex.join(sys.argv)).encode())
     return 0
 
 

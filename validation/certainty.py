@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from scipy.stats import beta
 
 import qlvbayes.diagnosis.certainty as package
 from qlvbayes.diagnosis.certainty import FEATURES, LEAST, features
-from qlvbayes.evaluation.counting import true_names
+from qlvbayes.evaluation.counting import Case, true_names
 from qlvbayes.io.files import write_json, write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,11 +82,25 @@ class Name:
     there: bool
 
 
-def names_of(run: str, cases: Sequence[dict[str, Any]]) -> Iterator[Name]:
-    """Every effect of a probability of `LEAST` or more, in studies whose answer can be seen."""
+def runs_asked_for(description: str | None, page: str) -> tuple[dict[str, list[Case]], Path]:
+    """Return the studies of each run on the command line that could be seen, and the output."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / page)
+    options = parser.parse_args()
+    return {run: seen_cases(run) for run in options.runs}, options.output
+
+
+def seen_cases(run: str) -> list[Case]:
+    """Return the published studies of a run that could be seen and were diagnosed."""
+    text = (ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8")
+    cases = json.loads(text)["cases"]
+    return [case for case in cases if case.get("seen") and case.get("stages")]
+
+
+def names_of(run: str, cases: Sequence[Case]) -> Iterator[Name]:
+    """Every effect of a probability of `LEAST` or more, in studies that could be seen."""
     for case in cases:
-        if not case.get("seen") or not case.get("stages"):
-            continue
         there = true_names(case)
         steps = [SimpleNamespace(**stage) for stage in case["stages"]]
         for effect, stated in case["probabilities"].items():
@@ -200,14 +213,8 @@ def page(names: Sequence[Name], weights: Array, command: str) -> str:
 
 def main() -> int:
     """Learn, write the weights and the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "certainty.md")
-    chosen = parser.parse_args()
-    names: list[Name] = []
-    for run in chosen.runs:
-        cases = json.loads((ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8"))
-        names += names_of(run, cases["cases"])
+    runs, output = runs_asked_for(__doc__, "certainty.md")
+    names = [name for run, cases in runs.items() for name in names_of(run, cases)]
     x, there = _columns(names)
     weights = learnt(x, there)
     known = {
@@ -216,11 +223,11 @@ def main() -> int:
         "high": x.max(axis=0).tolist(),
         "names": len(names),
         "studies": len({(name.run, name.study) for name in names}),
-        "runs": chosen.runs,
+        "runs": list(runs),
         "bins": [row[:4] for row in bins(left_out(names), there)],
     }
     write_json(Path(str(package.__file__)).with_suffix(".json"), known)
-    write_whole(chosen.output, page(names, weights, shlex.join(sys.argv)).encode())
+    write_whole(output, page(names, weights, shlex.join(sys.argv)).encode())
     return 0
 
 

@@ -9,22 +9,18 @@ that vetoes had shaped: an effect that was refused has no gain on tests left out
 
 from __future__ import annotations
 
-import argparse
-import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from certainty import left_out, names_of
+from certainty import left_out, names_of, runs_asked_for
 from page import Origin
 
-from qlvbayes.evaluation.counting import COUNTS, LARGEST_GROUP, counted
+from qlvbayes.evaluation.counting import COUNTS, LARGEST_GROUP, Case, Count, counted
 from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
-Case = dict[str, Any]
 
 THRESHOLDS = (0.9, 0.8, 0.7, 0.6)
 """Certainties from which an effect is named."""
@@ -93,7 +89,6 @@ def page(runs: Mapping[str, Sequence[Case]], command: str) -> str:
         (case, certainties.get((run, case["index"]), {}))
         for run, cases in runs.items()
         for case in cases
-        if case.get("seen") and case.get("stages")
     ]
     columns = [[case for case, _ in seen]]
     columns += [[decided(case, own, least) for case, own in seen] for least in THRESHOLDS]
@@ -111,22 +106,15 @@ def page(runs: Mapping[str, Sequence[Case]], command: str) -> str:
     )  # fmt: skip
 
 
-def _cell(cases: Sequence[Case], count: Any) -> str:
+def _cell(cases: Sequence[Case], count: Count) -> str:
     rate = counted(cases, count)
     return f"{rate.hits} of {rate.n} ({rate.share:.0%})"
 
 
 def main() -> int:
     """Count, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "decisions.md")
-    chosen = parser.parse_args()
-    runs = {
-        run: json.loads((ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8"))["cases"]
-        for run in chosen.runs
-    }
-    write_whole(chosen.output, page(runs, shlex.join(sys.argv)).encode())
+    runs, output = runs_asked_for(__doc__, "decisions.md")
+    write_whole(output, page(runs, shlex.join(sys.argv)).encode())
     return 0
 
 

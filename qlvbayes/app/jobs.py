@@ -30,7 +30,7 @@ class Job:
     """Hold a job as in docs/app_api.md.
 
     ``enough`` is whether a search was told to end with its results so far; ``result`` is what its
-    process returned; ``probabilities`` are the probabilities that it reported last.
+    process returned; ``probabilities`` are those that it reported last.
     """
 
     id: str

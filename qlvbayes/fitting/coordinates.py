@@ -121,13 +121,13 @@ def best_reading(record: Record) -> tuple[float, float]:
     return float(displacement[node]), float(time[node] - time[min(first, node)])
 
 
-def _log_force(posterior: Posterior, depth: float, time: float, theta: Array) -> Array:
-    """Return ln |g(t) F_e(depth)| at theta (D,)."""
-    model = posterior.bind(theta)[0]
-    left = model.relaxation.curve(jnp.asarray(time)) * model.elastic.force(jnp.asarray(depth))
-    return jnp.log(jnp.abs(left))
-
-
 @jax.jit
 def _log_forces(posterior: Posterior, depth: float, time: float, thetas: Array) -> Array:
-    return jax.vmap(lambda theta: _log_force(posterior, depth, time, theta))(thetas)
+    """Return ln |g(t) F_e(depth)| (W,) at thetas (W, D)."""
+
+    def one(theta: Array) -> Array:
+        model = posterior.bind(theta)[0]
+        left = model.relaxation.curve(jnp.asarray(time)) * model.elastic.force(jnp.asarray(depth))
+        return jnp.log(jnp.abs(left))
+
+    return jax.vmap(one)(thetas)

@@ -59,12 +59,10 @@ def test_the_weights_are_those_that_the_published_studies_give(tmp_path):
     script = f"""
 import sys, json
 sys.path.insert(0, {str(ROOT / "validation")!r})
-from pathlib import Path
 import certainty as learning
 names = []
 for run in {list(known.runs)}:
-    cases = json.loads((Path({str(ROOT)!r}) / "docs" / f"wide_{{run}}.json").read_text())["cases"]
-    names += learning.names_of(run, cases)
+    names += learning.names_of(run, learning.seen_cases(run))
 x, there = learning._columns(names)
 found = learning.bins(learning.left_out(names), there)
 print(json.dumps([learning.learnt(x, there).tolist(), len(names), [row[:4] for row in found]]))

@@ -192,16 +192,15 @@ class SearchOutcome:
 
     def inclusion(self, effect: str) -> float:
         """Return the probability that an effect is in the model, in any of its forms."""
-        return self._share_of(np.array([effect in weight.effects for weight in self.weights]))
+        return self._share_of(self.having(effect))
 
-    def most_probable(self, effect: str) -> Candidate | None:
-        """Return the most probable hypothesis with an effect, in any of its forms."""
-        having = [k for k, weight in enumerate(self.weights) if effect in weight.effects]
-        return (
-            self.candidates[max(having, key=lambda k: self.weights[k].log_posterior)]
-            if having
-            else None
-        )
+    def having(self, effect: str) -> NDArray[np.bool_]:
+        """Return which hypotheses (H,) have an effect, in any of its forms."""
+        return np.array([effect in weight.effects for weight in self.weights])
+
+    def most_probable(self, inside: NDArray[np.bool_]) -> int:
+        """Return the index of the most probable of some hypotheses, a mask (H,)."""
+        return int(np.argmax(np.where(inside, self._log_posteriors, -np.inf)))
 
     def _share_of(self, inside: NDArray[np.bool_]) -> float:
         """Return the total probability of some hypotheses, as a mask (H,)."""
@@ -228,9 +227,8 @@ class SearchOutcome:
         log_prior_odds = log_odds_of_effect(len(names), self.search.settings)
         ranked: list[tuple[float, Ranked]] = []
         for name in ("none", *names):
-            inside = np.array(
-                [not w.effects if name == "none" else name in w.effects for w in self.weights]
-            )
+            without_any = np.array([not weight.effects for weight in self.weights])
+            inside = without_any if name == "none" else self.having(name)
             if inside.any():
                 odds = _log_odds(self._log_posteriors, inside)
                 odds -= 0.0 if name == "none" else log_prior_odds
@@ -244,7 +242,7 @@ class SearchOutcome:
 
     def _ranked(self, name: str, inside: NDArray[np.bool_], odds: float) -> Ranked:
         """Return the entry of one effect, which the hypotheses in a mask (H,) contain."""
-        index = int(np.argmax(np.where(inside, self._log_posteriors, -np.inf)))
+        index = self.most_probable(inside)
         best, form = self.candidates[index], self.weights[index].forms.get(name, name)
         own = self.estimates(best, lambda name: name.startswith(f"{form}."))
         counts = np.array([max(len(weight.effects), 1) for weight in self.weights])

@@ -31,21 +31,19 @@ def support(outcome: SearchOutcome, effect: str) -> Support | None:
     outcome
         The posterior over the hypotheses of a search.
     effect
-        Name of a candidate effect.
+        Name of a candidate effect, which some hypothesis has.
     """
-    having = outcome.most_probable(effect)
-    if having is None:
-        return None
-    form = outcome.search.form_of(having.hypothesis, effect)
-    without = outcome.search.candidates.get(having.hypothesis.less(form)) if form else None
-    if form is None or without is None:
+    search = outcome.search
+    index = outcome.most_probable(outcome.having(effect))
+    having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)
+    without = search.candidates.get(having.hypothesis.less(form))
+    if without is None:
         return None
     errors = [outcome.heldout_parts(one) for one in (without, having)]
     noise = outcome.experiment.floor.total
     left = [
         math.hypot(outcome.remainder(one).excess, _NONE_LEFT * noise) for one in (without, having)
     ]
-    search = outcome.search
     return Support(
         heldout_gain=_log_ratio(*(one.rmse for one in errors)),
         heldout_sds=_paired(*(np.square(one.by_part) for one in errors)),
