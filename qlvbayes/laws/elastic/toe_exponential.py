@@ -8,7 +8,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 from qlvbayes.priors.distributions import Constant
@@ -75,17 +74,10 @@ class ToeExponential(AbstractElastic):
         moves = travel != 0.0
         share = jnp.where(moves, in_toe / jnp.where(moves, travel, 1.0), start <= self.toe)
         decay_toe, decay_beyond = share * decay, (1.0 - share) * decay
+        left_toe, left_beyond = jnp.exp(-decay_toe), jnp.exp(-decay_beyond)
+        toe = self.m * in_toe * exp_difference_ratio(jnp.ones(()), left_toe, decay_toe)
+        first, last = self.stiffness(start), self.stiffness(stop)
+        beyond = travel - in_toe
+        beyond *= exp_difference_ratio(last, first * left_beyond, self.b * beyond + decay_beyond)
         # the part that is passed first decays through the rest of the step
-        after_toe = jnp.where(travel >= 0.0, decay_beyond, 0.0)
-        after_beyond = jnp.where(travel >= 0.0, 0.0, decay_toe)
-        toe = self.m * in_toe * moments(decay_toe, 1)[0] * jnp.exp(-after_toe)
-        beyond = self._beyond(start, stop, decay_beyond) * jnp.exp(-after_beyond)
-        return toe + beyond
-
-    def _beyond(self, start: Array, stop: Array, decay: Array) -> Array:
-        """Return the step of the exponential law from the end of the toe (N)."""
-        first, last = (jnp.maximum(depth - self.toe, 0.0) for depth in (start, stop))
-        travel = last - first
-        bottom = self.m * jnp.exp(self.b * first - decay)
-        top = self.m * jnp.exp(self.b * last)
-        return travel * exp_difference_ratio(top, bottom, self.b * travel + decay)
+        return jnp.where(travel >= 0.0, toe * left_beyond + beyond, toe + beyond * left_toe)
