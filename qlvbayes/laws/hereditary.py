@@ -16,6 +16,7 @@ their average.)
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -84,13 +85,58 @@ def hereditary_force(
     The force is differentiable in every argument, also under jit and vmap; it takes O(N) time and
     memory.
     """
+    fractions, rates = relaxation.spectrum()
+    shares = fractions[1:, None]
+    path = (time, depth, sagitta)
+    instant, local, left, starts = _recursion(
+        elastic, rates, path, lambda parts: jnp.sum(shares * parts, axis=0)
+    )
+    force = fractions[0] * instant + local + jnp.sum(left * (shares * starts), axis=1)
+    return force.T.reshape(-1)[: time.shape[0]]
+
+
+def hereditary_parts(
+    elastic: AbstractElastic, rates: Array, time: Array, depth: Array, sagitta: Array
+) -> Array:
+    """Return F_e and every q_i, (L + 1, N) in N, at rates v_i (L,) in 1/s.
+
+    The fractions of a spectrum weight their sum, which is the force; see `hereditary_force`.
+    """
+    instant, local, left, starts = _recursion(
+        elastic, rates, (time, depth, sagitta), lambda parts: parts
+    )
+    parts = jnp.concatenate([instant[:, None], local + left * starts], axis=1)
+    return parts.transpose(1, 2, 0).reshape(parts.shape[1], -1)[:, : time.shape[0]]
+
+
+def _recursion(
+    elastic: AbstractElastic,
+    rates: Array,
+    path: tuple[Array, Array, Array | None],
+    kept: Callable[[Array], Array],
+) -> tuple[Array, Array, Array, Array]:
+    """Return what F_e and q_i are made of, with time down the columns of chunks.
+
+    Parameters
+    ----------
+    elastic, rates, path
+        Law, rates (L,), and time, depth and sagitta (N,) of a motion.
+    kept
+        What is kept of the modes (L, chunks) at each point.
+
+    Returns
+    -------
+    tuple
+        F_e (length, chunks); what is kept of the modes of motions that begin with each chunk; by
+        how much modes have decayed since, (length, L, chunks); q_i (L, chunks) at that beginning.
+    """
+    time, depth, sagitta = path
     times, start_time = _chunks(time, time[0])
     depths, start_depth = _chunks(depth, jnp.zeros((), depth.dtype))
     instant = elastic.force(depths)
     sagittas = None
     if sagitta is not None:
         sagittas, _ = _chunks(sagitta * _mean_stiffness(elastic, depth), sagitta[0])
-    fractions, rates = relaxation.spectrum()
     rates = rates[:, None]
 
     def advance(state: tuple[Array, ...], point: tuple[Any, ...]) -> tuple:
@@ -102,17 +148,14 @@ def hereditary_force(
         part = survival * part + step
         if sagitta_now is not None:
             part = part - sagitta_now * _sagitta_factor(decay, survival)
-        local = jnp.sum(fractions[1:, None] * part, axis=0)
-        return (part, time_now, depth_now, instant_now), local
+        return (part, time_now, depth_now, instant_now), kept(part)
 
     shape = (rates.shape[0], times.shape[1])
     first = (jnp.zeros(shape), start_time, start_depth, elastic.force(start_depth))
     local: Array
-    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant, sagittas))
+    (last, *_), local = jax.lax.scan(advance, first, (times, depths, instant, sagittas))
     left = jnp.exp(-rates * (times - start_time)[:, None])
-    chunk_states = fractions[1:, None] * _chunk_starts(left[-1], part)
-    force = fractions[0] * instant + local + jnp.sum(left * chunk_states, axis=1)
-    return force.T.reshape(-1)[: time.shape[0]]
+    return instant, local, left, _chunk_starts(left[-1], last)
 
 
 def _mean_stiffness(elastic: AbstractElastic, depth: Array) -> Array:

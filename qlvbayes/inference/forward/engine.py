@@ -9,7 +9,7 @@ kinks where exact derivatives would serve no better, and half as much is traced 
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
@@ -38,11 +38,12 @@ from qlvbayes.motion.record import Record, with_zeros
 
 Array = NDArray[np.float64]
 Leaves = tuple[JaxArray, ...]
+Force = JaxArray | Array
 
 SETS = 4
 """Number of sets of constants that are computed together."""
 _WORTH = 512  # points, whose force takes 1 ms; to compile for another length takes 1 s
-_MANY = 8  # groups of sets from which threads are worth their cost
+_MANY = 8  # groups of sets that a thread computes together
 _KEPT = 4  # records that are cached in the form pieces take
 
 
@@ -124,36 +125,55 @@ class LayerChain:
         layers = tuple(jax.tree.structure(layer) for layer in law.layers)
         return cls(jax.tree.structure(law.elastic), layers)
 
-    def force(self, sets: Sets, tests: TestGroup) -> JaxArray:
-        """Return the force (T, K, N) in N of as many sets as are computed together."""
-        return self._under(len(self.layers), sets, tests, tests.leaves, tests.structure)
+    def forces(self, groups: Sequence[Sets], tests: TestGroup) -> Sequence[Force]:
+        """Return the force (T, K, N) in N of each group of as many sets as run together."""
+        motions = [tests.leaves] * len(groups)
+        return self._under(len(self.layers), groups, tests, motions, tests.structure)
 
     def _under(
-        self, count: int, sets: Sets, tests: TestGroup, leaves: Leaves, structure: PyTreeDef
-    ) -> JaxArray:
-        """Return the force (T, K, N) of the ``count`` innermost layers over the material.
+        self,
+        count: int,
+        groups: Sequence[Sets],
+        tests: TestGroup,
+        motions: Sequence[Leaves],
+        structure: PyTreeDef,
+    ) -> Sequence[Force]:
+        """Return the forces (T, K, N) of the ``count`` innermost layers over the material.
 
-        leaves, structure: of the motion above them.
+        motions, structure: the leaves of the motion above them for each group, and its structure.
         """
         if count == 0:
-            return self._material(sets, jax.tree.unflatten(structure, leaves))
-        layer, own = self.layers[count - 1], sets.layers[count - 1]
-        plan, shared = plan_of(layer, self.elastic, structure), _shared(leaves, structure)
+            return self._material(groups, motions, structure)
+        layer, shared = self.layers[count - 1], _shared(motions[0], structure)
+        plan = plan_of(layer, self.elastic, structure)
         if plan is None:
             whole = whole_of(self.layers[:count], self.elastic, structure, shared)
-            return whole(sets.layers[:count], sets.laws, leaves)
-        elastic, laws = (self.elastic, sets.laws) if plan.uses_laws else (None, ())
-        answers: list[JaxArray] = []
+            return [
+                whole(sets.layers[:count], sets.laws, leaves)
+                for sets, leaves in zip(groups, motions, strict=True)
+            ]
+        elastic = self.elastic if plan.uses_laws else None
+        own = [(sets.layers[count - 1], sets.laws if plan.uses_laws else ()) for sets in groups]
+        answers: list[list[Force]] = [[] for _ in groups]
         for turn, request in enumerate(plan.requests):
-            requested = leaves
-            if any(request.new) and all(shared) and not own.shape[1] and turn == 0:
-                requested = self._common(layer, tests, leaves, structure, request)
+            requested = motions
+            if any(request.new) and all(shared) and not own[0][0].shape[1] and turn == 0:
+                common = self._common(layer, tests, motions[0], structure, request)
+                requested = [common] * len(groups)
             elif any(request.new):
                 piece = piece_of(layer, elastic, structure, turn, shared, request.new)
-                requested = _replaced(leaves, piece(own, laws, leaves, answers), request)
-            answers.append(self._under(count - 1, sets, tests, requested, request.structure))
+                requested = [
+                    _replaced(leaves, piece(*constants, leaves, known), request)
+                    for constants, leaves, known in zip(own, motions, answers, strict=True)
+                ]
+            forces = self._under(count - 1, groups, tests, requested, request.structure)
+            for known, force in zip(answers, forces, strict=True):
+                known.append(force)
         last = piece_of(layer, elastic, structure, len(plan.requests), shared)
-        return last(own, laws, leaves, answers)
+        return [
+            last(*constants, leaves, known)
+            for constants, leaves, known in zip(own, motions, answers, strict=True)
+        ]
 
     def _common(
         self,
@@ -170,12 +190,36 @@ class LayerChain:
             tests.known[key] = _replaced(leaves, new, request)
         return tests.known[key]
 
-    def _material(self, sets: Sets, motion: Motion) -> JaxArray:
-        """Return the force (T, K, N) of the material alone."""
-        path: tuple[Any, Any, Any] = motion.time, motion.displacement, motion.sagitta
-        shared = path[0].ndim == 2, path[1].ndim == 2, path[2].ndim == 2
-        force = material_of(self.elastic, sets.rates.ndim == 1, shared)
-        return force(sets.elastic, sets.fractions, sets.rates, *path)
+    def _material(
+        self, groups: Sequence[Sets], motions: Sequence[Leaves], structure: PyTreeDef
+    ) -> Sequence[Force]:
+        """Return the force (T, K, N) of the material alone for each group.
+
+        Sets that have the elastic constants, rates and motion in common share the parts of the
+        force: a difference quotient changes one constant at a time, most often of a layer or a
+        fraction.
+        """
+        elastic = np.concatenate([sets.elastic for sets in groups])
+        fractions = np.concatenate([sets.fractions for sets in groups])
+        rates = _joined([sets.rates for sets in groups], groups[0].rates.ndim == 1)
+        paths = [_path(leaves, structure) for leaves in motions]
+        shared = tuple(part.ndim == 2 for part in paths[0])
+        columns = zip(zip(*paths, strict=True), shared, strict=True)
+        path = [_joined(parts, same, axis=1) for parts, same in columns]
+        own = [x.swapaxes(0, 1) for x, same in zip(path, shared, strict=True) if not same]
+        index = _distinct([elastic, *([rates] if rates.ndim == 2 else []), *own])
+        first = np.unique(index, return_index=True)[1]
+        piece = material_of(self.elastic, rates.ndim == 1, shared)
+        force = np.empty((len(path[0]), len(fractions), path[0].shape[-1]))
+        for start in range(0, len(first), SETS):
+            rows = first[np.minimum(np.arange(start, start + SETS), len(first) - 1)]
+            some = [x if same else x[:, rows] for x, same in zip(path, shared, strict=True)]
+            of_rows = rates if rates.ndim == 1 else rates[rows]
+            parts = np.asarray(piece(elastic[rows], of_rows, *some))
+            for k in range(min(SETS, len(first) - start)):
+                same = np.flatnonzero(index == start + k)
+                force[:, same] = fractions[same] @ parts[:, k]
+        return np.split(force, len(groups), axis=1)
 
 
 class ForceEngine:
@@ -190,20 +234,23 @@ class ForceEngine:
     def forces(self, chain: LayerChain, sets: Sets, record: Record) -> Array:
         """Return block means (K, T, B) of the force (N) of K sets of constants over a record."""
         count, (tests, blocks) = len(sets.elastic), np.shape(record.nodes)[:2]
-        groups = self._groups(record)
-        parts = list(sets.parts())
-        forces = np.empty((len(parts) * SETS, tests, blocks))
+        by_length = self._groups(record)
+        groups = list(sets.parts())
+        forces = np.empty((len(groups) * SETS, tests, blocks))
 
-        def run(k: int) -> None:
-            for group in groups:
-                force = np.asarray(chain.force(parts[k], group))
-                forces[k * SETS : (k + 1) * SETS, group.members] = group.block_means(force)
+        def run(first: int) -> None:
+            some = groups[first : first + _MANY]
+            for own in by_length:
+                for k, force in enumerate(chain.forces(some, own), first):
+                    means = own.block_means(np.asarray(force))
+                    forces[k * SETS : (k + 1) * SETS, own.members] = means
 
-        if len(parts) < _MANY:
-            deque(map(run, range(len(parts))), maxlen=0)
+        runs = range(0, len(groups), _MANY)
+        if len(runs) == 1:
+            run(0)
         else:
             with ThreadPoolExecutor(cores()) as threads:
-                deque(threads.map(run, range(len(parts))), maxlen=0)
+                deque(threads.map(run, runs), maxlen=0)
         return forces[:count]
 
     def _groups(self, record: Record) -> list[TestGroup]:
@@ -228,6 +275,26 @@ def _by_length(record: Record) -> list[TestGroup]:
             size //= 2
         members.setdefault(size, []).append(k)
     return [TestGroup.from_record(record, indices, size) for size, indices in members.items()]
+
+
+def _joined(parts: Sequence[Any], shared: bool, axis: int = 0) -> Array:
+    """Return arrays of the groups as one; the first of them where all groups share it."""
+    if shared:
+        return np.asarray(parts[0])
+    return np.concatenate([np.asarray(part) for part in parts], axis=axis)
+
+
+def _distinct(rows: Sequence[Array]) -> NDArray[np.intp]:
+    """Return an index (K,) for sets, equal where their rows of all arrays (K, ...) are."""
+    known: dict[bytes, int] = {}
+    keys = (b"".join(x[k].tobytes() for x in rows) for k in range(len(rows[0])))
+    return np.array([known.setdefault(key, len(known)) for key in keys])
+
+
+def _path(leaves: Leaves, structure: PyTreeDef) -> tuple[Any, Any, Any]:
+    """Return time, depth and sagitta of a motion."""
+    motion: Motion = jax.tree.unflatten(structure, leaves)
+    return motion.time, motion.displacement, motion.sagitta
 
 
 def _shared(leaves: Leaves, structure: PyTreeDef) -> tuple[bool, ...]:
