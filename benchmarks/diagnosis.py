@@ -9,15 +9,13 @@ import time
 
 from timing import QLVBAYES, command_s
 
-PARTS = {  # function to part
-    "prepare": "motion, phases, noise floor",
-    "base_modes": "modes of the plain model",
-    "_grow": "effects more and less",
-    "see_rebased": "other laws",
-    "held_out": "tests left out",
-    "adequacy": "adequacy",
-    "responses": "what these tests cannot see",
-    "forces": "of all these, forces",
+PARTS = {  # file and function to part
+    ("experiment.py", "prepare"): "motion, phases, noise floor",
+    ("search.py", "begin"): "modes of the baseline model",
+    ("search.py", "expand_beam"): "neighbours: laws and effects",
+    ("crosschecks.py", "run"): "checks for missed modes",
+    ("diagnose.py", "_sample_next"): "evidence by sampling",
+    ("summarizing.py", "summarize"): "tests left out, adequacy, vetoes, what cannot be seen",
 }
 
 
@@ -28,18 +26,19 @@ def shell_times(cache, file="data/hidden.csv"):
         return [command_s(run, cache) for _ in range(2)]
 
 
-def in_process(cache, file="data/hidden.csv"):
+def in_process(cache, measurements="data/hidden.csv"):
     """(part, seconds): a first diagnosis in this process, a second one, and parts of a third."""
     os.environ["QLVBAYES_CACHE"] = cache
     import qlvbayes as q
 
-    pad = q.read_study(file).pads[0]
+    pad = q.read_study(measurements).pads[0]
     marks = [(name, _diagnosed_s(pad)) for name in ("first in a process", "once compiled")]
     profile = cProfile.Profile()
     profile.runcall(lambda: q.Specimen(pad).diagnose())
     found = pstats.Stats(profile).stats
-    for function, part in PARTS.items():
-        seconds = sum(v[3] for k, v in found.items() if k[2] == function and "qlvbayes" in k[0])
+    for (file, function), part in PARTS.items():
+        keys = [k for k in found if k[2] == function and "qlvbayes" in k[0] and k[0].endswith(file)]
+        seconds = sum(found[k][3] for k in keys)
         marks.append((f"{part} (with the profiler)", seconds))
     return marks
 

@@ -120,12 +120,12 @@ class Desk:
         A RefusedError is raised where one cannot be used; the questions then stay.
         """
         self._asked(session)
-        told = session.answers | answers
+        answered = session.answers | answers
         result = await self._ask(
-            "read", folder=str(session.folder), uploads=session.uploads, answers=told
+            "read", folder=str(session.folder), uploads=session.uploads, answers=answered
         )
         self._asked(session)  # and not answered twice meanwhile
-        session.answers = told
+        session.answers = answered
         self._stage(session, "reading")
         self._later(session, self._take(session, result))
 

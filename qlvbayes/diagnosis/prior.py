@@ -95,7 +95,7 @@ def log_prior(
     .. math:: p(\text{set}) = c (1 - c)^k / \binom{N}{k}
 
     and the members of a family share its probability. The baseline's laws have the probability
-    ``settings.usual`` each, and all others share the rest alike.
+    ``settings.chosen_law`` each, and all others share the rest alike.
 
     Parameters
     ----------
@@ -123,7 +123,11 @@ def log_prior(
     )
     for law, chosen, known in pairs:
         if len(known) > 1:
-            share = settings.usual if law == chosen else (1.0 - settings.usual) / (len(known) - 1)
+            share = (
+                settings.chosen_law
+                if law == chosen
+                else (1.0 - settings.chosen_law) / (len(known) - 1)
+            )
             total += math.log(share)
     return total
 

@@ -84,7 +84,7 @@ class NotRuledOut(Part, frozen=True):
     probability: float
 
 
-class Place(Part, frozen=True):
+class StructuredPhase(Part, frozen=True):
     """A phase of a test that holds structure."""
 
     test: str
@@ -157,7 +157,7 @@ class Stage(
     log_evidence: float | None
     p_value: float
     testable: bool
-    failing: tuple[Place, ...]
+    failing: tuple[StructuredPhase, ...]
     cells: tuple[CellError, ...]
     parameters: dict[str, Estimate]
 

@@ -34,7 +34,7 @@ from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import in_own_numbers
+from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
@@ -151,9 +151,12 @@ def _space(
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         _record(experiment, choices, model),
-        {name: in_own_numbers(law) for name, law in elastic.items()},
-        {name: in_own_numbers(law) for name, law in relaxation.items()},
-        {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
+        {name: in_quadratic_coordinates(law) for name, law in elastic.items()},
+        {name: in_quadratic_coordinates(law) for name, law in relaxation.items()},
+        {
+            name: in_quadratic_coordinates(in_natural_amplitude(effect))
+            for name, effect in effects.items()
+        },
         Correlated.from_floor(experiment.floor),
         choices.bonded,
     )

@@ -137,7 +137,7 @@ class DiagnosisSettings:
     complete
         Prior probability that no (further) effect is missing, which applies anew after each
         effect. One half is undecided.
-    usual
+    chosen_law
         Prior probability that the elastic law is the one that was chosen, and likewise for the
         relaxation; all other laws share the rest alike. One half is undecided.
     named
@@ -178,7 +178,7 @@ class DiagnosisSettings:
     """
 
     complete: float = 0.5
-    usual: float = 0.5
+    chosen_law: float = 0.5
     named: float = 0.9
     covered: float = 0.95
     false_alarms: float = 0.001

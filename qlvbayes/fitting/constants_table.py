@@ -228,10 +228,10 @@ def rounded(entry: Entry) -> tuple[str, str, str]:
     """
     half = 0.5 * (entry.high - entry.low)
     values = (entry.median, entry.low, entry.high)
-    places = 1 - floor(log10(half)) if half > 0.0 else 7
-    if places > 6:
+    decimals = 1 - floor(log10(half)) if half > 0.0 else 7
+    if decimals > 6:
         return f"{values[0]:.4g}", f"{values[1]:.4g}", f"{values[2]:.4g}"
-    median, low, high = (f"{round(x, places):.{max(places, 0)}f}" for x in values)
+    median, low, high = (f"{round(x, decimals):.{max(decimals, 0)}f}" for x in values)
     return median, low, high
 
 

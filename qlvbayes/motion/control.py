@@ -220,7 +220,7 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
     inside = inside[(test.time[inside] >= low) & (test.time[inside] <= high)]
     if inside.size < _SHOWN:
         return Control.FORCE
-    off = [_beside_line(test.time[inside], x[inside]) for x in (test.displacement, test.force)]
+    off = [_off_a_line(test.time[inside], x[inside]) for x in (test.displacement, test.force)]
     spread = [float(np.ptp(x[inside])) for x in (test.displacement, test.force)]
     bends = off[1] > _PLAIN * sensor_noise(test.time, test.force)
     displaced = bends and off[0] * spread[1] < _EVENLY * off[1] * spread[0]
@@ -228,6 +228,6 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
     return Control.DISPLACEMENT if displaced or exact else Control.FORCE
 
 
-def _beside_line(time: Array, values: Array) -> float:
+def _off_a_line(time: Array, values: Array) -> float:
     """Return the deviation (root mean square) of values (n,) from a straight line."""
     return float(np.std(values - np.polynomial.Polynomial.fit(time, values, 1)(time)))

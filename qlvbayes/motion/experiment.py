@@ -149,11 +149,11 @@ class Experiment:
         platen moves in, and what was prescribed.
         """
         left_out = [(trial.name, trial.left_out) for trial in self.trials]
-        told = (
+        excluded = (
             *excluded_notices(self.pad, left_out, self.units),
             *left_out_notice(self.pad, left_out, self.units),
         )
-        return (*self.cuts, *told, *self._departures, *self.falls, *self._load_controlled)
+        return (*self.cuts, *excluded, *self._departures, *self.falls, *self._load_controlled)
 
     @property
     def _departures(self) -> tuple[str, ...]:

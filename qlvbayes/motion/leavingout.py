@@ -87,7 +87,7 @@ def parts_of(leave_out: Iterable[str]) -> list[SpanOfTest | NamedPhase]:
 def refuse_unknown(pads: Sequence[Pad], use: Sequence[str], leave_out: Sequence[str] = ()) -> None:
     """Raise InputError if a text names a test that no pad has, or cannot be read."""
     known = arguments_of(pads, use, leave_out)
-    for option, one in _told(use, leave_out):
+    for option, one in _options_of(use, leave_out):
         if one.text not in known:
             names = ", ".join(dict.fromkeys(test.name for pad in pads for test in pad.tests))
             raise InputError(f"{option}: no test '{one.test}'", remedy=f"name one of {names[:200]}")
@@ -98,13 +98,13 @@ def arguments_of(pads: Sequence[Pad], use: Sequence[str], leave_out: Sequence[st
     tests = [test for pad in pads for test in pad.tests]
     return [
         word
-        for option, one in _told(use, leave_out)
+        for option, one in _options_of(use, leave_out)
         if any(one.names(test) for test in tests)
         for word in (option, one.text)
     ]
 
 
-def _told(use: Sequence[str], leave_out: Sequence[str]) -> list[tuple[str, OfTest]]:
+def _options_of(use: Sequence[str], leave_out: Sequence[str]) -> list[tuple[str, OfTest]]:
     return [
         *(("--use", SpanOfTest.from_text(text)) for text in use),
         *((_OPTION, part) for part in parts_of(leave_out)),

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 _FEWEST = 3  # readings in a phase that a change of control cuts
 _ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
-_PLACES = 200  # of that ramp, at which its force is computed
+_POINTS = 200  # of that ramp, at which its force is computed
 _BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
 _SWING = 1e-4  # of the stroke, by which a curve may lie outside the readings to either side,
 _SWUNG = 0.1  # and of the way between the two: more is no creep
@@ -190,17 +190,17 @@ def _elastic_curve(
         return np.asarray
     _, displacement, force = max(ramps, key=lambda ramp: ramp[0])
     cubic = np.polynomial.Polynomial.fit(displacement, force, 3)
-    places = np.linspace(displacement.min(), displacement.max(), _PLACES)
-    values = np.maximum.accumulate(cubic(places))
-    end = int(np.argmax(np.abs(places)))
-    slope = float(cubic.deriv()(places[end]))
+    points = np.linspace(displacement.min(), displacement.max(), _POINTS)
+    values = np.maximum.accumulate(cubic(points))
+    end = int(np.argmax(np.abs(points)))
+    slope = float(cubic.deriv()(points[end]))
     if not slope > 0.0:
         return np.asarray
 
     def curve(x: Array) -> Array:
-        beyond = x - np.clip(x, places[0], places[-1])
+        beyond = x - np.clip(x, points[0], points[-1])
         return np.asarray(
-            np.interp(x, places, values) / slope + np.where(beyond * places[end] > 0.0, beyond, 0.0)
+            np.interp(x, points, values) / slope + np.where(beyond * points[end] > 0.0, beyond, 0.0)
         )
 
     return curve

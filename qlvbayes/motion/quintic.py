@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from qlvbayes.motion.bounds import Tolerance, excess
 from qlvbayes.motion.fewreadings import changes
-from qlvbayes.motion.splines import Joints, Spline, Stretch, Window
+from qlvbayes.motion.splines import Joints, FittedSpline, Stretch, Window
 from qlvbayes.motion.splines import fit as fitted_spline
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ _INWARD = 0.8  # of the first span: how far an end may move into it
 _SURE = 3.0  # sds by which a span's mean square must exceed its expectation
 
 
-def fit(joints: Joints, window: Window) -> Spline:
+def fit(joints: Joints, window: Window) -> FittedSpline:
     """Return the spline on these joints that minimises the squared residuals."""
     return fitted_spline(joints, window.time, window.displacement, DEGREE)
 
@@ -44,7 +44,7 @@ def smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
     return Stretch(window, spline.joints, DEGREE, spline.pieces(), spline.parameters)
 
 
-def _wanders(spline: Spline, window: Window, tol: Tolerance) -> bool:
+def _wanders(spline: FittedSpline, window: Window, tol: Tolerance) -> bool:
     """Return whether a path deviates from the line between two readings by more than their change.
 
     A smooth curve that readings show does not: it has room to where they are far apart.
@@ -59,7 +59,7 @@ def _wanders(spline: Spline, window: Window, tol: Tolerance) -> bool:
     return bool(np.any(np.abs(off) > changes(x) + 2.0 * tol.rest))
 
 
-def _with_better_end(spline: Spline, side: int, window: Window) -> Spline:
+def _with_better_end(spline: FittedSpline, side: int, window: Window) -> FittedSpline:
     """Move an end that joins a dwell to where the squared residuals nearby are smallest."""
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:
@@ -94,7 +94,7 @@ def _local(joints: Joints, side: int, end: float) -> Joints:
     return Joints(knots, joints.kinked[part], left, right)
 
 
-def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[Spline, bool]:
+def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[FittedSpline, bool]:
     """Halve spans until all agree with the readings; return the fit and whether all do."""
     spline = fit(joints, window)
     for _ in range(_ROUNDS):
@@ -108,7 +108,7 @@ def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[Spline, boo
     return spline, False
 
 
-def unfaithful(spline: Spline, window: Window, tol: Tolerance) -> NDArray[np.bool_]:
+def unfaithful(spline: FittedSpline, window: Window, tol: Tolerance) -> NDArray[np.bool_]:
     """Return the spans (k,) whose residuals exceed what the readings' errors explain.
 
     Rounding of a slow motion repeats itself from sample to sample: only a change of reading counts

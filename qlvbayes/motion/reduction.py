@@ -27,7 +27,7 @@ GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
 RESTING_BLOCKS = 8  # and in a hold
 _MOST_KINKS = 40
-_BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
+_MARGIN = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
 _EVEN = 1.5  # a gap this much longer than the one next to it ends a block
 _SURE = 3.0  # sds of the displacement over which a slope is known
@@ -114,7 +114,7 @@ def _doubtful(
         index = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
         around = lengths[max(index - 1, 0) : index + 2].min()
         at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
-        reach = _BESIDE * float(time[at] - time[at - 1])
+        reach = _MARGIN * float(time[at] - time[at - 1])
         if reach > _SPARED * around:
             continue
         if jump > 0.0:

@@ -85,7 +85,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Spline:
+class FittedSpline:
     """A fitted spline: joints, degree, coefficients of its B-splines, residuals of the samples."""
 
     joints: Joints
@@ -114,7 +114,7 @@ class Spline:
         return Pieces(self.joints.knots, rising[0], rising[1], 2.0 * rising[2], higher)
 
 
-def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> Spline:
+def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> FittedSpline:
     """Return the spline on these joints that minimises the squared residuals of n samples.
 
     It is drawn weakly towards straight lines between the samples, which decide where there are
@@ -138,7 +138,7 @@ def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> Spline
         band = _banded_gram(basis, weight, size)[:, low : size - high]
         right_side = _moments(basis, left, size)[low : size - high]
         c[low : size - high] = solveh_banded(band, right_side, check_finite=False)
-    return Spline(joints, degree, c + origin, (goal - _product(basis, c))[: y.size])
+    return FittedSpline(joints, degree, c + origin, (goal - _product(basis, c))[: y.size])
 
 
 def _full_knots(joints: Joints, degree: int) -> Array:

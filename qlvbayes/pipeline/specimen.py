@@ -121,7 +121,7 @@ class Specimen:
         thresholds: DiagnosisSettings | None = None,
         evidence: str = "laplace",
         seed: int = 0,
-        tell: Report = lambda text: None,
+        report: Report = lambda text: None,
         watch: Callable[[SearchProgress], None] = lambda progress: None,
     ) -> Diagnosis:
         """Say what the model lacks, a law or effects, from all tests.
@@ -139,7 +139,7 @@ class Specimen:
             sampling, a minute or two each.
         seed
             Seed of nested sampling.
-        tell
+        report
             Function that receives a line on each step of the search.
         watch
             Function that receives the state of the search at each step; it may raise `StopSearch`
@@ -158,7 +158,7 @@ class Specimen:
             settings=thresholds,
             evidence=evidence,
             seed=seed,
-            report=tell,
+            report=report,
             watch=watch,
         )
 

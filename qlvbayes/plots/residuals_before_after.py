@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.diagnosis.result import CellError, DiagnosisResult, Place, Stage
+from qlvbayes.diagnosis.result import CellError, DiagnosisResult, Stage, StructuredPhase
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
@@ -102,7 +102,7 @@ def _draw(
                 draw_empty(axis, (row, column))
                 continue
             ratio = over_floor(cell.rmse, noise)
-            fails = Place(test, kind) in stage.failing
+            fails = StructuredPhase(test, kind) in stage.failing
             draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
 
 

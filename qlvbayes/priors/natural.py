@@ -203,7 +203,7 @@ def natural(prior: object) -> object:
     return Natural(prior) if isinstance(prior, Normal | HalfNormal) else prior
 
 
-def in_own_numbers(part: Part) -> Part:
+def in_quadratic_coordinates(part: Part) -> Part:
     """Return a law or effect whose scalar priors are all quadratic over their own coordinates."""
 
     def direct(prior: object) -> object:

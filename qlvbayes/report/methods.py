@@ -17,7 +17,7 @@ from qlvbayes.report.collect import PadResults, Results
 
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
-    "usual": "that the elastic law is the one chosen it is {}, as for the relaxation",
+    "chosen_law": "that the elastic law is the one chosen it is {}, as for the relaxation",
     "named": "an effect is named when it is in the model with probability {} over all hypotheses",
     "covered": "a group holds the effect with probability {}",
     "tolerance": "effects and systematic errors below {:.2g} of the peak force do not matter",

@@ -28,7 +28,7 @@ def sets(names):
 
 
 def test_prior_sums_to_one_over_all_sets_and_laws():
-    settings, effects = DiagnosisSettings(complete=0.5, usual=0.6), ("a", "b", "c")
+    settings, effects = DiagnosisSettings(complete=0.5, chosen_law=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
     total = sum(

@@ -16,10 +16,10 @@ from qlvbayes.diagnosis.result import (
     CellError,
     DiagnosisResult,
     LawPair,
-    Place,
     Ranked,
     Refused,
     Stage,
+    StructuredPhase,
     Unseen,
     Used,
     Worst,
@@ -61,7 +61,7 @@ USED = Used(DiagnosisSettings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_dra
 def stage(effects, tests, ratio, failing=(), base=LAWS):
     p = 1e-9 if failing else 0.5
     errors = ratio * NOISE, 1.2 * ratio * NOISE
-    found, places = cells(tests, ratio), tuple(Place(*place) for place in failing)
+    found, places = cells(tests, ratio), tuple(StructuredPhase(*place) for place in failing)
     return Stage(LawPair(*base), tuple(effects), *errors, -1.0, p, True, places, found, {})
 
 

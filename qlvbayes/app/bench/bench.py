@@ -168,7 +168,7 @@ class Bench:
         """Return the effects that can be added, by name."""
         return self.space.effects
 
-    def usual(self) -> ByHand:
+    def baseline(self) -> ByHand:
         """Return the model of the choices, its constants at their priors' medians."""
         return ByHand(self.choices.law, self.choices.relaxing, self.choices.effects)
 
@@ -206,7 +206,7 @@ class Bench:
 
     def warm(self) -> None:
         """Compile what most effects need; costly effects are compiled when they are first used."""
-        baseline = self.usual()
+        baseline = self.baseline()
         cheap = [e.name for e in self.effects.values() if not e.costly and e.generalises is None]
         new = [name for name in cheap if name not in baseline.effects]
         for name in new[:1]:
@@ -220,7 +220,7 @@ class Bench:
         NoFiniteForceError
             No draw of the priors can be used.
         """
-        model, space = self.usual(), self.space
+        model, space = self.baseline(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(
             [nothing_added(own, space)[None], own.within(space.prior_draws(model.hypothesis))]

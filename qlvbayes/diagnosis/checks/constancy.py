@@ -105,9 +105,11 @@ def _parts(samples: Samples, force: Array) -> Array:
     Where there is only one test, its phases take the part of the tests.
     """
     real = samples.space.real
-    places = Locations.from_blocks(samples.experiment, samples.trials, samples.space.record.blocks)
+    locations = Locations.from_blocks(
+        samples.experiment, samples.trials, samples.space.record.blocks
+    )
     masks = [out for out, _, _ in samples.left_out()]
-    masks += [places.phase == kind for kind in np.unique(places.phase)]
+    masks += [locations.phase == kind for kind in np.unique(locations.phase)]
     parts = np.zeros((len(masks), *force.shape))
     for one, mask in zip(parts, masks, strict=True):
         one[real] = np.where(mask, force[real], 0.0)

@@ -32,9 +32,9 @@ from qlvbayes.diagnosis.result import (
     Estimate,
     LawPair,
     NotRuledOut,
-    Place,
     Ranked,
     Stage,
+    StructuredPhase,
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -180,7 +180,9 @@ class SearchOutcome:
             log_evidence=_finite(candidate.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
-            failing=tuple(Place(c.test, c.phase) for c in tested.cells if c.p_value < level),
+            failing=tuple(
+                StructuredPhase(c.test, c.phase) for c in tested.cells if c.p_value < level
+            ),
             cells=tuple(cell_errors(self.samples, residuals)),
             parameters=self.estimates(candidate, lambda name: not name.startswith("noise.")),
         )

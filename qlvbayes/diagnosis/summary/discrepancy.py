@@ -48,9 +48,9 @@ def discrepancy(work: DiagnosisWork) -> list[DiscrepancyBand]:
     forces = samples.predict(selected.hypothesis, point.constants[None])
     bands = []
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
-        places = Locations.from_trial(
+        locations = Locations.from_trial(
             work.experiment, trial, k, trial.test.time[rows], forces[k][0], prior
         )
-        own = features(places)
+        own = features(locations)
         bands.append(DiscrepancyBand(mean @ own, np.sqrt(np.sum((root @ own) ** 2, axis=0))))
     return bands

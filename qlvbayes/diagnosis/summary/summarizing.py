@@ -264,7 +264,7 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
     def predict(record: Record) -> Array:
         return space.forces(selected.hypothesis, constants[None], record)[0]
 
-    carried = carryover_notices(experiment, experiment.trials, space.record, predict)
+    carryover = carryover_notices(experiment, experiment.trials, space.record, predict)
     clock = () if experiment.rested else clock_notices(experiment)
     model = selected.point.own.posterior.with_constants(jnp.asarray(constants))[0]
     times = unresolved_times(model.relaxation, experiment.scales)
@@ -274,4 +274,4 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
             f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, because "
             "very many fit alike: probabilities are those among these hypotheses"
         )
-    return (*carried, *clock, *notices)
+    return (*carryover, *clock, *notices)

@@ -22,7 +22,7 @@ from qlvbayes.motion.record import Record, batch
 from qlvbayes.motion.reduction import planned_record
 from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
-from qlvbayes.priors.natural import in_own_numbers
+from qlvbayes.priors.natural import in_quadratic_coordinates
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
 """What the tests do."""
@@ -50,9 +50,9 @@ class RecoveryBench:
         """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
-            {self.elastic.name: in_own_numbers(self.elastic)},
-            {self.relaxation.name: in_own_numbers(self.relaxation)},
-            {one.name: in_own_numbers(in_natural_amplitude(one)) for one in effects},
+            {self.elastic.name: in_quadratic_coordinates(self.elastic)},
+            {self.relaxation.name: in_quadratic_coordinates(self.relaxation)},
+            {one.name: in_quadratic_coordinates(in_natural_amplitude(one)) for one in effects},
             Correlated(_WHITE, _OU, _TAU),
             bonded=bonded,
         )

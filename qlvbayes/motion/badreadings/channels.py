@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _STIFFER = 5.0  # than the record's secant a specimen may be at its stiffest
 _LEAVES = 2.0  # the same, of what it loses with contact: all that it bore
-_BESIDE = 2  # readings on either side that count as meanwhile
+_EITHER_SIDE = 2  # readings on either side that count as meanwhile
 _NOTICED = 8.0  # times the noise: a change of force that would surely be seen
 _FOLLOWED = 0.25  # of that change: so much of it would be seen at the least
 _BENDS = 8  # readings on either side in which a change of speed makes an inertial force
@@ -63,7 +63,7 @@ class Channels:
 
     def moved(self, run: Run) -> float:
         """Return how far the platen moved around a run; 0 if step and noise explain as much."""
-        d = self.displacement[self._about(run, _BESIDE)]
+        d = self.displacement[self._about(run, _EITHER_SIDE)]
         travel = float(np.ptp(d)) if d.size else 0.0
         return travel if travel > self._flicker(run) else 0.0
 

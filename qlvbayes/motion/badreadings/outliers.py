@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Run = tuple[int, int]
 
 LONGEST = 8  # readings in a row that differ among each other; zeros may be more
-_BESIDE = 6  # readings on either side that must be smooth without it,
+_EITHER_SIDE = 6  # readings on either side that must be smooth without it,
 _ROUGHER = 3.0  # times less off a line than the run
 _PASSES = 4  # over the readings that are left
 _AT_ENDS = 3  # readings at either end of the record
@@ -121,7 +121,7 @@ def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
     for first, stop in runs:
         at = int(np.searchsorted(sound, first))  # of the first sound reading after it
         before, after = float(signal[sound[at - 1]]), float(signal[sound[at]])
-        near = rough[max(at - 1 - _BESIDE, 0) : at - 1 + _BESIDE]
+        near = rough[max(at - 1 - _EITHER_SIDE, 0) : at - 1 + _EITHER_SIDE]
         least = float(distance(signal[first:stop], before, after).min())
         if least > _ROUGHER * float(near.max(initial=0.0)):
             single.append((first, stop))

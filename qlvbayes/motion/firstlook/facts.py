@@ -17,7 +17,7 @@ DEEPER = 1.25
 """Times a depth: another one."""
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
-_PLACES = 401  # of a movement, at which its speed is looked for
+_TIMES = 401  # of a movement, at which its speed is looked for
 _LATE = 0.1  # of a hold, about its middle and at its end, whose readings are set side by side
 
 
@@ -101,7 +101,7 @@ def facts_of(experiment: Experiment) -> Facts:
 
 def move_of(trial: Trial, phase: Phase) -> Movement:
     """Return a movement, with the speed over the middle 60 % of its stroke."""
-    time = np.linspace(phase.start, phase.stop, _PLACES)
+    time = np.linspace(phase.start, phase.stop, _TIMES)
     depth = trial.trajectory.displacement(time)
     depth = np.maximum.accumulate(np.abs(depth - depth[0]))
     early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)

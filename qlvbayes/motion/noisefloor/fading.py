@@ -37,7 +37,7 @@ _DECISIVE = 20.0
 """Log-likelihood by which a falling sd must explain the readings better than one sd."""
 _INDEPENDENT = 1.0 / 3.0
 """Share of the e_k that count as independent: neighbours share readings."""
-_BESIDE = 3
+_MARGIN = 3
 """Readings on either side of a change of phase that are no cubic of their number."""
 _EVEN = 1.5
 """Ratio of neighbouring sampling intervals, above which a logger has changed its pace."""
@@ -141,6 +141,6 @@ def _deviations(test: Test, phases: Sequence[Phase]) -> tuple[Array, NDArray[np.
     even = np.max([ratio[k : ratio.size - 2 + k] for k in range(3)], axis=0) < _EVEN
     index = np.arange(2, force.size - 2)
     changes = np.searchsorted(test.time, [phase.stop for phase in phases[:-1]])
-    away = np.all(np.abs(index[:, None] - changes) > _BESIDE, axis=1)
+    away = np.all(np.abs(index[:, None] - changes) > _MARGIN, axis=1)
     kept = even & away
     return e[kept], index[kept]

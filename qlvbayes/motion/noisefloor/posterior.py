@@ -20,7 +20,7 @@ _DOUBT = 0.05  # probability of the other kind, from which on it is reckoned wit
 _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the dwells say little
-_USUAL_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
+_MEDIAN_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
 TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
@@ -200,4 +200,4 @@ def student_t(uniform: Array) -> Array:
 
 def prior_log_tau(longest: float) -> float:
     """Return the log of the prior's median correlation time for dwells of this length (s)."""
-    return float(np.log(_USUAL_TAU * longest))
+    return float(np.log(_MEDIAN_TAU * longest))

@@ -87,11 +87,11 @@ def draw_effect_in(
     forces = tuple(pad.force(p, t) for p, t in zip(motions, times, strict=True))
     peak = max(float(f.max()) for f in forces)
     depth = max(float(p.displacement(t).max()) for p, t in zip(motions, times, strict=True))
-    trial = _Trial(pad, tuple(motions), times, forces, peak)
+    trial = _DrawnTests(pad, tuple(motions), times, forces, peak)
     return _drawn(name, Draw(rng, peak, depth, tuple(rates), trial.study_s), trial, size)
 
 
-def _drawn(name: str, draw: Draw, trial: _Trial, size: float) -> Effect:
+def _drawn(name: str, draw: Draw, trial: _DrawnTests, size: float) -> Effect:
     cls, rng = effect_class(name), draw.rng
     recipe = cls.recipe
     if name == "amplifier_clipping":
@@ -107,7 +107,7 @@ def _drawn(name: str, draw: Draw, trial: _Trial, size: float) -> Effect:
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _DrawnTests:
     """Tests of a study, some moments of each, and the forces of the pad at them."""
 
     pad: HiddenPad
@@ -130,7 +130,7 @@ class _Trial:
 
 def _trial(
     constants: Constants | None, protocol: Protocol, peak: float, depth: float, top_speed: float
-) -> _Trial:
+) -> _DrawnTests:
     stretch = depth / _STROKE
     own = constants or replace(TABLE_1["B"], b=TABLE_1["B"].b / stretch)
     platens: list[Platen] = []
@@ -146,7 +146,7 @@ def _trial(
     if constants is None:
         pad = replace(pad, constants=replace(own, m=own.m * peak / top))
         forces, top = [f * peak / top for f in forces], peak
-    return _Trial(pad, tuple(platens), times, tuple(forces), top)
+    return _DrawnTests(pad, tuple(platens), times, tuple(forces), top)
 
 
 def _scaled(step: Step, stretch: float) -> Step:
@@ -164,7 +164,9 @@ def _moments(platen: Motion) -> Array:
     return np.unique(np.concatenate([*times, [platen.duration]]))
 
 
-def _sized(build: Callable[[float], Effect], recipe: Recipe, trial: _Trial, size: float) -> float:
+def _sized(
+    build: Callable[[float], Effect], recipe: Recipe, trial: _DrawnTests, size: float
+) -> float:
     """Value of the size parameter that gives the share `size`, or the cap if none does.
 
     Regula falsi in the logarithms, starting from proportionality.
