@@ -126,7 +126,16 @@ class Density:
     def coarse(self) -> Density:
         """Return the density under white noise of 0.5 % of the peak force, without discrepancy."""
         size = _COARSE * float(np.max(np.abs(self._force)))
-        return self._without_discrepancy(self.whitener.with_independent_noise(size))
+        sds = np.full(self.whitener.tests.size, size)
+        return self._without_discrepancy(self.whitener.with_independent_noise(sds))
+
+    @cached_property
+    def of_independent_noise(self) -> Density:
+        """Return the density as if the noise of block means were independent, without discrepancy.
+
+        Its loss is half the sum of squares over the noise floor's sds, less the log prior.
+        """
+        return self._without_discrepancy(self.whitener.with_independent_noise(self.whitener.sds))
 
     @cached_property
     def of_noise_alone(self) -> Density:

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from qlvbayes.motion.bounds import Tolerance, excess
 from qlvbayes.motion.fewreadings import changes
-from qlvbayes.motion.splines import Joints, FittedSpline, Stretch, Window
+from qlvbayes.motion.splines import FittedSpline, Joints, Stretch, Window
 from qlvbayes.motion.splines import fit as fitted_spline
 
 Array = NDArray[np.float64]

@@ -21,13 +21,13 @@ from qlvbayes.app.bench.model import (
     values_of,
 )
 from qlvbayes.app.bench.signature import added_effect
-from qlvbayes.app.bench.squares import Squares
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.starts import amplitude_of, transferred
 from qlvbayes.io.checks import InputError, NoFiniteForceError
@@ -108,14 +108,14 @@ class Bench:
         Laws, effects and priors.
     samples
         The samples at which forces and errors are computed.
-    squares
-        The sum of squares of the block means.
+    density
+        The posterior density under independent noise, by which models are fitted.
     """
 
     experiment: Experiment
     choices: Choices
     samples: Samples
-    squares: Squares
+    density: Density
 
     @classmethod
     def of(cls, experiment: Experiment, choices: Choices | None = None) -> Bench:
@@ -136,22 +136,13 @@ class Bench:
         choices = choices or Choices()
         experiment = as_chosen(experiment, choices)
         density = build_search(experiment, choices, kinds=choices.candidates).density
-        floor = experiment.floor
-        return cls(
-            experiment,
-            choices,
-            Samples.from_experiment(experiment, density.space),
-            Squares.from_density(density, floor.white, floor.ou),
-        )
+        samples = Samples.from_experiment(experiment, density.space)
+        return cls(experiment, choices, samples, density.of_independent_noise)
 
     @property
     def space(self) -> Space:
         """Return every law and effect with its priors."""
-        return self._density.space
-
-    @property
-    def _density(self) -> Density:
-        return self.squares.density
+        return self.density.space
 
     @property
     def noise(self) -> float:
@@ -225,9 +216,11 @@ class Bench:
         starts = np.concatenate(
             [nothing_added(own, space)[None], own.within(space.prior_draws(model.hypothesis))]
         )
-        costs = self.squares.costs(model.hypothesis, starts)
-        best = [starts[k] for k in np.argsort(costs)[:_STARTS]]
-        return self._least(model, best)
+        forces = space.forces(model.hypothesis, own.constants(starts))
+        residuals = self.density.whitener(np.asarray(space.record.blocks.force) - forces)
+        with np.errstate(over="ignore"):  # a sum that overflows is the worst
+            sums = np.nan_to_num(np.sum(residuals**2, axis=1), nan=np.inf)
+        return self._least(model, [starts[k] for k in np.argsort(sums)[:_STARTS]])
 
     def fit(self, model: ByHand) -> ByHand:
         """Return the model fitted by least squares from its own constants."""
@@ -259,7 +252,7 @@ class Bench:
         start[own.positions_of(point.own)] = point.theta
         if amplitude_of(own, effect) is None:
             return self._least(more, [start])
-        added = added_effect(self.squares, point, more.hypothesis, effect)
+        added = added_effect(self.density, point, more.hypothesis, effect)
         return self._least(more, [start] if added is None else [added.moved, added.after])
 
     def remove(self, model: ByHand, effect: str) -> ByHand:
@@ -331,7 +324,7 @@ class Bench:
         self._free(model, effect)
         more = replace(model, effects=(*model.effects, effect))
         checked(more, self.space)
-        added = added_effect(self.squares, self._point(model), more.hypothesis, effect)
+        added = added_effect(self.density, self._point(model), more.hypothesis, effect)
         if added is None:
             raise InputError(
                 f"the effect {effect} adds no force to this model in these tests",
@@ -367,7 +360,8 @@ class Bench:
         point = self._point(model)
         residuals = []
         for blocks, test, rows in self.samples.left_out():
-            refitted = self.squares.without(blocks).least(model.hypothesis, point.theta) or point
+            mode = find_mode(self.density.without(blocks), model.hypothesis, point.theta)
+            refitted = mode.point if mode is not None else point
             predicted = self.samples.predict(model.hypothesis, refitted.constants[None])[test][0]
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
@@ -380,7 +374,7 @@ class Bench:
     def _point(self, model: ByHand) -> Point:
         checked(model, self.space)
         own = self.space.parameters(model.hypothesis)
-        point = self._density.at(model.hypothesis, theta_of(own, constants_of(model, self.space)))
+        point = self.density.at(model.hypothesis, theta_of(own, constants_of(model, self.space)))
         if point is None:
             raise InputError(
                 "the model's force is no number here", remedy="move the constants back"
@@ -389,9 +383,9 @@ class Bench:
 
     def _least(self, model: ByHand, starts: Sequence[Array]) -> ByHand:
         """Return the model with the constants of least loss, from several starts."""
-        reached = [self.squares.least(model.hypothesis, start) for start in starts]
-        points = [point for point in reached if point is not None]
-        if not points:
+        reached = [find_mode(self.density, model.hypothesis, start) for start in starts]
+        modes = [mode for mode in reached if mode is not None]
+        if not modes:
             raise NoFiniteForceError
-        best = min(points, key=lambda point: self.squares.terms(point).loss)
+        best = min(modes, key=lambda mode: mode.loss).point
         return replace(model, values=values_of(best.own, best.constants))

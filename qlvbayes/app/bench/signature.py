@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.app.bench.squares import Squares
-from qlvbayes.inference.density import Point
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
 
@@ -46,20 +45,20 @@ class AddedEffect:
 
 
 def added_effect(
-    squares: Squares, point: Point, hypothesis: Hypothesis, effect: str
+    density: Density, point: Point, hypothesis: Hypothesis, effect: str
 ) -> AddedEffect | None:
     """Return an additional effect at a point, in the shape that takes most of the residual.
 
     Return None where the effect has no amplitude that is its own coordinate, or none of its forces
     is finite.
     """
-    space = squares.density.space
+    space = density.space
     own = space.parameters(hypothesis)
     amplitude = amplitude_of(own, effect)
     if amplitude is None:
         return None
     starts = shapes(space, point, own, effect)
-    candidates = [_scaled(squares, point, own, amplitude, start) for start in starts]
+    candidates = [_scaled(density, point, own, amplitude, start) for start in starts]
     return min(
         (candidate for candidate in candidates if candidate is not None),
         key=lambda x: x.cost,
@@ -68,14 +67,14 @@ def added_effect(
 
 
 def _scaled(
-    squares: Squares, point: Point, own: Parameters, amplitude: Amplitude, start: Array
+    density: Density, point: Point, own: Parameters, amplitude: Amplitude, start: Array
 ) -> AddedEffect | None:
-    space, index = squares.density.space, amplitude.number
-    residual, slopes = squares.residual(point), squares.weighted(point.responses)
+    index, residual, slopes = amplitude.number, point.residual, point.jacobian
     prior = point.prior.curvature
     size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
     for _ in range(_ROUNDS):
-        force = squares.weighted(space.added_force(own.hypothesis, start, index, size))
+        added = density.space.added_force(own.hypothesis, start, index, size)
+        force = density.whitener(added[None])[0]
         square = float(force @ force)
         if not (np.isfinite(square) and square > 0.0):
             return None

@@ -56,9 +56,16 @@ class Whitener:
             timing.append(of_test.timing**2)
         return cls(tuple(arrays.real), tuple(covariances), tuple(timing))
 
-    def with_independent_noise(self, size: float) -> Whitener:
-        """Return the whitener for independent noise of one sd (N) in every block mean."""
-        covariances = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
+    @property
+    def sds(self) -> Array:
+        """Return the sd (n,) of the noise of each block mean (N)."""
+        return np.sqrt(np.concatenate([np.diag(one) for one in self.covariances]))
+
+    def with_independent_noise(self, sds: Array) -> Whitener:
+        """Return the whitener for independent noise of sds (n,) in the block means (N)."""
+        covariances = tuple(
+            np.diag(sds[self.tests == k] ** 2) for k in range(len(self.covariances))
+        )
         return Whitener(self.blocks, covariances, tuple(np.zeros(len(one)) for one in covariances))
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:

@@ -27,6 +27,7 @@ from qlvbayes.inference.forward.pieces import (
     MotionRequest,
     common_piece_of,
     material_of,
+    parts_of,
     piece_of,
     plan_of,
     whole_of,
@@ -39,6 +40,7 @@ from qlvbayes.motion.record import Record, with_zeros
 Array = NDArray[np.float64]
 Leaves = tuple[JaxArray, ...]
 Force = JaxArray | Array
+Path = tuple[Any, Any, Any]
 
 SETS = 4
 """Number of sets of constants that are computed together."""
@@ -193,32 +195,49 @@ class LayerChain:
     def _material(
         self, groups: Sequence[Sets], motions: Sequence[Leaves], structure: PyTreeDef
     ) -> Sequence[Force]:
-        """Return the force (T, K, N) of the material alone for each group.
-
-        Sets that have the elastic constants, rates and motion in common share the parts of the
-        force: a difference quotient changes one constant at a time, most often of a layer or a
-        fraction.
-        """
-        elastic = np.concatenate([sets.elastic for sets in groups])
-        fractions = np.concatenate([sets.fractions for sets in groups])
-        rates = _joined([sets.rates for sets in groups], groups[0].rates.ndim == 1)
+        """Return the force (T, K, N) of the material alone for each group."""
         paths = [_path(leaves, structure) for leaves in motions]
         shared = tuple(part.ndim == 2 for part in paths[0])
-        columns = zip(zip(*paths, strict=True), shared, strict=True)
-        path = [_joined(parts, same, axis=1) for parts, same in columns]
-        own = [x.swapaxes(0, 1) for x, same in zip(path, shared, strict=True) if not same]
-        index = _distinct([elastic, *([rates] if rates.ndim == 2 else []), *own])
+        if len(groups) > 1 and groups[0].rates.ndim == 1:
+            index = _equal_sets(groups, paths, shared)
+            if index.max() < SETS * (len(groups) - 1):
+                return self._from_parts(groups, paths, shared, index)
+        piece = material_of(self.elastic, groups[0].rates.ndim == 1, shared)
+        pairs = zip(groups, paths, strict=True)
+        return [piece(sets.elastic, sets.fractions, sets.rates, *path) for sets, path in pairs]
+
+    def _from_parts(
+        self,
+        groups: Sequence[Sets],
+        paths: Sequence[Path],
+        shared: tuple[bool, ...],
+        index: NDArray[np.intp],
+    ) -> Sequence[Force]:
+        """Return the force (T, K, N) of each group from parts that sets have in common.
+
+        Many modes of fixed rates are dear, and fractions only weight them: of a difference
+        quotient few sets differ in the elastic constants or the motion. index (K,): sets of one
+        number share the parts.
+        """
+        fractions = np.concatenate([sets.fractions for sets in groups])
         first = np.unique(index, return_index=True)[1]
-        piece = material_of(self.elastic, rates.ndim == 1, shared)
-        force = np.empty((len(path[0]), len(fractions), path[0].shape[-1]))
+        piece = parts_of(self.elastic, shared)
+        tests, points = np.shape(paths[0][0])[0], np.shape(paths[0][0])[-1]
+        force = np.empty((tests, len(fractions), points))
         for start in range(0, len(first), SETS):
             rows = first[np.minimum(np.arange(start, start + SETS), len(first) - 1)]
-            some = [x if same else x[:, rows] for x, same in zip(path, shared, strict=True)]
-            of_rows = rates if rates.ndim == 1 else rates[rows]
-            parts = np.asarray(piece(elastic[rows], of_rows, *some))
-            for k in range(min(SETS, len(first) - start)):
-                same = np.flatnonzero(index == start + k)
-                force[:, same] = fractions[same] @ parts[:, k]
+            at = [divmod(int(row), SETS) for row in rows]
+            path = [
+                paths[0][j]
+                if same
+                else np.stack([np.asarray(paths[g][j])[:, k] for g, k in at], axis=1)
+                for j, same in enumerate(shared)
+            ]
+            elastic = np.stack([groups[g].elastic[k] for g, k in at])
+            parts = np.asarray(piece(elastic, groups[0].rates, *path))
+            for k in range(start, min(start + SETS, len(first))):
+                same = np.flatnonzero(index == k)
+                force[:, same] = fractions[same] @ parts[:, k - start]
         return np.split(force, len(groups), axis=1)
 
 
@@ -277,21 +296,29 @@ def _by_length(record: Record) -> list[TestGroup]:
     return [TestGroup.from_record(record, indices, size) for size, indices in members.items()]
 
 
-def _joined(parts: Sequence[Any], shared: bool, axis: int = 0) -> Array:
-    """Return arrays of the groups as one; the first of them where all groups share it."""
-    if shared:
-        return np.asarray(parts[0])
-    return np.concatenate([np.asarray(part) for part in parts], axis=axis)
+def _equal_sets(
+    groups: Sequence[Sets], paths: Sequence[Path], shared: Sequence[bool]
+) -> NDArray[np.intp]:
+    """Return an index (K,) that is the same for sets of equal elastic constants and motion.
+
+    Motions are compared only where few enough sets of elastic constants differ.
+    """
+    index = _equal(np.concatenate([sets.elastic for sets in groups]))
+    if all(shared) or index.max() >= SETS * (len(groups) - 1):
+        return index
+    own = [j for j, same in enumerate(shared) if not same]
+    moved = [np.asarray(path[j]).swapaxes(0, 1).reshape(SETS, -1) for path in paths for j in own]
+    rows = [np.concatenate(moved[j :: len(own)]) for j in range(len(own))]
+    return _equal(np.concatenate([index[:, None], *rows], axis=1))
 
 
-def _distinct(rows: Sequence[Array]) -> NDArray[np.intp]:
-    """Return an index (K,) for sets, equal where their rows of all arrays (K, ...) are."""
+def _equal(rows: Array) -> NDArray[np.intp]:
+    """Return an index (K,) that counts distinct rows (K, P) in the order of their appearance."""
     known: dict[bytes, int] = {}
-    keys = (b"".join(x[k].tobytes() for x in rows) for k in range(len(rows[0])))
-    return np.array([known.setdefault(key, len(known)) for key in keys])
+    return np.array([known.setdefault(row.tobytes(), len(known)) for row in rows])
 
 
-def _path(leaves: Leaves, structure: PyTreeDef) -> tuple[Any, Any, Any]:
+def _path(leaves: Leaves, structure: PyTreeDef) -> Path:
     """Return time, depth and sagitta of a motion."""
     motion: Motion = jax.tree.unflatten(structure, leaves)
     return motion.time, motion.displacement, motion.sagitta

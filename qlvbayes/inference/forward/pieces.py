@@ -26,7 +26,7 @@ from jaxtyping import Array
 
 from qlvbayes.io.executables import Executables
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.hereditary import hereditary_parts
+from qlvbayes.laws.hereditary import hereditary_force, hereditary_parts
 from qlvbayes.laws.layered import Law, Layer
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -260,18 +260,38 @@ def whole_of(
 
 @cache
 def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
-    """Return the compiled parts of the material's force, (T, K, L + 1, N); see `hereditary_parts`.
+    """Return the compiled force (T, K, N) of the material alone.
 
-    It takes the elastic law's constants (K, E), rates (K, L), and time, depth and sagitta of the
-    motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the rates (L,); path:
-    which of time, depth and sagitta they share, (T, N) each.
+    It takes the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), and time, depth
+    and sagitta of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the
+    rates (L,); path: which of time, depth and sagitta they share, (T, N) each.
+    """
+
+    def one(
+        law: Array, fractions: Array, rates: Array, time: Array, depth: Array, sagitta: Array
+    ) -> Array:
+        spectrum = Spectrum(fractions, rates)
+        return hereditary_force(
+            jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, sagitta
+        )
+
+    inner = (0, 0, *_axes((rates, *path)))
+    batched = _over_all(one, inner, (None, None, None, 0, 0, 0))
+    return _compiled(batched, (elastic,), ("material", rates, path), _QUICK)
+
+
+@cache
+def parts_of(elastic: Any, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
+    """Return the compiled parts (T, K, L + 1, N) of the material's force (`hereditary_parts`).
+
+    It takes the arguments of `material_of` but the fractions, with rates (L,) that all sets share.
     """
 
     def one(law: Array, rates: Array, time: Array, depth: Array, sagitta: Array) -> Array:
         return hereditary_parts(jax.tree.unflatten(elastic, list(law)), rates, time, depth, sagitta)
 
-    batched = _over_all(one, (0, *_axes((rates, *path))), (None, None, 0, 0, 0))
-    return _compiled(batched, (elastic,), ("material", rates, path), _QUICK)
+    batched = _over_all(one, (0, None, *_axes(path)), (None, None, 0, 0, 0))
+    return _compiled(batched, (elastic,), ("parts", path), _QUICK)
 
 
 def _axes(shared: Sequence[bool]) -> tuple[int | None, ...]:
