@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 
-from timing import QLVBAYES, command_s
+from timing import QLVBAYES, command_s, into_new_folders
 
 PARTS = {  # file and function to part
     ("experiment.py", "prepare"): "motion, phases, noise floor",
@@ -21,9 +21,7 @@ PARTS = {  # file and function to part
 
 def shell_times(cache, file="data/hidden.csv"):
     """Seconds: cold (nothing compiled before), then with the compile cache that this left."""
-    with tempfile.TemporaryDirectory() as folder:
-        run = [QLVBAYES, "diagnose", file, "-o", f"{folder}/results"]
-        return [command_s(run, cache) for _ in range(2)]
+    return into_new_folders("diagnose", file, cache=cache)
 
 
 def in_process(cache, measurements="data/hidden.csv"):

@@ -1,18 +1,14 @@
 """`qlvbayes fit` of one pad as a user starts it: cold, and with a warm compile cache."""
 
-import tempfile
 import time
 
-from timing import QLVBAYES, command_s
+from timing import into_new_folders
 
 
 def shell_times(warm_runs=1):
     """Seconds: cold, then the median of warm runs."""
-    with tempfile.TemporaryDirectory() as folder:
-        run = [QLVBAYES, "fit", "data/pads.csv", "--pads", "B", "-o", f"{folder}/results"]
-        cold = command_s(run, f"{folder}/cache")
-        warm = sorted(command_s(run, f"{folder}/cache") for _ in range(warm_runs))
-    return cold, warm[warm_runs // 2]
+    cold, *warm = into_new_folders("fit", "data/pads.csv", "--pads", "B", runs=1 + warm_runs)
+    return cold, sorted(warm)[warm_runs // 2]
 
 
 def where_time_goes():

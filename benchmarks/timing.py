@@ -4,6 +4,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -30,6 +31,17 @@ def command_s(command, cache, **environment):
     start = time.perf_counter()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=env)
     return time.perf_counter() - start
+
+
+def into_new_folders(*words, runs=2, cache=None):
+    """Wall times (s) of one command that shares a compile cache, each into a folder of its own.
+
+    Into a folder that holds its results already a command would compute nothing.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        cache = cache or f"{folder}/cache"
+        outputs = [f"{folder}/results-{k}" for k in range(runs)]
+        return [command_s([QLVBAYES, *words, "-o", output], cache) for output in outputs]
 
 
 def peak_mb():
