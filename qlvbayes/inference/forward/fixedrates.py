@@ -61,7 +61,8 @@ class FixedRates:
 
 def relaxation_of(fractions: Array, rates: Array, times: Array) -> Array:
     """Return the relaxation function (K, N) at times (N,) of fractions (K, R + 1), rates (K, R)."""
-    decays = np.exp(-rates[:, :, None] * times)
+    with np.errstate(invalid="ignore"):  # an infinite rate at time 0: the force is discarded
+        decays = np.exp(-rates[:, :, None] * times)
     return np.asarray(fractions[:, :1] + np.einsum("kr,krn->kn", fractions[:, 1:], decays))
 
 
