@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,6 @@ from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.modes import base_modes
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
@@ -39,16 +39,20 @@ _BREADTH = Breadth()
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode
 _NEAR = 5.0  # log posterior behind the best, within which another seed should see the same
 _OTHER = 1  # seed of the second search
+_EVERY = 4  # simulated pads, of which one is searched twice
 
 _PAGE = """# Is the same mode found whatever the starts, and by the search?
 
 Bundled pads and pads of the wide population (`seed {seed}`: other laws, protocols and noises,
 effects hidden in most). Of each the true hypothesis is asked for, laws and effects (of the bundled
 pads, and where nothing of the package stands for what is hidden, the likeliest hypothesis of the
-search). It was optimised from {sets} independent sets of {starts} draws of all its priors; then
-its relaxation was drawn anew at the other constants found, until {redrawn} in a row led no higher.
-A set agrees if its best mode is within {same} of the best of all sets and of the search in log
-density. The search has seen a mode if its own is. Asked for is 99 % of both.
+search). It was looked for from {sets} independent sets of starts, as the search does: {starts}
+draws of all priors of the baseline model, then one law or effect at a time, the likeliest first,
+from small and large amplitudes and several shapes; each time the relaxation was drawn anew, until
+{redrawn} draws in a row led no higher. A set agrees if its best mode is within {same} of the best
+of all sets and of the search in log density. The search has seen a mode if its own is. A hypothesis
+that it has not looked at is missed if it is at least as probable as the search's answer. Asked for
+is 99 % of both.
 
 | | |
 |---|---|
@@ -57,13 +61,14 @@ density. The search has seen a mode if its own is. Asked for is 99 % of both.
 | commit | {commit} |
 | machine | {machine} |
 
-| pads | sets that agree | pads in which all agree | seen by the search |
-|---|---|---|---|
+| pads | sets that agree | pads in which all agree | seen | not seen, less probable | missed |
+|---|---|---|---|---|---|
 {rows}
 
 Checks for missed modes over all these searches: {checks}.
 
-Twice: every search was made again from another seed of starts. {twice}
+Twice: every search of the bundled pads, and every {every}th of the others, was made again from
+another seed of starts. {twice}
 
 {others}"""
 
@@ -84,8 +89,9 @@ def main() -> None:
             some = bundled[index] if inside else _simulated(options.seed, index - len(bundled))
             if some is not None:
                 name = some.name if isinstance(some, Pad) else some.pad.name
-                found = _looked_for(some, options.sets)
-                store.add({"index": index, "pad": name, "machine": origin.machine, **found})
+                twice = inside or (index - len(bundled)) % _EVERY == 0
+                losses = _looked_for(some, options.sets, twice)
+                store.add({"index": index, "pad": name, "machine": origin.machine, **losses})
                 forget_compiled()
     if options.part is None:
         found = store.first(count)
@@ -122,10 +128,11 @@ def _simulated(seed: int, index: int) -> BlindStudy | None:
         return None
 
 
-def _looked_for(some: Pad | BlindStudy, sets: int) -> dict[str, Any]:
-    """Loss of the hypothesis asked for: the lowest of every set, and the search's; inf where none.
+def _looked_for(some: Pad | BlindStudy, sets: int, twice: bool) -> dict[str, Any]:
+    """Return the losses of the hypothesis asked for, of every set and of the search; inf where none.
 
-    With the search's checks for missed modes.
+    With them: by how much its log posterior is behind that of the search's likeliest hypothesis,
+    and the search's checks for missed modes. twice: whether another seed is searched from too.
     """
     experiment = prepare(some if isinstance(some, Pad) else some.pad)
     search = build_search(experiment)
@@ -134,21 +141,50 @@ def _looked_for(some: Pad | BlindStudy, sets: int) -> dict[str, Any]:
         hypothesis = search.best
         if isinstance(some, BlindStudy):
             hypothesis = _true(some, experiment, search) or hypothesis
-        losses = []
-        for seed in range(1, sets + 1):
-            found = base_modes(search.density, hypothesis, seed, _BREADTH.starts, _BREADTH.draws)
-            losses.append(found[0].loss if found else float("inf"))
-        again = build_search(experiment)
-        again.seed = _OTHER
-        run_search(again)
+        grown = [_grown(experiment, hypothesis, seed) for seed in range(1, sets + 1)]
+        own = {"twice": _twice(search, _again(experiment))} if twice else {}
     seen = [one.mode.loss for one in search.modes.get(hypothesis, [])]
+    best = max([search.log_posterior(hypothesis), *(log for _, log in grown)])
     return {
         "hypothesis": described(hypothesis),
-        "losses": losses,
+        "losses": [loss for loss, _ in grown],
         "seen": min(seen, default=float("inf")),
+        "behind": search.log_posterior(search.best) - best,
         "checks": {name: vars(one) for name, one in search.checks.items()},
-        "twice": _twice(search, again),
+        **own,
     }
+
+
+def _grown(experiment: Experiment, hypothesis: Hypothesis, seed: int) -> tuple[float, float]:
+    """Return the lowest loss and the log posterior to which a search restricted to one way leads.
+
+    It begins as any search does, from draws of the baseline's priors, and adds what the hypothesis
+    has besides, one law or effect at a time, the likeliest of them first.
+    """
+    search = build_search(experiment)
+    search.seed = seed
+    search.begin()
+    here = search.baseline
+    while here != hypothesis:
+        laws = [
+            replace(here, **{part: getattr(hypothesis, part)}) for part in ("elastic", "relaxation")
+        ]
+        steps = [*laws, *(here.plus(name) for name in hypothesis.effects - here.effects)]
+        steps = [one for one in steps if one != here]
+        search.expand(here, steps)
+        known = [one for one in steps if one in search.modes]
+        if not known:
+            return float("inf"), float("-inf")
+        here = max(known, key=search.log_posterior)
+    return min(one.mode.loss for one in search.modes[here]), search.log_posterior(here)
+
+
+def _again(experiment: Experiment) -> Search:
+    """Return a whole search from another seed."""
+    again = build_search(experiment)
+    again.seed = _OTHER
+    run_search(again)
+    return again
 
 
 def _twice(one: Search, two: Search) -> dict[str, Any]:
@@ -195,6 +231,7 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
     losses = [np.array([*one["losses"], one["seen"]]) for one in found]
     every = [own <= own.min() + _SAME for own in losses]
     agreeing, seen = [one[:-1] for one in every], [bool(one[-1]) for one in every]
+    behind = [one["behind"] for one in found]
     rows, pads = [], [("bundled", slice(0, bundled)), ("simulated", slice(bundled, None))]
     for words, some in pads:
         own = agreeing[some]
@@ -202,10 +239,15 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         if sets:
             whole, known = sum(bool(a.all()) for a in own), sum(seen[some])
             shares = [f"{k} of {n} ({k / n:.1%})" for k, n in ((agree, sets), (known, len(own)))]
-            rows.append(f"| {len(own)} {words} | {shares[0]} | {whole} | {shares[1]} |")
+            unseen = [b for k, b in enumerate(behind[some]) if not seen[some][k]]
+            less = sum(value > _SAME for value in unseen)
+            rows.append(
+                f"| {len(own)} {words} | {shares[0]} | {whole} | {shares[1]} | {less} "
+                f"| {len(unseen) - less} |"
+            )
     others = [
         f"- {one['pad']} ({one['hypothesis']}): {int((~a).sum())} of {a.size} sets ended lower"
-        + ("" if is_seen else f"; the search's own mode is {own[-1] - own.min():.1f} lower")
+        + ("" if is_seen else _unseen(one, float(own[-1] - own.min())))
         for one, own, a, is_seen in zip(found, losses, agreeing, seen, strict=True)
         if not (a.all() and is_seen)
     ]
@@ -219,12 +261,20 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         rows="\n".join(rows),
         checks=_counted(found),
         twice=_agreeing(found),
+        every=_EVERY,
         others=listed if others else "Nothing ended elsewhere.\n",
         command=origin.command,
         date=origin.date,
         commit=origin.commit,
         machine="; ".join(sorted({one["machine"] for one in found})),
     )
+
+
+def _unseen(one: dict[str, Any], lower: float) -> str:
+    """Return what is said of a hypothesis whose best mode the search has not seen."""
+    if np.isfinite(lower):
+        return f"; the search's own mode is {lower:.1f} lower"
+    return f"; the search, whose answer is {one['behind']:.1f} more probable, has not looked at it"
 
 
 def _counted(found: list[dict]) -> str:
