@@ -129,7 +129,7 @@ def _simulated(seed: int, index: int) -> BlindStudy | None:
 
 
 def _looked_for(some: Pad | BlindStudy, sets: int, twice: bool) -> dict[str, Any]:
-    """Return the losses of the hypothesis asked for, of every set and of the search; inf where none.
+    """Return the losses of the hypothesis asked for, by every set and the search; inf if none.
 
     With them: by how much its log posterior is behind that of the search's likeliest hypothesis,
     and the search's checks for missed modes. twice: whether another seed is searched from too.
