@@ -126,8 +126,7 @@ class Density:
     def coarse(self) -> Density:
         """Return the density under white noise of 0.5 % of the peak force, without discrepancy."""
         size = _COARSE * float(np.max(np.abs(self._force)))
-        sds = np.full(self.whitener.tests.size, size)
-        return self._without_discrepancy(self.whitener.with_independent_noise(sds))
+        return self._without_discrepancy(self.whitener.with_independent_noise(size))
 
     @cached_property
     def of_independent_noise(self) -> Density:

@@ -61,8 +61,9 @@ class Whitener:
         """Return the sd (n,) of the noise of each block mean (N)."""
         return np.sqrt(np.concatenate([np.diag(one) for one in self.covariances]))
 
-    def with_independent_noise(self, sds: Array) -> Whitener:
-        """Return the whitener for independent noise of sds (n,) in the block means (N)."""
+    def with_independent_noise(self, sds: Array | float) -> Whitener:
+        """Return the whitener for independent noise of sds (n,), or one sd, of block means (N)."""
+        sds = np.broadcast_to(sds, self.tests.shape)
         covariances = tuple(
             np.diag(sds[self.tests == k] ** 2) for k in range(len(self.covariances))
         )
