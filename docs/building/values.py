@@ -13,6 +13,8 @@ import jinja2
 from commands import commands
 from public import figures, public_names, section
 
+from qlvbayes.plots.catalogue import figures_of
+
 _MATH = re.compile(r"^\.\. math::[ \t]*(.*\n?(?:(?:[ \t]+\S.*|[ \t]*)(?:\n|$))*)", re.MULTILINE)
 
 
@@ -46,7 +48,13 @@ def context() -> dict[str, Any]:
         "public": public_names,
         "section": section,
         "figures": figures,
+        "pad_figures": pad_figures,
     }
+
+
+def pad_figures(command: str) -> str:
+    """The figures that a command leaves in the folder of each pad, as code."""
+    return ", ".join(f"`{one.name}`" for one in figures_of(command))
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:

@@ -35,15 +35,15 @@ def check(
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.
 
-    Leaves OUT/<pad>/check.json, curves.json and the figures forces, hysteresis and residual_map
-    (PNG and PDF); for two pads or more the figure OUT/forces_at_rates too.
+    Leaves OUT/<pad>/check.json, curves.json and the figures FIGURES (PNG and
+    PDF); for two pads or more the figure OUT/forces_at_rates too.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
-    from qlvbayes.pipeline.checking import FIGURES
     from qlvbayes.pipeline.drawing import draw_forces_at_rates
     from qlvbayes.pipeline.gathering import Reader
     from qlvbayes.pipeline.many import raise_failed, run_pads
+    from qlvbayes.plots.catalogue import figures_of
 
     part = work.part
     files = part.part(sorted(folder.glob("*/posterior.nc")))
@@ -53,7 +53,7 @@ def check(
     with work.engine() as engine:
         todo = _work(files, Reader(data), seed)
         done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
-    figures = [folder / pad / f"{name}.png" for pad in done.pads for name in FIGURES]
+    figures = [folder / pad / f"{one.name}.png" for pad in done.pads for one in figures_of("check")]
     figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
     if as_json or not done.pads:
         show_done(folder, done, "check.json", as_json=as_json)

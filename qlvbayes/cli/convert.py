@@ -117,12 +117,12 @@ def convert_command(
     style: Style = None,
     as_json: AsJson = False,
 ) -> None:
-    """Turn files of testing machines into one tidy CSV file, and say what was found in them.
+    """Turn files of testing machines into one tidy CSV file, and report how they were read.
 
-    Layouts are told by the files' first bytes. Sign, zero, units, sampling, dropped rows and
-    clocks are found, told with their numbers, and drawn in a picture beside the output. What a
-    file leaves open is asked on a terminal, and refused in a pipe. Of several files those that
-    cannot be used are left out and named last, with status 2.
+    Layouts are recognised by the files' first bytes. Sign, zero, units, sampling, dropped rows and
+    clocks are determined, reported with their values, and drawn in a picture next to the output.
+    What a file leaves open is asked on a terminal, and refused in a pipe. Of several files those
+    that cannot be used are left out and named last, with status 2.
     """
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"

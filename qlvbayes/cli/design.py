@@ -56,10 +56,11 @@ def design_command(
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Propose the tests that tell most, and write their set-points.
+    """Propose the most informative tests, and write their set-points.
 
-    Of constants, per minute of rig time; of the cause, in all the time there is. About a thousand
-    tests within the rig's limits are compared by the information that they are expected to give.
+    For constants, the information per minute of rig time counts; for the cause, that in all the
+    time there is. About a thousand tests within the rig's limits are compared by the information
+    that they are expected to give.
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'predict
     --program') and the figure design.
     """

@@ -47,7 +47,7 @@ def diagnose_command(
     """Say which physical effect the model lacks, with a probability, or that none can be named.
 
     Looks at all tests of each pad together. Leaves OUT/<pad>/diagnosis.json, diagnosis.txt and the
-    figures residuals_before_after, forces_before_after, evidence and error_staircase.
+    figures FIGURES.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
     """List the effects by family, with law, constants and what one would see.
 
-    Under each listed effect stand its other forms; those that name nothing come after the list.
+    Below each effect are its other forms. Those that name no physical cause come last.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.effects.catalogue import by_family

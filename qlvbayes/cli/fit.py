@@ -45,8 +45,8 @@ def fit(
 ) -> None:
     """Fit the QLV model to each pad's tests whose role is 'fit'; sample its posterior.
 
-    Leaves OUT/<pad>/posterior.nc (ArviZ), summary.json and the figures pairs and programme; of all
-    pads in OUT the figure constants, constants.csv and constants.tex. Figures are PNG and PDF.
+    Leaves OUT/<pad>/posterior.nc (ArviZ), summary.json and the figures FIGURES; of
+    all pads in OUT the figure constants, constants.csv and constants.tex. Figures are PNG and PDF.
     An interrupted run resumes when the same command is given again; pads that are finished are not
     fitted again.
     """

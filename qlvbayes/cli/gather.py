@@ -23,9 +23,9 @@ def gather_command(
 ) -> None:
     """Make tables, comparison and report of the pads that are there, after a run with --shard.
 
-    What there is: parts that are not done yet are left out, and the same command takes them up
-    later. Of a study, pads whose last fit hangs on what others lack are fitted first. Leaves what
-    the same run without --shard leaves, and names the pads that failed.
+    Parts that are not done yet are left out; the same command adds them later. In a study, pads
+    whose last fit depends on the effects of other pads are fitted first. Leaves what the same run
+    without --shard leaves, and names the pads that failed.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal

@@ -71,9 +71,10 @@ def look_command(
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
 
-    Tells of each test its phases, speeds and sampling; of each pad the noise, where contact is,
-    which readings are left out, and which parts of the model its tests show: yes, hardly (something
-    else looks alike in these tests) or no, with the fact behind it and the test that would show it.
+    Shows the phases, speeds and sampling of each test, and for each pad its noise, its contact and
+    the readings that are left out. Says which parts of the model the tests can show: yes, hardly
+    (these tests cannot distinguish it from something else) or no, with the reason and the test that
+    would show it.
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import os
 import sys
 from collections.abc import Iterable
@@ -13,7 +14,9 @@ import typer
 
 from qlvbayes.io.escaping import as_typed, visible
 from qlvbayes.io.files import bundled
+from qlvbayes.io.wording import joined
 from qlvbayes.parallel.faults import FailedError, fault_of
+from qlvbayes.plots.catalogue import figures_of
 
 INTERRUPTED = 130
 
@@ -44,8 +47,18 @@ def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
     app = _empty_application()
     for name in names:
         module, _, function = _COMMANDS[name].partition(".")
-        app.command(name)(getattr(import_module(f"qlvbayes.cli.{module}"), function))
+        command = getattr(import_module(f"qlvbayes.cli.{module}"), function)
+        app.command(name, help=_help(name, inspect.getdoc(command) or ""))(command)
     return app
+
+
+def _help(name: str, text: str) -> str:
+    """Return a docstring as the help of a command: each paragraph in one line, for any terminal.
+
+    FIGURES stands for the names of the figures that the command leaves in the folder of each pad.
+    """
+    text = text.replace("FIGURES", joined([one.name for one in figures_of(name)]))
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
 
 def overview() -> typer.Typer:

@@ -55,8 +55,8 @@ def predict_command(
     from qlvbayes.cli.terminal import Terminal, show_figures
 
     # imported here, so that other commands do not wait for matplotlib
+    from qlvbayes.plots.catalogue import figures_of
     from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.prediction import plot_prediction
     from qlvbayes.use.prescribed.forecast import content, predict_program, write_forecast
 
     check_known("way", hypotheses, _WHICH)
@@ -67,7 +67,10 @@ def predict_command(
             forecast = predict_program(source, program)
             pad_folder = folder / source.pad
             write_forecast(pad_folder, forecast)
-            figures.append(save_figure(plot_prediction(forecast), pad_folder / "prediction"))
+            figures += [
+                save_figure(one.draw(forecast), pad_folder / one.name)
+                for one in figures_of("predict")
+            ]
         if forecast.averaged:
             watcher.notice(_averaging_words(forecast))
         for warning in forecast.warnings:

@@ -22,7 +22,7 @@ def report(
     """Write OUT/report.html anew from what lies in OUT: one page that opens offline.
 
     It says what was not done yet, and which command does it. The page of a saved session
-    (SESSION.zip) is SESSION.html beside it.
+    (SESSION.zip) is SESSION.html next to it.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.report.page import write_report

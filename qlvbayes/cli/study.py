@@ -42,7 +42,7 @@ def study_command(
     First it shows what is in the tests, as 'look' does (OUT/look.json, OUT/look_<pad>.png).
     The plain model's fit and check are kept in OUT/<pad>/plain; OUT/<pad> holds the diagnosis and,
     with the effects that it names, the fit to all tests and its check. Where nothing is named,
-    OUT/<pad> holds the plain model. OUT/report.html tells the whole story in one file.
+    OUT/<pad> holds the plain model. OUT/report.html has all results in one file.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from qlvbayes import plots
 from qlvbayes.fitting.pad_check import CheckedPad, check_pad, curves
@@ -13,13 +12,7 @@ from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.watcher import Watcher
-
-FIGURES: dict[str, Callable[[CheckedPad], Any]] = {
-    "forces": lambda one: plots.plot_forces(one.predictions, one.experiment.units),
-    "hysteresis": lambda one: plots.plot_hysteresis(one.predictions, one.experiment.units),
-    "residual_map": lambda one: plots.plot_residual_map(one.check, one.experiment.units),
-}
-"""Figures of a check, and how each is drawn."""
+from qlvbayes.plots.catalogue import figures_of
 
 
 @dataclass(frozen=True)
@@ -60,8 +53,8 @@ def check_into(
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
         checked.check.write(folder / "check.json")
         curves(checked).write(folder / "curves.json")
-        for name, draw in FIGURES.items():
-            plots.save_figure(draw(checked), folder / name)
+        for figure in figures_of("check"):
+            plots.save_figure(figure.draw(checked), folder / figure.name)
     for text in checked.check.notices:
         watcher.notice(text)
     watcher.checked(checked.check)

@@ -142,7 +142,7 @@ def design_into(
 def _figures(plan: Plan, folder: Path) -> list[Path]:
     # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.nexttests import plot_next_tests
+    from qlvbayes.plots.next_tests import plot_next_tests
 
     knowledge, series = plan.knowledge, plan.series
     axes = plot_next_tests(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from qlvbayes import plots
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -18,16 +17,9 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.plots.catalogue import figures_of
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
-
-FIGURES: dict[str, Callable[[Diagnosis], Any]] = {
-    "residuals_before_after": lambda one: plots.plot_residuals_before_after(one.result),
-    "forces_before_after": lambda one: plots.plot_forces_before_after(one),
-    "evidence": lambda one: plots.plot_evidence(one.result),
-    "error_staircase": lambda one: plots.plot_error_staircase(one.result),
-}
-"""Figures of a diagnosis, and how each is drawn."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,7 @@ class DiagnoseStep:
         for text in result.notices:
             watcher.notice(text)
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
-        figures = [folder / f"{name}.png" for name in FIGURES]
+        figures = [folder / f"{figure.name}.png" for figure in figures_of("diagnose")]
         watcher.diagnosed(result, words, [path for path in figures if path.exists()])
 
 
@@ -108,7 +100,8 @@ def diagnose_into(
         drawn_hypotheses(diagnosis, choices, seed=seed).write(folder / HYPOTHESES)
         write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
         figures = [
-            plots.save_figure(draw(diagnosis), folder / name) for name, draw in FIGURES.items()
+            plots.save_figure(figure.draw(diagnosis), folder / figure.name)
+            for figure in figures_of("diagnose")
         ]
     for text in diagnosis.result.notices:
         watcher.notice(text)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from msgspec.structs import replace
 
 from qlvbayes import plots
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import Fit, fit_pad
+from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.results import save, to_arviz
 from qlvbayes.fitting.summary import FitSummary
@@ -24,12 +23,7 @@ from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.pulling import pull_notices
 from qlvbayes.pipeline.watcher import Watcher
-
-FIGURES: dict[str, Callable[[Fit, Experiment], Any]] = {
-    "pairs": lambda fit, experiment: plots.plot_pairs(fit),
-    "programme": lambda fit, experiment: plots.plot_programme(experiment),
-}
-"""Figures of a fit, and how each is drawn; a fit predicts its tests by `Fit.predict`."""
+from qlvbayes.plots.catalogue import figures_of
 
 
 @dataclass(frozen=True)
@@ -124,8 +118,8 @@ def fit_into(
         if (relaxed := relaxation_report(experiment)) is not None:
             relaxed.write(folder / "relaxation.json")
             write_whole(folder / "relaxation.txt", relaxed.text().encode())
-        for name, draw in FIGURES.items():
-            plots.save_figure(draw(fit, experiment), folder / name)
+        for figure in figures_of("fit"):
+            plots.save_figure(figure.draw(fit, experiment), folder / figure.name)
     remove_chain(chain)
     watcher.fitted(summary)
     return summary

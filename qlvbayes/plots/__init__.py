@@ -10,25 +10,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-_FIGURES = (
-    "benchmark",
-    "constants",
-    "contrasts",
-    "conversion",
-    "error_staircase",
-    "evidence",
-    "forces",
-    "forces_at_rates",
-    "forces_before_after",
-    "hysteresis",
-    "look",
-    "pairs",
-    "prediction",
-    "programme",
-    "residual_map",
-    "residuals_before_after",
-)
-_MODULES = {f"plot_{name}": name for name in _FIGURES} | {
+from qlvbayes.plots.catalogue import FIGURES
+
+_MODULES = {f"plot_{one.name}": one.name for one in FIGURES} | {
     "figure_of": "files",
     "save_figure": "files",
     "using": "style",

@@ -17,6 +17,7 @@ from qlvbayes.io.wording import joined
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError
 from qlvbayes.parallel.running import run_all
+from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.report.answers import answers, split_first
 from qlvbayes.report.boxes import Box, verdict_box
 from qlvbayes.report.charts import chart_of
@@ -33,22 +34,12 @@ from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.constants import Shifts, constants_rows, shifts_of
 from qlvbayes.report.explaining import Explaining, explaining_of
 from qlvbayes.report.failing import Failing, failing_of
-from qlvbayes.report.figures import Embedder, Figure
+from qlvbayes.report.figures import Embedder, Picture
 from qlvbayes.report.methods import methods_of, source_name
 from qlvbayes.report.overview import is_older, overview_of
 from qlvbayes.report.using import using_of
 
-_PAD_FIGURES = (
-    "forces",
-    "hysteresis",
-    "residuals_before_after",
-    "evidence",
-    "error_staircase",
-    "pairs",
-    "programme",
-    "forces_before_after",
-    "prediction",
-)
+_PAD_FIGURES = [one.name for one in FIGURES if one.shows and one.takes is not None]
 REPORT = "report.html"
 MOST_ON_A_PAGE = 24
 """Pads whose figures are on one page; of more there is a table."""
@@ -64,7 +55,7 @@ class PadView:
     chart: dict | None
     explaining: Explaining | None
     shifts: Shifts | None
-    figures: dict[str, Figure | None]
+    figures: dict[str, Picture | None]
     relaxation: tuple[str, ...]
 
 

@@ -1,0 +1,151 @@
+"""The one list of figures: which command leaves each, what it shows, and what to see in it.
+
+A figure is a function ``plot_NAME`` in the file ``NAME.py`` of this folder. Its entry here puts it
+into the command, into that command's help and into the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure, and the command that leaves it.
+
+    Parameters
+    ----------
+    name
+        Name of its file and, after ``plot_``, of its function.
+    command
+        The command that leaves it.
+    shows, see
+        What it shows, also for those who cannot see it, with ``{of}`` for the pad; and what to look
+        for. Both are empty where the report does not have it.
+    takes
+        The arguments of its function, from what the command has computed of one pad; None where the
+        command draws one figure for all pads, or from something else.
+    """
+
+    name: str
+    command: str
+    shows: str = ""
+    see: str = ""
+    takes: Callable[..., tuple[Any, ...]] | None = None
+
+    def draw(self, *computed: Any) -> Any:
+        """Draw the figure from what its command has computed of one pad; return its axes."""
+        if self.takes is None:
+            raise TypeError(f"{self.name} is not a figure of one pad")
+        module = import_module(f"qlvbayes.plots.{self.name}")  # with Matplotlib, only now
+        return getattr(module, f"plot_{self.name}")(*self.takes(*computed))
+
+
+FIGURES = (
+    Figure(
+        "forces",
+        "check",
+        "Force against time of every test of {of}, by phase, measured and predicted.",
+        "Dots are measured, the line is the model, the band holds 90 % of predicted samples. Dots "
+        "that leave the band in a row are where the model fails.",
+        lambda checked: (checked.predictions, checked.experiment.units),
+    ),
+    Figure(
+        "hysteresis",
+        "check",
+        "Force against displacement of every test of {of}, measured and predicted.",
+        "The area between loading and unloading is the energy lost. Where the loops of dots and "
+        "line differ, the model loses too much or too little.",
+        lambda checked: (checked.predictions, checked.experiment.units),
+    ),
+    Figure(
+        "residual_map",
+        "check",
+        takes=lambda checked: (checked.check, checked.experiment.units),
+    ),
+    Figure(
+        "forces_at_rates",
+        "check",
+        "Force against time at slow, middle and fast loading, measured and predicted.",
+        "Dots inside the band are predicted to within the noise.",
+    ),
+    Figure(
+        "residuals_before_after",
+        "diagnose",
+        "Error over noise floor of {of} by test and phase, for the plain model and for the last.",
+        "Cells near 1 are noise. What is dark on the left and light on the right was explained by "
+        "what was added.",
+        lambda diagnosis: (diagnosis.result,),
+    ),
+    Figure(
+        "evidence",
+        "diagnose",
+        "Evidence for each hypothesis about what {of} lacks.",
+        "A bar to the right: the tests are better explained with this effect in the model than "
+        "without it; to the left: worse. The axis is logarithmic where bars differ much.",
+        lambda diagnosis: (diagnosis.result,),
+    ),
+    Figure(
+        "error_staircase",
+        "diagnose",
+        "Error of {of} after each step, fitted and on tests left out, against the noise floor.",
+        "Each step down is an effect that was added; at the noise nothing is left to explain.",
+        lambda diagnosis: (diagnosis.result,),
+    ),
+    Figure(
+        "forces_before_after",
+        "diagnose",
+        "Residuals of {of} against time before and after the effects were added.",
+        "Does the error stay in the hold or end with the motion? Does it grow with speed, with "
+        "depth, with time?",
+        lambda diagnosis: (diagnosis,),
+    ),
+    Figure(
+        "pairs",
+        "fit",
+        "Joint posterior of the constants of {of}, two at a time.",
+        "A slanted cloud: only a combination of the two constants is known well.",
+        lambda fit, experiment: (fit,),
+    ),
+    Figure(
+        "programme",
+        "fit",
+        "Displacement against time of every test of {of}.",
+        "How the pad was pressed: steeper is faster, level is held.",
+        lambda fit, experiment: (experiment,),
+    ),
+    Figure(
+        "constants",
+        "fit",
+        "Every constant of all pads with its 90 % interval.",
+        "Where the intervals of two pads do not overlap, the pads differ in that constant. Open "
+        "diamonds are reference values, where some are known.",
+    ),
+    Figure(
+        "contrasts",
+        "compare",
+        "Ratios of {of} with 90 % intervals against the region of practical equivalence.",
+        "Inside the shaded region: equal for practical purposes. Clear of the line at 1 and not "
+        "inside: different. On both sides of the line and beyond the region: undecided.",
+    ),
+    Figure(
+        "prediction",
+        "predict",
+        "What {of} is predicted to do in a programme of the user's own.",
+        "Above what is prescribed, beneath the answer: the bands hold 50 and 90 % of the draws.",
+        lambda forecast: (forecast,),
+    ),
+    Figure("next_tests", "design"),
+    Figure("look", "look"),
+    Figure("conversion", "convert"),
+    Figure("benchmark", "benchmark"),
+)
+"""All figures, those of one command together; the report keeps the first where it grows large."""
+
+
+def figures_of(command: str) -> tuple[Figure, ...]:
+    """Return the figures that a command leaves in the folder of each pad."""
+    return tuple(one for one in FIGURES if one.command == command and one.takes is not None)
