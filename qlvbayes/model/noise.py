@@ -30,12 +30,13 @@ class AbstractNoise(eqx.Module):
     """Define a noise model: its likelihood and its draws.
 
     Each field is a constant of the noise: a number where it is fixed, a prior where it is free. A
-    class declares its ``name`` after ``--noise``, the kind of unit of each constant (``units``),
-    and what the report says of it (``words``).
+    class declares its ``name`` after ``--noise``, the kind of unit of each constant (``units``)
+    and its meaning (``meanings``), and what the report says of the whole (``words``).
     """
 
     name: eqx.AbstractClassVar[str]
     units: eqx.AbstractClassVar[dict[str, str]]
+    meanings: eqx.AbstractClassVar[dict[str, str]]
     words: eqx.AbstractClassVar[str]
     prefix: ClassVar[str] = "noise."
 
@@ -98,6 +99,7 @@ class White(AbstractGaussian):
     white: Constant
     name: ClassVar[str] = "white"
     units: ClassVar[dict[str, str]] = {"white": "force"}
+    meanings: ClassVar[dict[str, str]] = {"white": "white noise, one standard deviation"}
     words: ClassVar[str] = (
         "independent normal noise, whose standard deviation is fitted with the rest"
     )
@@ -143,6 +145,10 @@ class StudentT(AbstractNoise):
     nu: Constant
     name: ClassVar[str] = "student-t"
     units: ClassVar[dict[str, str]] = {"scale": "force", "nu": "count"}
+    meanings: ClassVar[dict[str, str]] = {
+        "scale": "width of the noise",
+        "nu": "degrees of freedom: the fewer, the more outliers",
+    }
     words: ClassVar[str] = (
         "independent Student-t noise, whose scale and degrees of freedom are fitted too"
     )
@@ -199,6 +205,11 @@ class Correlated(AbstractGaussian):
     tau: Constant
     name: ClassVar[str] = "correlated"
     units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
+    meanings: ClassVar[dict[str, str]] = {
+        **White.meanings,
+        "ou": "correlated noise, one standard deviation",
+        "tau": "correlation time of that noise",
+    }
     words: ClassVar[str] = (
         "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from sample to "
         "sample), whose standard deviations and correlation time are fitted with the rest"
@@ -304,6 +315,11 @@ class Floor(AbstractGaussian):
         "tau": "time",
         "factor": "count",
         "remainder": "force",
+    }
+    meanings: ClassVar[dict[str, str]] = {
+        **Correlated.meanings,
+        "factor": "noise in the fit over noise measured at rest",
+        "remainder": "what the model misses, one standard deviation",
     }
     words: ClassVar[str] = (
         "as measured at rest, without the model, and not fitted; what the model misses goes into a "

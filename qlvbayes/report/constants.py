@@ -12,19 +12,11 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import DASH, NBSP, joined, number, to_sd, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import NOISES
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import FitResults, PadResults
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
-_MEANINGS = {
-    "noise.white": "white noise, one standard deviation",
-    "noise.ou": "correlated noise, one standard deviation",
-    "noise.tau": "correlation time of that noise",
-    "noise.factor": "noise in the fit over noise measured at rest",
-    "noise.remainder": "what the model misses, one standard deviation",
-    "noise.scale": "width of the noise",
-    "noise.nu": "degrees of freedom: the fewer, the more outliers",
-}
 _SMALLEST_CHANGE = 0.005  # smallest relative change that is worth a word
 
 
@@ -73,7 +65,7 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
     for pad in pads:
         units |= {name: c.unit for name, c in _parameters(pad.final).items()}
     names = sorted(units, key=_rank)
-    meanings = _MEANINGS | {n: text for pad in pads for n, text in _of_laws(pad).items()}
+    meanings = _of_noises() | {n: text for pad in pads for n, text in _of_laws(pad).items()}
     return tuple(
         Row(
             name,
@@ -157,6 +149,12 @@ def _value(c: Constant | None) -> Value:
         return Value(DASH, "")
     low, high = (to_sd(x, c.sd) for x in c.hdi90)
     return Value(to_sd(c.median, c.sd), "fixed" if c.fixed else f"{low} to {high}")
+
+
+def _of_noises() -> dict[str, str]:
+    """Return the meanings of the constants of all noise models."""
+    kinds = NOISES.values()
+    return {kind.prefix + name: text for kind in kinds for name, text in kind.meanings.items()}
 
 
 def _of_laws(pad: PadResults) -> dict[str, str]:

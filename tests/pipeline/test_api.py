@@ -58,6 +58,7 @@ def test_what_is_offered_is_there_and_is_what_type_checkers_see():
         assert name in dir(q)
         if not isinstance(value, ModuleType):
             assert value is getattr(importlib.import_module(module), own)
+    assert {name for name in dir(q) if not name.startswith("_")} == set(q.__all__)
 
 
 @pytest.mark.parametrize("part", PARTS)
