@@ -32,7 +32,7 @@ FIGURES: dict[str, Callable[[Diagnosis], Any]] = {
 
 @dataclass(frozen=True)
 class DiagnoseStep:
-    """Diagnose a pad, as a step that runs for many pads."""
+    """Step that diagnoses a pad, repeated for many pads."""
 
     name: ClassVar[str] = "diagnose"
     reads: ClassVar[tuple[str, ...]] = ()

@@ -34,7 +34,7 @@ FIGURES: dict[str, Callable[[Fit, Experiment], Any]] = {
 
 @dataclass(frozen=True)
 class FitStep:
-    """Fit a pad, as a step that runs for many pads."""
+    """Step that fits a pad, repeated for many pads."""
 
     name: ClassVar[str] = "fit"
     reads: ClassVar[tuple[str, ...]] = ()

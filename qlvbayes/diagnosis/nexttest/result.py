@@ -17,9 +17,9 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """Hold expected bits about constants and cause, each with the sd of the closed form's error.
+    """Expected information (bits) about the constants and about the cause.
 
-    Those about the cause lie between their bounds.
+    Each has the sd of the closed form's error. Those about the cause lie between their bounds.
     """
 
     constants: float
