@@ -29,7 +29,7 @@ Finished = Callable[["Job"], Awaitable[None]]
 class Job:
     """Job of the server, as described in docs/app_api.md.
 
-    ``enough`` is whether a search was told to end with its results so far; ``result`` is what its
+    ``enough`` is whether a search was asked to end with its results so far; ``result`` is what its
     process returned; ``probabilities`` are those that it reported last.
     """
 

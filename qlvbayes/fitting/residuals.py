@@ -72,9 +72,9 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
     noise
         Standard deviation of one reading by the noise floor (N), measured without the model.
     cells
-        Errors in each kind of phase of each test; at least one.
+        Errors in each kind of phase of each test that has samples; at least one.
     cycles
-        Errors of each single phase whose kind occurs several times in its test, as under cycles.
+        Errors of each single phase whose kind occurs several times in its test, as in cyclic tests.
     notices
         Sentences on the measurements and their noise.
     false_alarms

@@ -49,7 +49,7 @@ class FitSummary(Result, frozen=True, kw_only=True):
     troubles
         Messages on what speaks against it; empty where ``converged`` is true.
     notices
-        Sentences on the tests: what they carry over from each other or cannot determine.
+        Sentences on the tests and their noise, such as what the tests cannot determine.
     settings
         Settings of the sampler, of which least squares use the seed alone; None where not stated.
     parameters

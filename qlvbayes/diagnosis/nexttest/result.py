@@ -46,7 +46,7 @@ class Proposed(Part, frozen=True, rename={
     "hold": "hold_s", "rest": "rest_s", "pause": "pause_s", "duration": "duration_s",
     "share": "retraction_share", "evidence": "expected_2_ln_bayes_factor",
 }):  # fmt: skip
-    """A proposed test and what it would tell.
+    """A proposed test and the information that is expected of it.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A test and what it would tell.
+    """A test and the information that is expected of it.
 
     Parameters
     ----------
