@@ -145,7 +145,7 @@ __all__ = [
 
 
 class _Configuring(MetaPathFinder):
-    """Finds JAX where the finders after it do, and configures it once it is loaded."""
+    """Import finder that configures JAX once the finders after it have loaded it."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
         """JAX's own, whose loader then does both."""

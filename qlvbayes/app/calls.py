@@ -17,7 +17,7 @@ _PAUSE = 2.0  # s before such a restart
 
 
 class Calls:
-    """Keep one warm worker, and start a new one where it dies.
+    """Calls to one warm worker process, which is started anew where it dies.
 
     ``status`` is ``starting``, ``ready`` or ``restarting``; ``changed`` is called with each change.
     """

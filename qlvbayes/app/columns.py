@@ -122,7 +122,7 @@ def _unit_in(column: str | None, what: str) -> str | None:
 
 
 class _Table:
-    """Hold header and first rows of a text file; ``line`` is the header's, from 1."""
+    """Header and first rows of a text file; ``line`` is the header's line number, from 1."""
 
     def __init__(
         self, header: Sequence[str], rows: list[list[str]], separator: str, line: int

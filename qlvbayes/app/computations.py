@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 
 class Cache(Generic[T]):
-    """Keep the objects that were used last, a limited number; each is made once for all threads."""
+    """Cache of the objects used last, of limited size; each is made once for all threads."""
 
     def __init__(self, most: int) -> None:
         self._most = most

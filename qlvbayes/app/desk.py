@@ -27,7 +27,7 @@ _CHANGES = ("add", "remove", "elastic", "relaxation")
 
 
 class Desk:
-    """Do what the routes ask for, in the server's own process."""
+    """Actions that the routes ask for, carried out in the server's own process."""
 
     def __init__(
         self,

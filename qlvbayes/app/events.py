@@ -13,7 +13,7 @@ _ALIVE = 15.0  # s between comments, which detect a dead connection
 
 
 class Events:
-    """Keep a queue of events for each page that listens."""
+    """Queues of events, one for each page that listens."""
 
     def __init__(self) -> None:
         self._listening: dict[str, set[asyncio.Queue[str | None]]] = defaultdict(set)

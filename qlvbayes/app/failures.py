@@ -10,7 +10,7 @@ ErrorContent = dict[str, Any]
 
 
 class RefusedError(Exception):
-    """Report that a request is answered with an error: its HTTP status and content."""
+    """Exception for a request that is answered with an error: its HTTP status and content."""
 
     def __init__(self, status: int, content: ErrorContent) -> None:
         super().__init__(content["text"])

@@ -57,7 +57,7 @@ Spec = dict[str, Any]
 
 
 class ProgressReporter(Watcher):
-    """Report progress to the server at regular intervals."""
+    """Watcher that reports progress to the server at regular intervals."""
 
     def __init__(self, parent: Parent) -> None:
         self._parent = parent

@@ -27,9 +27,9 @@ Finished = Callable[["Job"], Awaitable[None]]
 
 @dataclass(eq=False)
 class Job:
-    """Hold a job as in docs/app_api.md.
+    """Job of the server, as described in docs/app_api.md.
 
-    ``enough`` is whether a search was told to end with its results so far; ``result`` is what its
+    ``enough`` is whether a search was asked to end with its results so far; ``result`` is what its
     process returned; ``probabilities`` are those that it reported last.
     """
 
@@ -65,7 +65,7 @@ class Job:
 
 
 class Jobs:
-    """Hold all jobs of a server, in the order in which they were requested."""
+    """All jobs of a server, in the order in which they were requested."""
 
     def __init__(self, events: Events) -> None:
         self._events = events

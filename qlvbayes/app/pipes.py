@@ -21,7 +21,7 @@ _ENDS_WITHIN = 2.0  # s that a process has to end by itself
 
 
 class Process:
-    """Run a module of the package in an interpreter of its own."""
+    """Process that runs a module of the package in a Python interpreter of its own."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
@@ -92,7 +92,7 @@ class Process:
 
 
 class Parent:
-    """Connect a process to the server.
+    """Connection of a process to the server that started it.
 
     Standard output becomes standard error, so that nothing printed is taken for an answer.
     """

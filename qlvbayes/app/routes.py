@@ -38,7 +38,7 @@ _TYPES = {
 
 
 class Routes:
-    """Answer requests; all state is in ``desk``."""
+    """Routes of the server, with the answers to their requests; all state is in ``desk``."""
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk

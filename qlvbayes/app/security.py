@@ -39,12 +39,12 @@ _EVERYWHERE = {"0.0.0.0", "::"}
 
 
 class TooLargeError(Exception):
-    """Report that a request is longer than it may be."""
+    """Exception for a request that is longer than allowed."""
 
 
 @dataclass(frozen=True)
 class Address:
-    """Hold the server's own Host headers and origins, and the name of its cookie.
+    """Address of the server: its Host headers and origins, and the name of its cookie.
 
     ``secure`` is whether it is reached by https only, through a proxy.
     """
@@ -72,7 +72,10 @@ class Address:
 
 
 class Guard:
-    """Let requests with the token and from the server's own page pass; add the headers."""
+    """Filter of requests: those with the token and from the server's own page pass.
+
+    It adds the server's headers to every answer.
+    """
 
     def __init__(self, app: ASGIApp, *, token: str, address: Address) -> None:
         self.app = app

@@ -32,7 +32,7 @@ from qlvbayes.app.sessions import Session, Sessions
 
 @dataclass(frozen=True)
 class Options:
-    """Hold the options of the server.
+    """Options of the server.
 
     ``token`` is the secret of all requests, ``sessions`` their folder. ``open`` is what to show at
     first: a file of measurements, a folder of results or a saved session. ``behind`` is the address
@@ -139,7 +139,7 @@ def serve(options: Options) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Print the address once the server can be reached."""
+    """Web server that prints its address once it can be reached."""
 
     def __init__(self, config: uvicorn.Config, app: Starlette, options: Options, base: str) -> None:
         super().__init__(config)

@@ -26,7 +26,7 @@ _PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown ye
 
 @dataclass
 class HistoryState:
-    """Hold a model of the history, an entry as in docs/app_api.md.
+    """One model in the history of a pad, an entry as in docs/app_api.md.
 
     ``begun`` are the constants that its fit began from.
     """
@@ -55,7 +55,7 @@ class HistoryState:
 
 @dataclass
 class OnBench:
-    """Hold a pad of a session: facts (units, noise, tests) and the history of its states.
+    """Pad of a session: facts (units, noise, tests) and the history of its models.
 
     ``sampled`` is the state whose model was sampled last, and ``bands`` are its bands as the page
     receives them.
@@ -86,7 +86,7 @@ class OnBench:
 
 @dataclass
 class Session:
-    """Hold one session.
+    """Session of a user: the measurements, and for each pad the models that were tried.
 
     ``stage``, ``error``, ``questions`` and ``guess`` are those of docs/app_api.md; ``data`` is the
     tidy file, and ``answers`` are those so far. ``made`` holds ``files`` and ``options`` of
@@ -235,7 +235,7 @@ def ranking(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 class Sessions:
-    """Hold all sessions of a server, below one folder, and folders of results opened in place."""
+    """All sessions of a server below one folder, and folders of results opened where they are."""
 
     def __init__(self, root: Path) -> None:
         self._root = root

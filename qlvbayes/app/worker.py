@@ -31,7 +31,7 @@ _ENCODER = msgspec.json.Encoder(enc_hook=float)  # numbers of numpy; those not f
 
 
 class RequestThread:
-    """Answer the requests of one thread, and do work in pieces between them."""
+    """Thread of the worker that answers requests and does long work in pieces between them."""
 
     def __init__(self, parent: Parent, calls: dict[str, Callable[..., Any]]) -> None:
         self._parent = parent
@@ -110,7 +110,7 @@ class RequestThread:
 
 
 class Worker:
-    """Sort requests into two threads; calls in ``first`` precede the others."""
+    """Worker with two threads for requests; calls in ``first`` precede the others."""
 
     def __init__(
         self, parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]

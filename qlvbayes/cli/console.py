@@ -27,7 +27,7 @@ WIDE = 140  # characters per line of a table where the output is no terminal
 
 
 class Plain(Console):
-    """Write text as it is: no markup, and no control characters that reach the terminal."""
+    """Console for plain text: no markup, and no control characters that reach the terminal."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **settings)

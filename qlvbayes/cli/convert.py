@@ -69,7 +69,7 @@ FormatsFile = Annotated[
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """Hold the options that say how files of testing machines are read."""
+    """Options that say how files of testing machines are read."""
 
     pad: PadName = ""
     pad_from: PadFrom = None

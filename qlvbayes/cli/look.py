@@ -105,7 +105,7 @@ def look_command(
 
 @dataclass(frozen=True)
 class _Input:
-    """Hold measurements, the files that they came from, and the commands to go on with.
+    """Measurements, the files that they came from, and the commands to go on with.
 
     next: the words of each command; the last one is ``study``.
     """
@@ -122,7 +122,7 @@ class _Input:
 
 @dataclass(frozen=True)
 class _Inputs:
-    """Hold all that could be read, and why other files were refused."""
+    """All measurements that could be read, and the errors of the files that were refused."""
 
     studies: tuple[_Input, ...]
     refused: tuple[InputError, ...]

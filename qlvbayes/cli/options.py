@@ -142,7 +142,7 @@ Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
 @dataclass(frozen=True)
 class WorkOptions:
-    """Hold the options that say who does the work, and which part of it."""
+    """Options that say which workers do the work, and which part of it."""
 
     jobs: Jobs = 1
     cluster: Cluster = None
@@ -160,7 +160,7 @@ class WorkOptions:
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """Hold the options that describe a model: those of every command that fits one."""
+    """Options that describe a model: those of every command that fits one."""
 
     elastic: Elastic = "exponential"
     relaxation: Relaxation = None

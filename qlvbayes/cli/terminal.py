@@ -35,7 +35,7 @@ _TABLES = 12  # pads; where there are more, each has one line instead of tables
 
 
 class Terminal(Watcher):
-    """Show progress and notices on stderr, and results on stdout unless ``quiet``."""
+    """Watcher that shows progress and notices on stderr, results on stdout unless ``quiet``."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet

@@ -16,7 +16,7 @@ _SMALL = 1e-4
 
 
 class Interval(Part, frozen=True):
-    """Hold the median and the ends of the central 90 % interval."""
+    """Median and ends of the central 90 % interval."""
 
     median: float
     low: float
@@ -24,7 +24,7 @@ class Interval(Part, frozen=True):
 
 
 class Contrast(Part, frozen=True):
-    """Hold one quantity of both, with its difference and ratio.
+    """One quantity of two pads or two fluids, with its difference, its ratio and an answer.
 
     first, second: its values; difference: first minus second; ratio: first over second, None where
     one of them may be zero or change its sign; direction: probability that the first is greater;
@@ -75,12 +75,36 @@ class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold":
 
 
 class Comparison(Result, frozen=True, kw_only=True):
-    """Hold all contrasts of two pads or two fluids: ``compare.json``.
+    """Comparison of two pads or two fluids, quantity by quantity: ``compare.json``.
 
-    differ: True where the joint test calls the shared constants different; False where it does not
-    and each of them is equal within the region; None where the data cannot tell. specimens: how
-    many of each; by_chance: how many quantities would be called different one by one were the two
-    equal; settings: where quantities were read; words: the answer in sentences.
+    Parameters
+    ----------
+    names
+        Names of the first and of the second.
+    between
+        ``pads``, or ``fluids`` where both have two specimens or more.
+    units
+        Units of displacement and force, those of the first pad.
+    specimens
+        Numbers of specimens of the first and of the second.
+    region
+        Region of practical equivalence: ratios within 1/(1 + region) .. 1 + region count as equal.
+    differ
+        True where the joint test calls the two different; False where it does not and each tested
+        quantity is equal within the region; None where the data cannot tell.
+    omnibus
+        The joint test of the shared constants, or of the quantities that all tests show; None where
+        there was nothing to test.
+    by_chance
+        Expected number of quantities that would be called different one by one if all were equal.
+    settings
+        Depth, rates, frequencies and hold at which quantities are read; None where none are stated.
+    contrasts
+        One entry for each quantity, the shared constants first.
+    notices
+        One sentence on each limit of the comparison.
+    words
+        The answer in sentences.
     """
 
     names: tuple[str, str]

@@ -17,7 +17,7 @@ _NEAR = 1.05  # of a range, that still counts as inside it
 
 @dataclass(frozen=True)
 class ReadingSettings:
-    """State where quantities are read, as in `ReadAt`, and what the tests cover, if known."""
+    """Values at which quantities are read, as in `ReadAt`, and the tests' ranges, if known."""
 
     depth: float
     rates: tuple[float, ...]

@@ -10,9 +10,10 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 
 class StopSearch(Exception):  # noqa: N818 - it reports no error
-    """Raise it in the callback ``watch`` of `diagnose` to end the search early.
+    """Exception that the callback ``watch`` of `diagnose` raises to end the search early.
 
-    The diagnosis is then made from the hypotheses that have been evaluated by that time.
+    The diagnosis is then made from the hypotheses that have been evaluated by that time. `diagnose`
+    catches the exception, which has no fields.
     """
 
 

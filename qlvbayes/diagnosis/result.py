@@ -168,7 +168,7 @@ class Stage(
 
 
 class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time_s"}):
-    """State in how many readings the evidence for an effect lies.
+    """Number of block means in which the evidence for an effect lies.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
 
 
 class Support(Part, frozen=True):
-    """State what besides its evidence speaks for or against an effect (`checks.support`).
+    """Measures besides the evidence that speak for or against an effect (`checks.support`).
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_lap
 
 
 class Checked(Part, frozen=True):
-    """State how often a check for missed modes was made, failed, and led to a higher mode.
+    """Counts of a check for missed modes: how often it was made, failed, and led to a higher mode.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ class Remains(
 
 
 class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """State where the baseline model fails worst, with the error (N) there."""
+    """Phase of a test in which the baseline model fails worst, with the error (N) there."""
 
     test: str
     phase: str
@@ -436,7 +436,7 @@ class DiagnosisResult(
         "heldout_of_all": "heldout_of_all_rmse_N",
     },
 ):
-    """State what one pad's tests say about the model: ``diagnosis.json``.
+    """Result of the diagnosis of one pad's model: ``diagnosis.json``.
 
     Forces are in the unit of ``units.force``, N by default.
 

@@ -37,7 +37,7 @@ CHECKS = ("nested", "exchanged", "draws")
 
 @dataclass
 class CheckCount:
-    """Count how often a check for missed modes was made, failed, and led to a higher mode."""
+    """Counts of a check for missed modes: made, failed, and led to a higher mode."""
 
     made: int = 0
     failed: int = 0

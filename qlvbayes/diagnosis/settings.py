@@ -14,7 +14,7 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 @dataclass(frozen=True)
 class Breadth:
-    """Define how broadly hypotheses and their modes are searched. A broader search takes longer.
+    """Breadth of the search for hypotheses and their modes; a broader search takes longer.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Breadth:
 
 @dataclass(frozen=True)
 class CellTests:
-    """Define how each cell, which is a phase of a test, is tested for structure that is left in it.
+    """Settings of the test for structure that is left in a cell, which is a phase of a test.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class CellTests:
 
 @dataclass(frozen=True)
 class Imitation:
-    """Define how an effect is separated from an imitation, whose strength varies between tests.
+    """Thresholds between an effect and an imitation, whose strength varies between tests.
 
     Parameters
     ----------

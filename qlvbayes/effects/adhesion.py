@@ -18,7 +18,7 @@ _GONE = 40.0  # in strengths; beyond, less than e^-294 of the tension is left
 
 
 class Adhesion(AbstractEffect):
-    """Let the surface carry tension: F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0.
+    """Tension of the surface: F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0.
 
     Where F_below is positive, F = F_below. The surface carries tension up to ``strength`` and lets
     go beyond. This is a cohesive law, the same on release and on renewed contact. At strength 0 the

@@ -21,7 +21,7 @@ _UNTOUCHED = 1e30  # mm, of a motion that has not touched the surface: nothing h
 
 
 class AdhesionAtAStretch(Adhesion):
-    """Let ligaments pull beyond contact: F = F_adhesion where they pull less, -T g where more.
+    """Ligaments that pull beyond contact: F = F_adhesion where they pull less, -T g where more.
 
     T = strength e^{1/8} x/stretch, where x = max(-d, 0) is how far the platen has gone back beyond
     contact. With X its largest value since the last contact, g = e^{-(X/stretch)^8/8} is the share

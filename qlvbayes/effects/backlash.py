@@ -17,7 +17,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Backlash(AbstractEffect):
-    """Let the platen wait when the drive turns: its depth is p = min(max(p_before, d), d + play).
+    """Play of the drive when it turns: the depth is p = min(max(p_before, d), d + play).
 
     On the way in the platen is where the encoder says. This is the play operator.
 

@@ -20,7 +20,7 @@ LINES = 256  # most steps that the delay may span
 
 
 class _Late(eqx.Module):
-    """Hold the state of a late channel.
+    """State of a force channel that lags behind the displacement.
 
     ``below`` is the state of the law beneath at the delayed time, ``displacement`` (mm) the
     displacement there, and ``force`` (N) the reading. ``count`` lines have followed since; their
@@ -38,7 +38,7 @@ class _Late(eqx.Module):
 
 
 class ChannelLag(AbstractEffect):
-    """Delay the force: F(t) = F_below(t - delay), and the first force before the start.
+    """Delay of the force: F(t) = F_below(t - delay), and the first force before the start.
 
     The force beneath is taken at the delayed times themselves, which join the grid; there the
     motion lies on the straight line between its points.

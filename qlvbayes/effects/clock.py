@@ -13,7 +13,7 @@ from qlvbayes.laws.motion import Line, Motion
 
 
 class AbstractClocked(AbstractEffect):
-    """Change the force by the time (s) since the pad's first test began."""
+    """Effect that depends on the time (s) since the pad's first test began."""
 
     @abstractmethod
     def at_clock(self, force: Array, clock: Array) -> Array:

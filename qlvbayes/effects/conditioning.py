@@ -15,7 +15,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Conditioning(AbstractEffect):
-    """Weaken the pad with each test: F = F_below (1 - share (1 - e^{-n/tests})), n tests before.
+    """Weakening with each test: F = F_below (1 - share (1 - e^{-n/tests})), n tests before.
 
     Within a test nothing is lost, however long it takes.
 

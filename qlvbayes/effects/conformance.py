@@ -44,7 +44,7 @@ Forces = Callable[[Motion], tuple[Array, Array]]
 
 
 class EffectError(AssertionError):
-    """Report that an effect breaks a rule; the text says which rule."""
+    """Exception for an effect that breaks a rule; the text says which rule."""
 
 
 def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> None:
@@ -114,7 +114,7 @@ def effect_checks(kind: type[AbstractEffect], scales: Scales | None = None) -> I
 
 @dataclass(frozen=True, eq=False)
 class _Reference:
-    """Hold the tests, a baseline law, its forces (T, N) in N in these tests, and their scales."""
+    """Reference tests, a baseline law, its forces (T, N) in N in these tests, and their scales."""
 
     motions: Motion
     law: Law
@@ -127,7 +127,7 @@ class _Reference:
 
 
 class _Trial:
-    """Hold an effect with draws (D, P) of its free constants, and the same draws at its null."""
+    """Effect with draws (D, P) of its free constants, and the same draws at its null."""
 
     def __init__(self, default: AbstractEffect, reference: _Reference) -> None:
         self.kind = type(default)

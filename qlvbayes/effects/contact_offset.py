@@ -20,7 +20,7 @@ BEFORE = 2
 
 
 class ContactOffset(AbstractEffect):
-    """Let contact begin at another displacement: depth = max(displacement - gap, 0).
+    """Contact that begins at another displacement: depth = max(displacement - gap, 0).
 
     A pad with a negative gap has rested at the depth -gap for long when its test begins.
 

@@ -17,7 +17,7 @@ from qlvbayes.laws.scales import Scales
 
 
 class Level(IntEnum):
-    """List what an effect may act on, from the inside out; this settles the order of nesting."""
+    """Levels on which effects act, from the inside out; they settle the order of nesting."""
 
     MATERIAL = 0
     SCALING = 1  # scales the material's force
@@ -31,7 +31,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Protocol:
-    """Describe what the tests of a study do, as far as it decides which effects they can show.
+    """Features of a study's tests that decide which effects the tests can show.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Protocol:
 
 
 class AbstractEffect(eqx.Module):
-    """Define a physical effect, which wraps the law beneath it and returns a force.
+    """Physical effect, which wraps the law beneath it and returns a force.
 
     Each field is a constant of the effect: a number where it is fixed, a prior where it is free; it
     is called ``name.field``. A class declares

@@ -18,7 +18,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class ExtraRelaxationMode(AbstractEffect):
-    """Add a relaxation mode: G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode.
+    """Further relaxation mode: G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode.
 
     * ``c``: the mode's share, zero or more.
     * ``v``: its rate (1/s).

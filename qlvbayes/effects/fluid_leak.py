@@ -15,7 +15,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class FluidLeak(AbstractClocked):
-    """Weaken the pad with its clock: F = F_below e^{-rate t}, t since the pad's first test began.
+    """Weakening by a leak: F = F_below e^{-rate t}, t since the pad's first test began.
 
     * ``rate``: share of the force lost per second (1/s), zero or more.
     """

@@ -21,7 +21,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class FluidPressure(AbstractEffect):
-    """Add the pressure of trapped fluid: F = F_below + p, dp/dt = k v - (p/tau) e^{-a d}, p(0) = 0.
+    """Pressure of trapped fluid: F = F_below + p, dp/dt = k v - (p/tau) e^{-a d}, p(0) = 0.
 
     In the time xi = int e^{-a d} dt this is one relaxing mode.
 

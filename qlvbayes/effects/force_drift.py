@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class ForceDrift(AbstractClocked):
-    """Let the load cell drift: F = F_below + rate t, t since the pad's first test began.
+    """Drift of the load cell: F = F_below + rate t, t since the pad's first test began.
 
     * ``rate``: drift of the cell's zero (N/s), of either sign.
     """

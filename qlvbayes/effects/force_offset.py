@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class ForceOffset(AbstractEffect):
-    """Shift all forces: F = F_below + offset.
+    """Offset of all forces: F = F_below + offset.
 
     * ``offset``: reading of the unloaded cell (N), of either sign.
     """

@@ -19,7 +19,7 @@ _STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
 
 
 class FrameCompliance(AbstractEffect):
-    """Let the frame deflect: depth = displacement - compliance F, where F is the force itself.
+    """Deflection of the frame: depth = displacement - compliance F, where F is the force itself.
 
     It is solved at all grid points at once by quasi-Newton steps with the instantaneous elastic
     stiffness: four steps give 1e-5 of the peak for a frame ten times as stiff as the pad. The

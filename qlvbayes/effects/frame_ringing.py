@@ -21,7 +21,7 @@ _FASTEST = 200.0  # Hz: a stiff testing machine
 
 
 class FrameRinging(AbstractEffect):
-    """Add the force of a mass that the platen shakes: F = F_below + strength w / (2 pi f).
+    """Force of a mass that the platen shakes: F = F_below + strength w / (2 pi f).
 
     w'' + 2 g w' + (g^2 + (2 pi f)^2) (w - a) = 0, g = 2 pi f damping, from rest, where a is the
     platen's acceleration and f its ``frequency``. After an abrupt change of speed by dv this is

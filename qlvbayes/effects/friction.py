@@ -19,7 +19,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Friction(AbstractEffect):
-    """Add dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
+    """Dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
 
     Over the distance travelled this is one relaxing mode.
 

@@ -17,7 +17,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class GradualContact(AbstractEffect):
-    """Let contact be made gradually: depth = max(d - gap (1 - e^{-d/over}), 0).
+    """Contact that is made gradually: depth = max(d - gap (1 - e^{-d/over}), 0).
 
     In the exponent d is max(displacement, 0). At over = 0 a pad with a negative gap has rested, as
     in contact_offset.

@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Inertia(AbstractEffect):
-    """Add the force that accelerates a mass: F = F_below + mass a, a the platen's acceleration.
+    """Force that accelerates a mass: F = F_below + mass a, a the platen's acceleration.
 
     * ``mass``: mass that moves with the load cell (N s2/mm, which is 1000 kg), zero or more.
     """

@@ -20,7 +20,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class InterfaceSlip(AbstractEffect):
-    """Let the specimen slide in its grips: its depth e follows de = (1 - yielding e sgn v) dd.
+    """Sliding of the specimen in its grips: its depth e follows de = (1 - yielding e sgn v) dd.
 
     It slides a little from the start, and as much as the platen moves where e has come to
     1/yielding, whose elastic force is the most that the interface transmits. At a turn it sticks

@@ -20,7 +20,7 @@ _REACHED = 0.3  # share of rate x duration that the drift reaches at the slowing
 
 
 class LevellingDrift(AbstractClocked):
-    """Let the drift of the load cell level off: F = F_below + rate (1 - e^{-slowing t})/slowing.
+    """Drift of the load cell that levels off: F = F_below + rate (1 - e^{-slowing t})/slowing.
 
     t is the pad's clock.
 

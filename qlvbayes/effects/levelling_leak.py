@@ -20,7 +20,7 @@ _REACHED = 0.3  # share of rate x duration that is lost in the end at the median
 
 
 class LevellingLeak(AbstractClocked):
-    """Let a leak level off: F = F_below w, dw/dt = -rate w + back (1 - w), w(0) = 1.
+    """Leak that levels off: F = F_below w, dw/dt = -rate w + back (1 - w), w(0) = 1.
 
     t is the pad's clock. Solved, w = 1 - rate (1 - e^{-(rate + back) t})/(rate + back), which
     levels off at back/(rate + back).

@@ -21,7 +21,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class LoadCellCreep(AbstractEffect):
-    """Let the load cell creep: F = F_below + share y, with dy/dt = (F_below - y)/time.
+    """Creep of the load cell: F = F_below + share y, with dy/dt = (F_below - y)/time.
 
     The cell is at rest under the first force of a record, :math:`y(0) = F_{below}(0)`.
 

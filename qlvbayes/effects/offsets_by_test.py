@@ -16,7 +16,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class OffsetsByTest(AbstractEffect):
-    """Shift each test's force: F = F_below + size (P1 + quadratic P2 + cubic P3).
+    """Offset of each test's force: F = F_below + size (P1 + quadratic P2 + cubic P3).
 
     The Legendre polynomials are taken at the clock of the test's beginning. With force_offset this
     gives any four tests offsets of their own, and more tests offsets on a smooth curve.

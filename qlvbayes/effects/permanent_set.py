@@ -17,7 +17,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class PermanentSet(AbstractEffect):
-    """Lower the pad's surface for good: depth = max(d - share dmax, 0).
+    """Permanent set of the pad's surface: depth = max(d - share dmax, 0).
 
     dmax is the largest d so far in the test, also while loading.
 

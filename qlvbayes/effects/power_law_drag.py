@@ -16,7 +16,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class PowerLawDrag(AbstractEffect):
-    """Add a drag that grows slower than speed: F = F_below + k abs(v)^n sgn v, v in mm/s.
+    """Drag that grows more slowly than speed: F = F_below + k abs(v)^n sgn v, v in mm/s.
 
     * ``k``: drag at 1 mm/s (N (s/mm)^n), zero or more.
     * ``n``: exponent, above 0 up to 1, where 1 is viscous drag.

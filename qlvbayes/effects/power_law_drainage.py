@@ -24,7 +24,7 @@ _POWERS = (0.25, 4.0)  # bounds of m: 1/2 to 2 for n = 3, 1 for 2; beyond, rho h
 
 
 class PowerLawDrainage(AbstractEffect):
-    """Add a pressure that drains as a power of itself: F = F_below + k q.
+    """Pressure that drains as a power of itself: F = F_below + k q.
 
     It follows dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q(0) = 0. A shear-thinning fluid
     seeps as a power of the pressure, and the last of it stays long.

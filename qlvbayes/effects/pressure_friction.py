@@ -17,7 +17,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class PressureFriction(AbstractEffect):
-    """Add friction that grows with the force: F = F_below + strength w z, z as in friction.
+    """Friction that grows with the force: F = F_below + strength w z, z as in friction.
 
     w = 1 - share + share max(F_below, 0)/pressed. At share 1 this is Coulomb's friction with the
     coefficient strength/pressed.

@@ -21,7 +21,7 @@ _RANGE = (
 
 
 class SecondContact(AbstractEffect):
-    """Add a second spring beyond a depth: F = F_below + stiffness max(d - depth, 0).
+    """Second spring beyond a depth: F = F_below + stiffness max(d - depth, 0).
 
     The second spring does not relax.
 

@@ -15,7 +15,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class SlowChange(AbstractClocked):
-    """Change the scale with the clock: F = F_below (1 + size (P1 + quadratic P2 + cubic P3)).
+    """Slow change of the scale: F = F_below (1 + size (P1 + quadratic P2 + cubic P3)).
 
     P1, P2 and P3 are Legendre polynomials over the clock.
 

@@ -22,7 +22,7 @@ _INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finit
 
 
 class SpreadingLag(AbstractEffect):
-    """Delay and filter the force: spread delay F' = y - F, y(t) = F_below(t - (1 - spread) delay).
+    """Delayed, filtered force: spread delay F' = y - F, y(t) = F_below(t - (1 - spread) delay).
 
     F = y at first. Before the start the force is that of the start; between the points at which the
     force beneath is taken it lies on straight lines.

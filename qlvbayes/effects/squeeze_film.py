@@ -18,7 +18,7 @@ _THINNEST = 0.05  # share of its thickness that the film keeps
 
 
 class SqueezeFilm(AbstractEffect):
-    """Add the drag of a film that is squeezed out: F = F_below + eta v / max(1 - d/h, 0.05)^3.
+    """Drag of a film that is squeezed out: F = F_below + eta v / max(1 - d/h, 0.05)^3.
 
     * ``eta``: drag coefficient at zero depth (N s/mm), zero or more.
     * ``h``: the film's thickness (mm).

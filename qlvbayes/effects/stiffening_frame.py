@@ -22,7 +22,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class StiffeningFrame(AbstractEffect):
-    """Let a stiffening frame deflect: depth = displacement - compliance F/(1 + abs(F)/stiff).
+    """Deflection of a stiffening frame: depth = displacement - compliance F/(1 + abs(F)/stiff).
 
     F is the force itself; it is solved as for a frame that does not stiffen.
 

@@ -16,7 +16,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class StrainDependentRate(AbstractEffect):
-    """Let depth change all rates of relaxation: v_i -> v_i e^{alpha d}.
+    """Rates of relaxation that change with depth: v_i -> v_i e^{alpha d}.
 
     All modes then relax in the material time xi = int e^{alpha d} dt.
 

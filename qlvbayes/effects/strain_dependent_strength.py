@@ -15,7 +15,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class StrainDependentStrength(AbstractEffect):
-    """Let depth change how much relaxes: F = (1 - s) F_below + s F_e(d), s = 1 - e^{-beta d}.
+    """Relaxing share that changes with depth: F = (1 - s) F_below + s F_e(d), s = 1 - e^{-beta d}.
 
     F_e is the instantaneous elastic force.
 

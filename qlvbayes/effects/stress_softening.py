@@ -16,7 +16,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class StressSoftening(AbstractEffect):
-    """Soften the pad below its largest depth: F = F_below (1 - s (1 - d/dmax)).
+    """Softening of the pad below its largest depth: F = F_below (1 - s (1 - d/dmax)).
 
     dmax is the largest depth so far in the test.
 

@@ -19,7 +19,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Thixotropy(AbstractEffect):
-    r"""Weaken the pad by motion: F = F_below (1 - share y), dy/dt = (1 - y) speed/way - y/time.
+    r"""Weakening by motion: F = F_below (1 - share y), dy/dt = (1 - y) speed/way - y/time.
 
     y = 0 at first. In :math:`\xi = t/time + s/way`, with s the distance travelled, y is one
     relaxing mode driven by s/way.

@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class ViscousDrag(AbstractEffect):
-    """Add a drag proportional to speed: F = F_below + eta v, v the velocity of the pad's surface.
+    """Drag proportional to speed: F = F_below + eta v, v the velocity of the pad's surface.
 
     * ``eta``: drag coefficient (N s/mm), zero or more.
     """

@@ -29,7 +29,7 @@ _OPEN = ("unexplained", "partly_explained")
 
 @dataclass(frozen=True)
 class Rate:
-    """Count the share of n studies, ``hits`` of them."""
+    """Number of hits among n studies, with their share."""
 
     hits: int
     n: int
@@ -158,7 +158,7 @@ def _modes(relaxation: str | None) -> int:
 
 @dataclass(frozen=True)
 class Count:
-    """Hold one question about the studies of some kinds; good: whether more is better."""
+    """Question that is counted over the studies of some kinds; good: whether more is better."""
 
     name: str
     kinds: tuple[str, ...]

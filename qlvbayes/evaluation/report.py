@@ -31,7 +31,7 @@ matrix."""
 
 @dataclass(frozen=True)
 class Confusion:
-    """Count the studies by what is hidden (``rows``) and by the verdict (``columns``)."""
+    """Numbers of studies by what is hidden (``rows``) and by the verdict (``columns``)."""
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]
@@ -173,7 +173,7 @@ def _bounded(rate: Rate, good: bool) -> dict:
 
 @dataclass(frozen=True)
 class _Stated:
-    """Hold one effect of one study: its probability, whether it is hidden, and whether refused."""
+    """One effect of one study: its probability, whether it is hidden, and whether refused."""
 
     probability: float
     hidden: bool

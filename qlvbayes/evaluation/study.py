@@ -42,7 +42,7 @@ _DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 @dataclass(frozen=True, eq=False)
 class BlindStudy:
-    """Hold the true material, hidden effects, rig and simulated readings of one study.
+    """True material, hidden effects, rig and simulated readings of one study.
 
     sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
     (mm) and width (mm) of the contact; creep: movement of the platen in a hold (mm); times: sampled

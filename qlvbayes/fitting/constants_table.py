@@ -30,7 +30,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """Hold one constant of one pad: median, 90 % interval, and the reference value if there is one.
+    """One constant of one pad: median, 90 % interval, and the reference value if there is one.
 
     A fixed constant has an interval of zero width.
     """

@@ -13,7 +13,7 @@ FEWEST_EFFECTIVE = 400
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Hold each constant's R-hat and bulk effective sample size (P,); NaN if it does not vary."""
+    """R-hat and bulk effective sample size (P,) of each constant; NaN if it does not vary."""
 
     r_hat: np.ndarray
     ess_bulk: np.ndarray

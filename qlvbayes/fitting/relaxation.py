@@ -32,7 +32,7 @@ INITIAL = (
 
 
 class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}):
-    """Hold one test's first hold after loading, in the units of the file.
+    """First hold of one test after loading, in the units of the file.
 
     deformation: that was held; rate: of loading; loading: how long it took (s); initial: largest
     force; hold: how long (s); at, left: times since the end of loading (s) and the share of the
@@ -51,7 +51,7 @@ class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", 
 
 
 class RelaxationReport(Result, frozen=True, kw_only=True):
-    """Hold all held tests of one pad: ``relaxation.json``.
+    """Stress relaxation of one pad, in each test that has a hold: ``relaxation.json``.
 
     specimen: what the file says of it; temperature: None, as files of measurements state none.
     """

@@ -21,7 +21,7 @@ FALSE_ALARMS = 0.01  # probability that any cell of a right model is called fail
 
 
 class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
-    """Hold one test's samples in one kind of phase.
+    """Errors of a model in one kind of phase of one test.
 
     rate: None where the test has none; n: number of samples; rmse, bias: root mean square and mean
     of observed minus predicted mean (N); coverage90: share of samples within the 90 % predictive
@@ -43,7 +43,7 @@ class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bi
 
 
 class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """Hold one phase of a test that has several of its kind, such as the loading of a cycle.
+    """Errors in one phase of a test that has several of its kind, such as the loading of a cycle.
 
     number: counts from 1 in order of time; rmse, bias: as in `Cell` (N).
     """
@@ -57,11 +57,28 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 
 
 class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
-    """Hold all cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
+    """Errors of one pad's model by test and phase, against the noise floor: ``check.json``.
 
-    false_alarms: probability that any cell of a right model is called failing; cycles: the phases
-    of tests that have several of a kind, one by one; notices: messages on the measurements and
-    their noise.
+    Forces are in the unit of ``units.force``, N by default.
+
+    Parameters
+    ----------
+    pad
+        Name of the pad.
+    effects
+        Names of the model's effects.
+    units
+        Units of displacement and force.
+    noise
+        Standard deviation of one reading by the noise floor (N), measured without the model.
+    cells
+        Errors in each kind of phase of each test that has samples; at least one.
+    cycles
+        Errors of each single phase whose kind occurs several times in its test, as in cyclic tests.
+    notices
+        Sentences on the measurements and their noise.
+    false_alarms
+        Probability that any cell of a correct model is called failing.
     """
 
     pad: str

@@ -32,7 +32,7 @@ _LIBRARIES = (
 
 
 class Run(Part, frozen=True):
-    """Hold one command: its data with their digest, its seed, the model's choices, and versions.
+    """One command: its data with their digest, its seed, the model's choices, and versions.
 
     choices: as `Choices.as_dict` gives them, because a file of laws or effects may have vanished
     since; settings: further options of the step, ``sampler`` and ``thresholds`` among them.

@@ -9,7 +9,7 @@ from qlvbayes.io.escaping import visible
 
 
 class InputError(Exception):
-    """Report that something the user gave cannot be used; the text is one line.
+    """Exception for input that cannot be used; its text is one line.
 
     The line names the file, the line in it and the remedy, as far as they are given.
 
@@ -60,7 +60,7 @@ def check_known(what: str, name: str, known: Iterable[str]) -> None:
 
 
 class NoFiniteForceError(InputError):
-    """Report that no draw of the priors gives finite forces."""
+    """Exception for priors of which no draw gives finite forces."""
 
     def __init__(self) -> None:
         super().__init__(

@@ -61,7 +61,7 @@ class Prescribed:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """Hold one test of one pad: n samples of time, displacement and force.
+    """One test of one pad: n samples of time, displacement and force.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """Hold one pad and its tests, in the file's order.
+    """One pad and its tests, in the file's order.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class Pad:
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Hold all pads of one file, with its path, its SHA-256 and notices about how it was read."""
+    """All pads of one file, with its path, its SHA-256 and notices about how it was read."""
 
     pads: tuple[Pad, ...]
     units: UnitSystem
@@ -285,7 +285,7 @@ def _joined(parts: list[slice]) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class _Builder:
-    """Make the tests of a table."""
+    """Builder of the tests of a table."""
 
     file: Path
     dialect: Dialect

@@ -40,7 +40,7 @@ _INSTANCES: WeakSet[Executables] = WeakSet()
 
 
 class Executables:
-    """Run a function of arrays, compiled once for all processes and each shape of its arguments.
+    """Function of arrays, compiled once for all processes and each shape of its arguments.
 
     Parameters
     ----------

@@ -20,11 +20,11 @@ from qlvbayes.io.files import write_whole
 
 
 class Part(msgspec.Struct, frozen=True):
-    """Hold a record inside a result."""
+    """Record inside a result."""
 
 
 class Result(Part, frozen=True, kw_only=True, tag_field="schema", tag=1):
-    """Hold a record that has a file of its own; its key ``schema`` is the version of its keys.
+    """Record that has a file of its own; its key ``schema`` is the version of its keys.
 
     Unknown keys are ignored, so that a later version may add some.
     """

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """Hold the units of displacement and force, from which all other units follow.
+    """Units of displacement and force, from which all other units follow.
 
     Time is in s throughout. With force F and displacement d, K = m exp(b d) gives m the unit of
     force over displacement and b the unit of one over displacement.
@@ -199,7 +199,7 @@ def _decades(unit: str, other: str) -> int:
 
 @dataclass(frozen=True)
 class Scale:
-    """Hold an exact ratio: one of the column's units is up/down of another one.
+    """Exact ratio of two units: one of the column's units is up/down of another one.
 
     Dividing by 1000 rounds once where multiplying by 0.001 would round twice.
     """

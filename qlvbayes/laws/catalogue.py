@@ -16,7 +16,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 @dataclass(frozen=True)
 class Laws:
-    """Hold the elastic laws and the relaxation laws that can be chosen.
+    """Elastic laws and relaxation laws that can be chosen.
 
     Parameters
     ----------

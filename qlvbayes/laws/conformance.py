@@ -35,7 +35,7 @@ _BEYOND = 10.0  # factor by which the times checked exceed those of the tests, a
 
 
 class LawError(AssertionError):
-    """Report that a law breaks a rule; the text says which rule."""
+    """Exception for a law that breaks a rule; the text says which rule."""
 
 
 Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)

@@ -32,7 +32,7 @@ _NEAR = 0.03  # below this the series is exact to 1e-9, and the closed form lose
 
 
 class Relaxing(eqx.Module):
-    """Hold the state of a material: its depth (mm) and q_i (N), shape (k,) for k relaxing modes."""
+    """State of a material: its depth (mm) and q_i (N), shape (k,) for k relaxing modes."""
 
     depth: Array
     parts: Array

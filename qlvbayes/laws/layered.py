@@ -19,7 +19,7 @@ State = Any
 
 
 class Layer(Protocol):
-    """Define what wraps a law: it takes the motion and the law beneath and returns a force."""
+    """Layer around a law: it takes the motion and the law beneath and returns a force."""
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force (N,) in N at the motion's grid points."""
@@ -35,7 +35,7 @@ class Layer(Protocol):
 
 
 class Law(eqx.Module):
-    """Compute the force of a quasi-linear viscoelastic material under some layers, outermost last.
+    """Quasi-linear viscoelastic material under some layers, the outermost last.
 
     A layer calls ``below.force(motion)`` for the force beneath it, of this motion or of a changed
     one, and may use ``below.elastic`` and ``below.relaxation``. ``begin`` and ``step`` give the
@@ -73,7 +73,7 @@ class Law(eqx.Module):
 
 
 class Contact(eqx.Module):
-    """Let a loose specimen lose contact: it is untouched at negative displacement and cannot pull.
+    """Contact of a loose specimen: it is untouched at negative displacement and cannot pull.
 
     Where ``followed`` is true, steps give the force that a platen stuck to the specimen would feel.
     That force rises with displacement everywhere and so has an inverse.

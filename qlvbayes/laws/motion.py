@@ -8,7 +8,7 @@ from jaxtyping import Array, ArrayLike
 
 
 class Line(eqx.Module):
-    """Describe the next straight piece of a motion, for a model that is evaluated step by step.
+    """Next straight piece of a motion, for a model that is evaluated step by step.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Line(eqx.Module):
 
 
 class Motion(eqx.Module):
-    """Describe the motion of one test: displacement, linear in time between the points of a grid.
+    """Motion of one test: displacement, linear in time between the points of a grid.
 
     Arrays have shape (N,) for one test; a leading axis is a batch of tests. Before the first point
     the specimen is at rest at zero displacement; a first point elsewhere is a step.

@@ -14,7 +14,7 @@ TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class Scales:
-    """Hold the scales that were measured in a pad's tests.
+    """Scales measured in a pad's tests: force, depth, times, noise, speed and stiffness.
 
     Parameters
     ----------

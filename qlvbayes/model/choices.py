@@ -26,7 +26,7 @@ Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
 if TYPE_CHECKING:
 
     class _Settings:
-        """Let a type checker accept more types for a field than the field holds."""
+        """Descriptor for which a type checker accepts more types than the field holds."""
 
         def __get__(self, instance: object, owner: type) -> tuple[str, ...]: ...
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Choices:
-    """Describe a model in words and numbers; the results keep this description.
+    """Description of a model in words and numbers, which the results keep.
 
     Parameters
     ----------

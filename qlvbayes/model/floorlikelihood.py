@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 
 class FloorLikelihood(eqx.Module):
-    """Compute the likelihood of one record of n block means, padding left out.
+    """Likelihood of one record of n block means, padding left out.
 
     ``indices`` (n,) are those of the block means in the flattened (T, B) record. ``axes`` (n, n) is
     A (1/N). ``precisions`` (C, n) are 1/(phi^2 + s^2 kappa) for each of C pairs of a scale and a

@@ -15,7 +15,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 
 class Model(eqx.Module):
-    """Compute the force of a quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6.
+    """Model of the force of a quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6.
 
     Effects wrap the material; they nest innermost first, whatever the order in which they were
     added. A field of any part is a number (fixed) or a prior (free).

@@ -27,7 +27,7 @@ __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"
 
 
 class AbstractNoise(eqx.Module):
-    """Define a noise model: its likelihood and its draws.
+    """Noise model: its likelihood and its draws.
 
     Each field is a constant of the noise: a number where it is fixed, a prior where it is free. A
     class declares its ``name`` after ``--noise``, the kind of unit of each constant (``units``)
@@ -67,7 +67,7 @@ class AbstractNoise(eqx.Module):
 
 
 class AbstractGaussian(AbstractNoise):
-    """Define normal noise, whose likelihood is that of its innovations.
+    """Normal noise, whose likelihood is that of its innovations.
 
     Innovations are linear in the residual, so that the same filter whitens a model's sensitivities.
     """
@@ -88,7 +88,7 @@ class AbstractGaussian(AbstractNoise):
 
 
 class White(AbstractGaussian):
-    """Give every sample independent normal noise.
+    """Independent normal noise of every sample.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class White(AbstractGaussian):
 
 
 class StudentT(AbstractNoise):
-    """Give every sample independent Student-t noise, for records with outliers.
+    """Independent Student-t noise of every sample, for records with outliers.
 
     A block average is taken as Student-t of scale scale/sqrt(count) with the same nu, which keeps
     its tails.
@@ -181,7 +181,7 @@ class StudentT(AbstractNoise):
 
 
 class Correlated(AbstractGaussian):
-    """Give the force white noise plus an Ornstein-Uhlenbeck process, as a load cell has.
+    """White noise plus an Ornstein-Uhlenbeck process, as a load cell has.
 
     The process has cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman filter, O(B),
     exact for averages over evenly spaced samples and for uneven gaps between them. Measured sds
@@ -288,7 +288,7 @@ class Correlated(AbstractGaussian):
 
 
 class Floor(AbstractGaussian):
-    """Take the noise floor as measured, not fitted, in addition to what a model misses.
+    """Noise floor as measured, not fitted, in addition to what a model misses.
 
     By itself this is the noise without a discrepancy.
 
@@ -359,7 +359,7 @@ def _motion_sd(blocks: Blocks) -> Array:
 
 
 class _Links(NamedTuple):
-    """Hold how a block of a unit-variance OU process depends on its first sample x, each (B,).
+    """Dependence of a block of a unit-variance OU process on its first sample x, each (B,).
 
     ``gap`` is the decay from the previous block's last sample to x, ``span`` that from x to the
     last sample. ``mean`` is the regression of the block's mean on x, ``mean_variance`` the rest of

@@ -15,7 +15,7 @@ from qlvbayes.priors.distributions import AbstractPrior
 
 @dataclass(frozen=True)
 class Field:
-    """Describe a field of a model or noise: its name, value or prior, unit and shape.
+    """Field of a model or noise: its name, value or prior, unit and shape.
 
     ``first_index`` is the index of the first member of a field that is a vector.
     """

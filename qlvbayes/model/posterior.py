@@ -24,7 +24,7 @@ def is_prior(node: object) -> TypeGuard[AbstractPrior]:
 
 
 class Posterior(eqx.Module):
-    """Compute prior times likelihood of some tests of one specimen.
+    """Posterior density, prior times likelihood, of some tests of one specimen.
 
     ``model`` and ``noise`` hold priors where they are free. ``record`` holds the tests along a
     leading axis. ``floor`` is the record's likelihood under measured noise, where the noise's

@@ -33,7 +33,7 @@ _Bracket = tuple[Array, Array, Array, Array, Array, Array]
 
 
 class State(eqx.Module):
-    """Hold the displacement of the platen (mm), and the state of the specimen and the rig."""
+    """Displacement of the platen (mm), and the state of the specimen and the rig."""
 
     displacement: Array
     law: LawState

@@ -22,7 +22,7 @@ _REMEDY = "write --use 'TEST:0..18mm' for its part to a displacement, 'TEST:0..1
 
 @dataclass(frozen=True)
 class OfTest:
-    """Hold what a text of the command line says of one test."""
+    """Text of the command line that concerns one test."""
 
     test: str
     text: str

@@ -114,10 +114,24 @@ class Trial:
 
 @dataclass(frozen=True)
 class Experiment:
-    """All trials of one pad, its units, its noise floor and, where it is known, its fluid.
+    """Tests of one pad, prepared for a fit: motion, phases, rates, roles and the noise floor.
 
-    rested: whether every test is taken to begin at rest, whatever came before it; cuts: a sentence
-    on each test of which the user wants a part alone.
+    Parameters
+    ----------
+    pad
+        Name of the pad.
+    units
+        Units of displacement and force of all tests.
+    trials
+        Every test with its motion, phases, loading rate and role, in the order of the file.
+    floor
+        Noise floor of the force, measured without the model.
+    fluid
+        What fills the pad; None where that is not known.
+    rested
+        Whether every test is taken to begin at rest, whatever came before it.
+    cuts
+        One sentence on each test of which only a part is used.
     """
 
     pad: str

@@ -35,7 +35,7 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 
 @dataclass(frozen=True)
 class Care:
-    """Say how finely a record is to be reduced, given its noise.
+    """Fineness with which a record is to be reduced, given its noise.
 
     floor: noise and its growth with the force; stiffness: the pad's largest (N/mm), by which an
     error of the motion becomes one of the force; chord: how far the grid's straight lines may be

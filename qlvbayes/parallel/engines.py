@@ -23,7 +23,7 @@ _LOOK_S = 5.0  # between two looks at how many workers there are
 
 
 class EngineLostError(InputError):
-    """The engine has stopped; finished work is kept."""
+    """Exception for an engine that has stopped; finished work is kept."""
 
 
 class Engine(Protocol):

@@ -51,7 +51,7 @@ def fault_of(error: BaseException) -> Fault:
 
 
 class FailedError(InputError):
-    """Some of many pads failed; the others were finished.
+    """Exception raised after some of many pads failed; the others were finished.
 
     faults: why, one each; total: how many pads there were; results: of those that did not fail,
     where they are returned. Several that failed alike are one line.

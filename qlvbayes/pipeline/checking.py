@@ -17,7 +17,7 @@ from qlvbayes.plots.catalogue import figures_of
 
 @dataclass(frozen=True)
 class CheckStep:
-    """Check a pad's fit, as a step that runs for many pads; ``posterior``: digest of the fit."""
+    """Step that checks a pad's fit, repeated for many pads; ``posterior``: digest of the fit."""
 
     name: ClassVar[str] = "check"
     reads: ClassVar[tuple[str, ...]] = ("posterior.nc",)

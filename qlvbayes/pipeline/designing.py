@@ -52,7 +52,7 @@ MOST_EXPLANATIONS = 6
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Hold what is known of a pad before its next test.
+    """Knowledge about a pad before its next test.
 
     belief: explanations of the tests so far, with probabilities and draws of their constants; rig:
     limits of the rig as these tests show them; floor: noise of the load cell; discrepancy: size of
@@ -81,7 +81,7 @@ class Knowledge:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Hold the planned tests, and the knowledge and the rig for which they were planned."""
+    """Planned tests, and the knowledge and the rig for which they were planned."""
 
     result: NextTests
     series: Series

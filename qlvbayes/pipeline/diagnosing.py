@@ -24,7 +24,7 @@ from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
 @dataclass(frozen=True)
 class DiagnoseStep:
-    """Diagnose a pad, as a step that runs for many pads."""
+    """Step that diagnoses a pad, repeated for many pads."""
 
     name: ClassVar[str] = "diagnose"
     reads: ClassVar[tuple[str, ...]] = ()

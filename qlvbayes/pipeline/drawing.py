@@ -26,7 +26,7 @@ from qlvbayes.report.page import MOST_ON_A_PAGE
 
 @dataclass(frozen=True)
 class ReferenceFile:
-    """Name a file of reference values; ``required``: the user gave it, so all must be usable."""
+    """File of reference values; ``required``: the user gave it, so all must be usable."""
 
     file: Path
     required: bool
@@ -89,7 +89,7 @@ def draw_forces_at_rates(out: Path) -> list[Path]:
 
 @dataclass(frozen=True, eq=False)
 class _DrawnPrediction:
-    """Hold the saved curves that a figure of the force needs of a prediction."""
+    """Saved curves that a figure of the force needs of a prediction."""
 
     trial: SimpleNamespace
     time: np.ndarray

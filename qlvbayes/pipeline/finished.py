@@ -16,7 +16,7 @@ FINISHED = ".finished"
 
 
 class Finished:
-    """Record the pads that one step has finished, and those that failed, in a small file each.
+    """Pads that one step has finished, and those that failed, each recorded in a small file.
 
     out: folder of the results; step: name of the step.
     """

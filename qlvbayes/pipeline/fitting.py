@@ -28,7 +28,7 @@ from qlvbayes.plots.catalogue import figures_of
 
 @dataclass(frozen=True)
 class FitStep:
-    """Fit a pad, as a step that runs for many pads."""
+    """Step that fits a pad, repeated for many pads."""
 
     name: ClassVar[str] = "fit"
     reads: ClassVar[tuple[str, ...]] = ()

@@ -104,7 +104,9 @@ def _studies(out: Path, pads: list[str]) -> Iterator[Measurements | Fault]:
 
 
 class Reader:
-    """Read the measurements of saved fits; keep the last file, as the next pad is often in it.
+    """Reader of the measurements of saved fits.
+
+    The last file is kept, as the next pad is often in it.
 
     data: file or folder of the measurements, if they have moved since the fits.
     """

@@ -29,7 +29,7 @@ Answer = TypeVar("Answer")
 
 
 class Step(Protocol):
-    """Define what is done with each pad: a frozen record of its settings, which can be pickled.
+    """Work done with each pad: a frozen record of its settings, which can be pickled.
 
     name: name of the step; reads: names of the files in the pad's folder that the step needs.
     """
@@ -48,7 +48,7 @@ class Step(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Hold a step for one pad, as it is sent to a worker.
+    """Step for one pad, as it is sent to a worker.
 
     style: Matplotlib settings of the user that differ from the package's; code: digest of the
     package; token: a file that only workers which share the disk can see, None where all of them
@@ -83,7 +83,7 @@ class Work:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """Hold what a step has written and reported.
+    """Files that a step has written, and what it has reported.
 
     messages: what it reported, None where an earlier run had finished it; files: digests by file
     name; contents: by file name, where the worker does not share the disk.
@@ -96,7 +96,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Tally:
-    """Hold the names of the pads that are done, in order, and the faults of the others."""
+    """Names of the pads that are done, in order, and the faults of the others."""
 
     pads: tuple[str, ...]
     faults: tuple[Fault, ...]

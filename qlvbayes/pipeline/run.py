@@ -279,7 +279,7 @@ def _copy_baseline(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class BaselineStep:
-    """Fit, check and diagnose the baseline model of a pad."""
+    """Step that fits, checks and diagnoses the baseline model of a pad."""
 
     name: ClassVar[str] = "plain"
     reads: ClassVar[tuple[str, ...]] = ()
@@ -307,7 +307,7 @@ class BaselineStep:
 
 @dataclass(frozen=True)
 class FinalStep:
-    """Fit a pad, with what the verdict names, to all its tests and check the fit."""
+    """Step that fits a pad, with what the verdict names, to all its tests and checks the fit."""
 
     name: ClassVar[str] = "final"
     reads: ClassVar[tuple[str, ...]] = ()

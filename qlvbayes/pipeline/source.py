@@ -25,7 +25,7 @@ _NO_MEASUREMENTS = {
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Iterate over pads, each as a study of its own, in the order of the files and within them.
+    """Source of pads, each as a study of its own, in the order of the files and within them.
 
     read: the measurements where they are in one file; files: where they are in several, of which
     one is read at a time; only: names of the pads that are wanted, all by default.

@@ -30,10 +30,15 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """Hold one pad with its tests, ready to be fitted and diagnosed.
+    """One pad with its tests, ready to be fitted and diagnosed.
 
     Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
     stress.
+
+    Parameters
+    ----------
+    pad
+        The pad: its name, its tests, their units and, where it is known, its fluid.
     """
 
     pad: Pad
@@ -179,7 +184,23 @@ class Specimen:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Study(Measurements):
-    """Hold all pads of one file by name: ``study["B"]`` is a `Specimen`; iteration yields names."""
+    """All pads of one file by name: ``study["B"]`` is a `Specimen`.
+
+    Iteration yields the names of the pads in the file's order, and ``len(study)`` is their number.
+
+    Parameters
+    ----------
+    pads
+        The pads, in the file's order.
+    units
+        Units of displacement and force of all pads.
+    source
+        Path of the file.
+    sha256
+        SHA-256 digest of the file, in hexadecimal digits.
+    notices
+        Sentences on how the file was read.
+    """
 
     def __getitem__(self, name: str) -> Specimen:
         """Return the pad of that name; InputError lists the known names otherwise."""

@@ -16,7 +16,7 @@ from qlvbayes.motion.firstlook import FirstLook
 
 
 class Watcher:
-    """Receive a report of each step of a study; this class ignores all of them.
+    """Receiver of a report on each step of a study; this class ignores all of them.
 
     Override the methods that you want to see. No return value changes the results.
     """
@@ -72,7 +72,7 @@ Message = tuple[str, tuple[Any, ...]]
 
 
 class Recorder(Watcher):
-    """Record what a step reports in a worker, so that the user's process can repeat it.
+    """Watcher that records a step's reports in a worker, for the user's process to repeat.
 
     Paths of figures are relative to the worker's folder, which may differ from the user's.
     """

@@ -57,7 +57,7 @@ _EXACT = 1e-6  # share of the stroke: smaller residuals are rounding errors
 
 @dataclass(frozen=True)
 class _Axis:
-    """Map times of a test to positions: all phases equally wide, or all in linear time.
+    """Map from times of a test to positions: all phases equally wide, or all in linear time.
 
     ``early`` is, for each phase, the share from which on the time of a dwell is logarithmic.
     """

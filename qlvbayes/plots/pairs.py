@@ -78,7 +78,7 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Hold sizes in mm: the figure, its margins, rows and columns; and the corner's position.
+    """Sizes in mm: the figure, its margins, rows and columns; and the corner's position.
 
     The corner takes ``deep`` rows from the top of the page and all columns from ``first`` on.
     """

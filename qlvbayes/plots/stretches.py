@@ -27,9 +27,9 @@ _AT_ONCE = 0.1  # share of a sampling interval: a sample so early in a dwell end
 
 @dataclass(frozen=True, eq=False)
 class PhaseSamples:
-    """Hold the samples of a phase, the ``number``-th of its kind.
+    """Samples of a phase, the ``number``-th of its kind.
 
-    ``elapsed`` (s) since it began.
+    ``elapsed`` is the time (s) since the phase began.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class PhaseSamples:
 
 @dataclass(frozen=True, eq=False)
 class PanelSamples:
-    """Hold the samples in a panel: their phase, their rows in the test and their times."""
+    """Samples in a panel: their phase, their rows in the test and their times."""
 
     stretch: PhaseSamples
     rows: np.ndarray

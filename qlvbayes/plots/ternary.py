@@ -23,7 +23,7 @@ _AROUND = ((-0.36, 1.36), (-0.27, 0.93))
 
 @dataclass(frozen=True)
 class _Window:
-    """Hold the triangle c_i >= low_i; ``size`` is its side, 1 for the whole simplex."""
+    """Triangle c_i >= low_i; ``size`` is its side, 1 for the whole simplex."""
 
     low: np.ndarray
     size: float

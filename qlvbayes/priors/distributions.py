@@ -24,7 +24,7 @@ would ask each equation to allow for priors, hence Any.
 
 
 class AbstractPrior(eqx.Module):
-    """Represent what is known of one or several constants before the tests.
+    """Prior of one or several constants: what is known of them before the tests.
 
     A prior stands in the field of a model where a number would stand: the constant is then free. It
     also maps an unconstrained vector y, in which samplers and optimisers move, to the value of the
@@ -67,7 +67,7 @@ class AbstractPrior(eqx.Module):
 
 
 class AbstractScalarPrior(AbstractPrior):
-    """Represent what is known of one constant before the tests.
+    """Prior of one constant: what is known of it before the tests.
 
     ``word`` names the prior on the command line; the fields are its arguments, in order.
     """
@@ -99,7 +99,7 @@ class AbstractScalarPrior(AbstractPrior):
 
 
 class AbstractPositivePrior(AbstractScalarPrior):
-    """Represent what is known of one positive constant; samplers move in its logarithm."""
+    """Prior of one positive constant; samplers move in its logarithm."""
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
         """Return e^y and log(d value / dy) = y."""
@@ -111,7 +111,7 @@ class AbstractPositivePrior(AbstractScalarPrior):
 
 
 class Normal(AbstractScalarPrior):
-    """Give a constant a normal prior.
+    """Normal prior of a constant.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Normal(AbstractScalarPrior):
 
 
 class LogNormal(AbstractPositivePrior):
-    """Give a positive constant a log-normal prior: its logarithm is normally distributed.
+    """Log-normal prior of a positive constant: its logarithm is normally distributed.
 
     ``lognormal(1.8, 0.5)`` has the median e^1.8 = 6.05, and one standard deviation is a factor of
     e^0.5 = 1.65 either way.
@@ -174,7 +174,7 @@ class LogNormal(AbstractPositivePrior):
 
 
 class HalfNormal(AbstractPositivePrior):
-    """Give a constant of zero or more a half-normal prior: the absolute value of a normal number.
+    """Half-normal prior of a constant of zero or more: the absolute value of a normal number.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ class HalfNormal(AbstractPositivePrior):
 
 
 class AbstractBoundedPrior(AbstractScalarPrior):
-    """Represent what is known of one constant that lies between two bounds."""
+    """Prior of one constant that lies between two bounds."""
 
     low: eqx.AbstractVar[Array | float]
     high: eqx.AbstractVar[Array | float]
@@ -210,7 +210,7 @@ class AbstractBoundedPrior(AbstractScalarPrior):
 
 
 class Uniform(AbstractBoundedPrior):
-    """Give a constant a uniform prior between two bounds.
+    """Uniform prior of a constant between two bounds.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class Uniform(AbstractBoundedPrior):
 
 
 class LogUniform(AbstractBoundedPrior):
-    """Give a positive constant a log-uniform prior: its logarithm is uniform between two bounds.
+    """Log-uniform prior of a positive constant: its logarithm is uniform between two bounds.
 
     Parameters
     ----------

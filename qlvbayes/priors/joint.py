@@ -15,7 +15,7 @@ from qlvbayes.priors.transforms import from_between, from_simplex, to_between, t
 
 
 class Dirichlet(AbstractPrior):
-    """Give fractions that sum to one a Dirichlet prior; some of them may be fixed.
+    """Dirichlet prior of fractions that sum to one; some of them may be fixed.
 
     Where some fractions are fixed, the free ones share the remainder, and their prior is the
     Dirichlet distribution conditional on the fixed values.
@@ -77,7 +77,7 @@ class Dirichlet(AbstractPrior):
 
 
 class Ordered(AbstractPrior):
-    """Give positive rates in falling order one prior each; some of them may be fixed.
+    """Joint prior of positive rates in falling order, one each; some of them may be fixed.
 
     The density is the product of the members' priors wherever the rates fall, normalised there by
     the probability of that order, which is integrated numerically once. The order keeps relaxation

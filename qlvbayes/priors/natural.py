@@ -35,7 +35,7 @@ _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 
 
 class QuadraticDensity(NamedTuple):
-    """Represent a log density top - precision (x - mean)^2/2 between two bounds of x.
+    """Log density top - precision (x - mean)^2/2 between two bounds of x.
 
     ``length`` is a natural step of x; ``curvature`` is minus the second derivative that a normal
     approximation of the density takes.
@@ -51,7 +51,7 @@ class QuadraticDensity(NamedTuple):
 
 
 class AbstractDirect(AbstractScalarPrior):
-    """Represent a prior over a bounded coordinate; the optimiser has to stay within the bounds."""
+    """Prior over a bounded coordinate; the optimiser has to stay within the bounds."""
 
     inner: eqx.AbstractVar[AbstractScalarPrior]
 
@@ -92,7 +92,7 @@ class AbstractDirect(AbstractScalarPrior):
 
 
 class Natural(AbstractDirect):
-    """Represent the prior of an amplitude over the amplitude itself; it is normal or half-normal.
+    """Prior of an amplitude over the amplitude itself; it is normal or half-normal.
 
     An amplitude with a half-normal prior may then be exactly zero, where its effect vanishes.
     """
@@ -120,7 +120,7 @@ class Natural(AbstractDirect):
 
 
 class Positive(AbstractDirect):
-    """Represent a half-normal prior over the value itself, for a constant that is no amplitude.
+    """Half-normal prior over the value itself, for a constant that is no amplitude.
 
     The value may be zero. Over its logarithm the density would fall without end towards zero, along
     an ever straighter line, which no normal density approximates.
@@ -144,7 +144,7 @@ class Positive(AbstractDirect):
 
 
 class Bounded(AbstractDirect):
-    """Represent a uniform prior over the value itself, or a log-uniform one over its logarithm."""
+    """Uniform prior over the value itself, or log-uniform prior over its logarithm."""
 
     inner: Uniform | LogUniform
     word: ClassVar[str] = "bounded"
@@ -169,7 +169,7 @@ class Bounded(AbstractDirect):
 
 
 class Logarithmic(AbstractDirect):
-    """Represent a log-normal prior over the logarithm of the value."""
+    """Log-normal prior over the logarithm of the value."""
 
     inner: LogNormal
     word: ClassVar[str] = "logarithmic"

@@ -17,7 +17,7 @@ from qlvbayes.report.failing import where
 
 @dataclass(frozen=True)
 class Answer:
-    """Hold one question, where its section is, and the answer in short lines."""
+    """One question, the anchor of its section, and the answer in short lines."""
 
     number: int
     question: str

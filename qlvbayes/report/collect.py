@@ -30,7 +30,7 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 @dataclass(frozen=True)
 class FitResults:
-    """Hold one fit: its constants, its check, its curves, and how it was made; None where not done.
+    """Results of one fit: constants, check, curves, and how it was made; None where not done.
 
     facts: the attributes of ``posterior.nc``.
     """
@@ -50,7 +50,7 @@ class FitResults:
 
 @dataclass(frozen=True)
 class PadResults:
-    """Hold one pad: its last model, the baseline if it was kept, and the verdict with its words."""
+    """Results of one pad: its last model, the baseline if it was kept, and the verdict in words."""
 
     name: str
     folder: Path
@@ -87,7 +87,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Results:
-    """Hold all that lies in ``out``; ``runs`` says by which commands it was made, by step."""
+    """All results that lie in ``out``; ``runs`` are the commands that made them, by step."""
 
     out: Path
     pads: tuple[PadResults, ...]

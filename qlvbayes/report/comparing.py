@@ -15,7 +15,7 @@ _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}
 
 @dataclass(frozen=True)
 class ContrastRow:
-    """Hold one quantity of both: medians, ratio with its interval, and what follows."""
+    """One quantity of two pads or fluids: medians, ratio with its interval, and what follows."""
 
     quantity: str
     unit: str

@@ -30,7 +30,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Row:
-    """Hold one constant of all pads."""
+    """One constant of all pads."""
 
     name: str
     unit: str
@@ -51,7 +51,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class Shifts:
-    """State what leaving out the effects did to the constants of one pad."""
+    """Changes of one pad's constants where the effects are left out."""
 
     pad: str
     effects: str

@@ -25,7 +25,7 @@ class MapCell:
 
 @dataclass(frozen=True)
 class TestRow:
-    """Hold one test: its rate, its role, and a cell a phase (None where it has none)."""
+    """One test: its rate, its role, and a cell for each phase (None where it has none)."""
 
     test: str
     rate: str
@@ -44,7 +44,7 @@ class Map:
 
 @dataclass(frozen=True)
 class Detail:
-    """Hold one row of the table of all errors."""
+    """One row of the table of all errors."""
 
     test: str
     phase: str
@@ -60,7 +60,7 @@ class Detail:
 
 @dataclass(frozen=True)
 class Repeated:
-    """Hold one kind of phase that a test has several of: error over noise and bias, one by one."""
+    """One kind of phase that a test has several of: error over noise and bias, one by one."""
 
     test: str
     phase: str
@@ -70,7 +70,7 @@ class Repeated:
 
 @dataclass(frozen=True)
 class Failing:
-    """State where one pad's model fails: in words, as maps, as a table."""
+    """Errors of one pad's model by test and phase: in words, as maps, as a table."""
 
     pad: str
     words: tuple[str, ...]

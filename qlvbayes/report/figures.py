@@ -31,7 +31,7 @@ class Picture:
 
 
 class Embedder:
-    """Put pictures into the page until it has grown enough."""
+    """Embedding of pictures into the page, as far as the limit of its size allows."""
 
     def __init__(self, out: Path, most: int = MOST_BYTES) -> None:
         self._out = out

@@ -37,7 +37,7 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Basis:
-    """Hold the data, sampler and priors on which one pad's constants rest."""
+    """Data, sampler and priors on which one pad's constants rest."""
 
     pad: str
     fitted: str
@@ -48,7 +48,7 @@ class Basis:
 
 @dataclass(frozen=True)
 class Methods:
-    """State the model, inference and provenance."""
+    """Model, inference and provenance of the results."""
 
     law: str
     relaxation: str

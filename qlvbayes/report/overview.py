@@ -19,7 +19,7 @@ _CONSTANTS = 12  # columns of constants: those of most pads come first
 
 @dataclass(frozen=True)
 class OverviewRow:
-    """Hold one pad: its folder, what is in it, verdict and what that names, errors, constants.
+    """One pad of the overview: folder, contents, verdict and its effects, errors, constants.
 
     fails: phases in which structure beyond noise is left; worst: largest error over the noise;
     constants: medians, as they are shown and as values to sort by.
@@ -37,7 +37,7 @@ class OverviewRow:
 
 @dataclass(frozen=True)
 class Overview:
-    """Hold all pads, how many have which verdict, and the constants that the table shows."""
+    """All pads, how many have which verdict, and the constants that the table shows."""
 
     lines: tuple[OverviewRow, ...]
     verdicts: tuple[tuple[str, int], ...]

@@ -20,7 +20,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Exported:
-    """Hold the files of one pad for another program; folder: in the folder of results."""
+    """Files of one pad for another program; folder: in the folder of results."""
 
     pad: str
     target: str
@@ -30,7 +30,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class Using:
-    """Hold the commands, and the exports that are there."""
+    """Commands that use a fitted pad, and the exports that are there."""
 
     commands: tuple[Use, ...]
     exports: tuple[Exported, ...]

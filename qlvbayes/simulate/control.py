@@ -33,7 +33,7 @@ _LONGEST = 1_000_000  # samples, in which a force must be reached
 
 @dataclass(frozen=True)
 class Press:
-    """Move in at an even speed (mm/s) until a force (N) is reached."""
+    """Movement inwards at an even speed (mm/s) until a force (N) is reached."""
 
     force: float
     speed: float

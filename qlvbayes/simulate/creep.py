@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Load:
-    """Change the force to a value (N) within a time (s; 0: at once) and hold it (s)."""
+    """Change of the force to a value (N) within a time (s; 0: at once), then a hold (s)."""
 
     force: float
     within: float

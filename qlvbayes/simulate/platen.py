@@ -19,7 +19,7 @@ PAPER_ACCELERATION = 1000.0
 
 @dataclass(frozen=True)
 class Move:
-    """Go to `target` (mm), from rest to rest, no faster than `speed` (mm/s)."""
+    """Movement to `target` (mm), from rest to rest, no faster than `speed` (mm/s)."""
 
     target: float
     speed: float
@@ -33,7 +33,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Hold:
-    """Stand still for `seconds`, or move on by `creep` (mm) at even speed meanwhile."""
+    """Standstill for `seconds`, or movement by `creep` (mm) at even speed meanwhile."""
 
     seconds: float
     creep: float = 0.0

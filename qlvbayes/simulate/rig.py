@@ -26,7 +26,7 @@ PAUSE_S = 120.0
 
 @dataclass(frozen=True)
 class Record:
-    """Hold one test as measured, and the truth behind it; all arrays (n,), s, mm and N."""
+    """One test as measured, and the truth behind it; all arrays (n,), s, mm and N."""
 
     time: NDArray[np.float64]
     displacement: NDArray[np.float64]

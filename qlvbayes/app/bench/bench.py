@@ -42,7 +42,7 @@ _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Hold a model's force (n,) at each test's samples, and its errors.
+    """Force (n,) of a model at the samples of each test, and its errors.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Hold the force (n,) that an effect would add to a model at each test's samples.
+    """Force (n,) that an effect would add to a model at the samples of each test.
 
     Parameters
     ----------
@@ -98,7 +98,9 @@ class Signature:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Lay any model of the package over one pad's tests; it is compiled once for all models.
+    """Bench on which any model of the package is compared with one pad's tests.
+
+    It is compiled once for all models.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _DECADES = 20.0  # ratio of the slider's ends beyond which it is logarithmic
 
 @dataclass(frozen=True)
 class ByHand:
-    """Describe a model by the names of its laws and effects, and the values of its constants.
+    """Model given by the names of its laws and effects and the values of its constants.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def nothing_added(own: Parameters, space: Space) -> Array:
 
 @dataclass(frozen=True)
 class Slider:
-    """Describe one constant: its value, the slider's ends, and the central 90 % of its prior.
+    """Slider of one constant: its value, its ends, and the central 90 % of the prior.
 
     Parameters
     ----------

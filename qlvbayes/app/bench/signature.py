@@ -28,7 +28,7 @@ _LEAST = 1e-6  # smallest size over the prior's sd, which stands for zero
 
 @dataclass(frozen=True, eq=False)
 class AddedEffect:
-    """Hold a model at theta (F,) with one more effect at its most probable size and shape.
+    """Model at theta (F,) with one more effect, at the effect's most probable size and shape.
 
     ``own`` are the parameters of the model with the effect, and ``amplitude`` is the effect's among
     them. ``before`` and ``after`` (G,) have the amplitude at zero and at its size, with the

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class HeldOutPart(NamedTuple):
-    """Hold one part of the data that is left out.
+    """One part of the data that is left out of a fit, to be predicted by it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Hold root mean square errors (N) on parts that were not fitted, weighted by stated sds.
+    """Root mean square errors (N) on parts that were not fitted, weighted by stated sds.
 
     Parameters
     ----------

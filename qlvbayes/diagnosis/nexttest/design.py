@@ -32,7 +32,7 @@ _HOME = 0.0  # mm: displacement at which a test begins, and to which it returns 
 
 @dataclass(frozen=True)
 class Design:
-    """Describe one test: cycles of press, hold, retraction and rest, and the way home.
+    """Design of one test: cycles of press, hold, retraction and rest, then the return to zero.
 
     Parameters
     ----------

@@ -17,9 +17,9 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """Hold expected bits about constants and cause, each with the sd of the closed form's error.
+    """Expected information (bits) about the constants and about the cause.
 
-    Those about the cause lie between their bounds.
+    Each has the sd of the closed form's error. Those about the cause lie between their bounds.
     """
 
     constants: float
@@ -46,7 +46,7 @@ class Proposed(Part, frozen=True, rename={
     "hold": "hold_s", "rest": "rest_s", "pause": "pause_s", "duration": "duration_s",
     "share": "retraction_share", "evidence": "expected_2_ln_bayes_factor",
 }):  # fmt: skip
-    """A proposed test and what it would tell.
+    """A proposed test and the information that is expected of it.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest 
 
 @dataclass(frozen=True)
 class Goal:
-    """State what the tests are for: to know constants, or the cause, or both.
+    """Goal of the tests: to know constants, the cause of a misfit, or both.
 
     Every test makes constants better known, so that bits per minute count. Of a cause all bits
     within the time there is count, as the quickest test tells only a part of the answer.
@@ -47,7 +47,7 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A test and what it would tell.
+    """A test and the information that is expected of it.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class ForceBand:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Hold one test's samples (n,), as measured and by two models.
+    """Samples (n,) of one test: the measured force, and that of two models.
 
     Parameters
     ----------

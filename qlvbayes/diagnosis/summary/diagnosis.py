@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.summary.work import DiagnosisWork
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """State what one pad's tests say about the model, and what that was computed from.
+    """Diagnosis of one pad: its result, and the search that it was computed from.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from qlvbayes.motion.experiment import Experiment
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisWork:
-    """State what a diagnosis was computed from, for figures and predictions.
+    """Search and samples that a diagnosis was computed from, for figures and predictions.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ _KEPT = 4  # records that are cached in the form pieces take
 
 @dataclass(frozen=True, eq=False)
 class Sets:
-    """Hold K sets of the constants of one law.
+    """K sets of the constants of one law.
 
     elastic: (K, E); fractions: (K, L + 1); rates: (K, L) in 1/s, or (L,) where all sets share them;
     layers: (K, P) of each layer, the innermost first.

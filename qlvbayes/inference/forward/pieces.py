@@ -52,7 +52,7 @@ _POINTS = 8  # of the motion on which a layer is traced: any number would do
 
 
 class _UnansweredError(Exception):
-    """A layer requests a force that is not known yet."""
+    """Exception for a layer that requests a force that is not known yet."""
 
 
 class _LawBeneath:

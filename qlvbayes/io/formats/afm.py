@@ -16,7 +16,7 @@ _NANO = 1e9  # nm per m, nN per N
 
 
 class Afm(AbstractFormat):
-    """Read curves; the depth is -height - force/k, without the bending of the cantilever."""
+    """Curves of an AFM; the depth is -height - force/k, without the bending of the cantilever."""
 
     name: ClassVar[str] = "afm"
     machine: ClassVar[str] = "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab"

@@ -17,7 +17,7 @@ FILE = "file"  # value of --contact that stands for the file's own zero
 
 @dataclass(frozen=True)
 class Answers:
-    """Hold what the user states beforehand; None or empty where the files shall decide.
+    """Answers that the user gives beforehand; None or empty where the files shall decide.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Answers:
 
 
 class UnsureError(InputError):
-    """Report something that the file does not state.
+    """Exception for something that the file does not state.
 
     ``option`` states it, ``question`` asks for it.
     """

@@ -14,7 +14,7 @@ from qlvbayes.io.formats.texttable import in_two_rows, table_in_two_rows
 
 
 class BluehillThree(AbstractFormat):
-    """Read optional pairs of key and value, a blank line, then the table.
+    """Layout of Bluehill 2 and 3: optional pairs of key and value, a blank line, then the table.
 
     Numbers may be quoted, with a decimal comma within commas or with commas at thousands.
     """

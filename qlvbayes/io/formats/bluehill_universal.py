@@ -15,7 +15,10 @@ _TITLES = ("raw data", "rohdaten", "donnees brutes", "données brutes", "datos s
 
 
 class BluehillUniversal(AbstractFormat):
-    """Read results, a line ``Raw Data``, names with units in parentheses, rows; also as UTF-16."""
+    """Results, a line ``Raw Data``, names with units in parentheses, then rows of numbers.
+
+    The text may also be UTF-16.
+    """
 
     name: ClassVar[str] = "bluehill-universal"
     machine: ClassVar[str] = "Instron, Bluehill Universal (results and raw data as CSV)"

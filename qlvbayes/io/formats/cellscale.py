@@ -12,9 +12,10 @@ from qlvbayes.io.formats.texttable import in_cells, table
 
 
 class CellScale(AbstractFormat):
-    """Read ``SetName, Cycle, Time_S, Size_mm, Displacement_mm, Force_N``, or um and uN with a tip.
+    """Columns ``SetName, Cycle, Time_S, Size_mm, Displacement_mm, Force_N`` of CellScale.
 
-    Sets and cycles follow one another on one clock: they are one test.
+    With a tip the units are um and uN. Sets and cycles follow one another on one clock: they are
+    one test.
     """
 
     name: ClassVar[str] = "cellscale"

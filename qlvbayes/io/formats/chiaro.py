@@ -13,9 +13,10 @@ from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
 
 
 class Chiaro(AbstractFormat):
-    """Read ``Time (s), Load (uN), Indentation (nm), Cantilever (nm), Piezo (nm)`` between tabs.
+    """Columns ``Time (s), Load (uN), Indentation (nm), Cantilever (nm), Piezo (nm)``.
 
-    The depth is the indentation, from which the bending of the cantilever is subtracted.
+    Tabs separate them. The depth is the indentation, from which the bending of the cantilever is
+    subtracted.
     """
 
     name: ClassVar[str] = "chiaro"

@@ -71,7 +71,7 @@ _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|st
 
 @dataclass(frozen=True)
 class NamedColumn:
-    """Describe a column: its index, its name without the unit, and its unit as written."""
+    """Column of a table: its index, its name without the unit, and its unit as written."""
 
     index: int
     name: str

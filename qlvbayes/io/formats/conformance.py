@@ -23,7 +23,7 @@ _HEADS = (0, 1, 2, 3, 7, 64, 511, 1024)  # bytes that remain of a cut head
 
 
 class FormatError(AssertionError):
-    """Report that a format breaks a rule; the text says which rule."""
+    """Exception for a format that breaks a rule; the text says which rule."""
 
 
 def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:

@@ -30,7 +30,7 @@ _UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power 
 
 @dataclass(frozen=True)
 class Signs:
-    """Hold the factors of displacement and force, -1 where the sign changes, and any doubt.
+    """Factors of displacement and force, -1 where the sign changes, and any doubt.
 
     ``swing`` is the larger excursion of the force from its start over the other one; ``travel`` is
     the displacement at the peak force, from the start, as a share of the whole travel.
@@ -88,7 +88,7 @@ def is_dead(way: Floats, load: Floats) -> bool:
 
 @dataclass(frozen=True)
 class FirstContact:
-    """Hold the point of first contact and the force before it, each with its standard error.
+    """Point of first contact and the force before it, each with its standard error.
 
     ``position`` and ``sd`` are displacements; ``rows`` is the number of rows before contact.
     """

@@ -29,7 +29,7 @@ LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
 @dataclass(frozen=True, eq=False)
 class Tidied:
-    """Hold one test made tidy, and the findings of the conversion, each with its numbers.
+    """One test in tidy form, and the findings of the conversion, each with its numbers.
 
     ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
     positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
@@ -82,7 +82,7 @@ class Tidied:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """Hold all tests of some files, in one system of units.
+    """All tests of some files, converted to one system of units.
 
     ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
     one file are taken as those of one pad, although nobody has said so.
@@ -210,7 +210,7 @@ def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """Hold one recording being converted: columns in tidy units, in order, with the right signs."""
+    """Recording under conversion: columns in tidy units, in order, with the right signs."""
 
     file: Path
     kind: type[AbstractFormat]
@@ -235,7 +235,7 @@ class _Prepared:
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """Hold one recording being converted, with its zero."""
+    """Recording under conversion, with its zero."""
 
     file: Path
     kind: type[AbstractFormat]

@@ -18,7 +18,7 @@ HEAD = 1 << 14  # bytes that a format may look at: the longest known headers hav
 
 @dataclass(frozen=True)
 class Sight:
-    """Hold which marks of a layout the first bytes of a file show, and which they lack."""
+    """Marks of a layout that the first bytes of a file show, and marks that they lack."""
 
     found: tuple[str, ...]
     missing: tuple[str, ...]
@@ -44,7 +44,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Hold one channel as it is in the file.
+    """One channel as it is in the file.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Hold one test as a machine wrote it, with nothing converted and no sign changed.
+    """One test as a machine wrote it, with nothing converted and no sign changed.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Recording:
 
 
 class AbstractFormat(ABC):
-    """Define one layout of files.
+    """Layout of the files of a testing machine or program.
 
     ``name`` is what messages call it, ``machine`` whose files these are, ``marks`` how they are
     recognised and ``reads`` what is read from them, each in one line. ``reference`` is where the

@@ -14,7 +14,7 @@ _BEGIN = b"\x89HDF\r\n\x1a\n"
 
 
 class Hdf5(AbstractFormat):
-    """Read datasets by name; the unit is in the name or in an attribute ``units``."""
+    """Datasets of an HDF5 file by name; the unit is in the name or in an attribute ``units``."""
 
     name: ClassVar[str] = "hdf5"
     machine: ClassVar[str] = "HDF5 of any origin"

@@ -37,7 +37,7 @@ _LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address
 
 
 class ApartError(Exception):
-    """Report that a file could not be read; the text says why."""
+    """Exception for a file that could not be read; the text says why."""
 
 
 def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[Any, np.ndarray]]:

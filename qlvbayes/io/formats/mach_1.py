@@ -17,7 +17,7 @@ _STRUCTURE = re.compile(rb"^<[^>\n]*>[^\n]*\n", re.MULTILINE)
 
 
 class MachOne(AbstractFormat):
-    """Read ``<INFO>`` and ``<DATA>`` blocks; every function that moved the stage is a test.
+    """Blocks ``<INFO>`` and ``<DATA>`` of Mach-1; every function that moved the stage is a test.
 
     Position grows downwards, and force is negative in compression.
     """

@@ -11,7 +11,7 @@ from qlvbayes.io.units import SUFFIXES
 
 @dataclass(frozen=True)
 class Unit:
-    """Describe a unit: what it measures, the tidy unit that it is converted to, and the factor."""
+    """Unit of a quantity, the tidy unit that it is converted to, and the factor."""
 
     quantity: str
     tidy: str

@@ -14,7 +14,10 @@ _BEGINS = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 
 
 class Matlab(AbstractFormat):
-    """Read ``time_s``, ``displacement_mm``, ``force_N``, as variables or in structs, one a test."""
+    """Arrays ``time_s``, ``displacement_mm`` and ``force_N`` of a MATLAB file.
+
+    They are variables, or fields of structs, one struct for each test.
+    """
 
     name: ClassVar[str] = "matlab"
     machine: ClassVar[str] = "MATLAB .mat, versions 5 to 7.3"

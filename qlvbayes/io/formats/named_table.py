@@ -26,7 +26,7 @@ _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|
 
 
 class NamedTable(AbstractFormat):
-    """Read a row of names in one of five languages, units after or below them, then numbers.
+    """Table with names in one of five languages, units after or below them, then numbers.
 
     Cells of text among the numbers (a status) are ignored; where the names are repeated, a new test
     begins. Shear has no side that presses: its signs are kept.

@@ -17,7 +17,7 @@ from qlvbayes.io.formats.format import Floats, Recording
 
 @dataclass(frozen=True, eq=False)
 class NamedArray:
-    """Hold one-dimensional values with their name and unit; the unit may be part of the name."""
+    """One-dimensional values with their name and unit; the unit may be part of the name."""
 
     name: str
     values: Floats

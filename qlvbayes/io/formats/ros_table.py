@@ -35,14 +35,14 @@ _HEADER = 40  # lines among which the names are
 
 @dataclass(frozen=True)
 class _Clock:
-    """Describe a clock: its topic ('' for all), and its columns of seconds and of nanoseconds."""
+    """Clock of a topic ('' for all), with its columns of seconds and of nanoseconds."""
 
     topic: str
     columns: tuple[int, ...]
 
 
 class RosTable(AbstractFormat):
-    """Read columns such as ``header.stamp.sec``, ``wrench.force.z``, ``.pose.position.z``.
+    """Columns such as ``header.stamp.sec``, ``wrench.force.z``, ``.pose.position.z``.
 
     Where topics stand side by side, cells are empty in which a topic has no message.
     """

@@ -19,7 +19,7 @@ _NS = 1e-9  # s
 
 
 class RosBag(AbstractFormat):
-    """Read the force and the position that change most, each with the stamps of its messages."""
+    """Force and position of a bag that change most, each with the stamps of its messages."""
 
     name: ClassVar[str] = "rosbag"
     machine: ClassVar[str] = "robots: MCAP, ROS 2 bags (.mcap, .db3), ROS 1 bags (needs rosbags)"

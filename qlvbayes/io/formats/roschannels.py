@@ -25,7 +25,7 @@ _DATED = 1e8  # s since 1970, below which a stamp is of a simulated clock, or si
 
 @dataclass(frozen=True, eq=False)
 class RosChannel:
-    """Hold one field of a topic: its path as written, stamps (s) and values, both (n,)."""
+    """One field of a topic: its path as written, stamps (s) and values, both (n,)."""
 
     name: str
     time: Floats
@@ -45,7 +45,7 @@ class RosChannel:
 
 @dataclass(frozen=True)
 class RosField:
-    """Describe what a path means: the quantity, its unit, and the factor to that unit.
+    """Meaning of a path: the quantity, its unit, and the factor to that unit.
 
     ``rank`` is the order of preference: points before joints, both before plain numbers.
     """

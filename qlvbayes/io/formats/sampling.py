@@ -16,7 +16,7 @@ _GAP = 1.5  # steps beyond which samples are missing in an even record
 
 @dataclass(frozen=True)
 class Sampling:
-    """Describe how a test was sampled.
+    """Sampling of one test: number of rows, time step and missing samples.
 
     ``rows`` counts the rows; ``step``, ``low`` and ``high`` are the median step and its 5th and
     95th percentile (s); ``missing`` counts missing samples. ``lag`` is the delay of the force's
@@ -55,7 +55,7 @@ def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
 
 
 class ClockError(ValueError):
-    """Report a clock that cannot be put in order; the text says why."""
+    """Exception for a clock that cannot be put in order; the text says why."""
 
 
 def rising(

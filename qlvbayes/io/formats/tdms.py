@@ -17,7 +17,10 @@ _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 class Tdms(AbstractFormat):
-    """Read units from the channels' properties; time from a channel or the waveform's increment."""
+    """Channels of a TDMS file, whose properties give the units.
+
+    Time is a channel, or follows from the waveform's increment.
+    """
 
     name: ClassVar[str] = "tdms"
     machine: ClassVar[str] = "National Instruments LabVIEW, TDMS (needs npTDMS)"

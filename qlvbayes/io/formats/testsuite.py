@@ -12,7 +12,7 @@ from qlvbayes.io.formats.texttable import are_units, table_in_two_rows
 
 
 class TestSuite(AbstractFormat):
-    """Read names and units in two rows; compression is negative in both columns.
+    """Layout of TestSuite: names and units in two rows; compression is negative in both columns.
 
     Files begin with a byte order mark, and forces are often in kN.
     """

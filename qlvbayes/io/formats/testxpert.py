@@ -19,7 +19,7 @@ OWN_WORDS = (
 
 
 class TestXpert(AbstractFormat):
-    """Read key and value pairs, then names with units in the row below or in brackets."""
+    """Layout of testXpert: pairs of key and value, then names with units below or in brackets."""
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testxpert"

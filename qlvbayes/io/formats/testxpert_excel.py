@@ -21,7 +21,10 @@ _LEAST = 10  # rows that a curve has at least; a smaller sheet holds results
 
 
 class TestXpertExcel(AbstractFormat):
-    """Read localised names in one row, units in the next; the mean specimen's sheet is no test."""
+    """Workbook of testXpert: localised names in one row, units in the next.
+
+    The sheet of the mean specimen is no test.
+    """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testxpert-excel"

@@ -113,7 +113,7 @@ def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
 
 @dataclass(frozen=True)
 class Lines:
-    """Hold the lines at the beginning of a file, and the offset in bytes at which each starts."""
+    """Lines at the beginning of a file, and the offset in bytes at which each starts."""
 
     texts: tuple[str, ...]
     starts: tuple[int, ...]
@@ -154,7 +154,7 @@ def with_header(
 
 @dataclass(frozen=True, eq=False)
 class NumericRows:
-    """Hold columns of numbers, one for each index asked for, and counts of dropped lines."""
+    """Columns of numbers, one for each index asked for, and counts of dropped lines."""
 
     columns: tuple[Floats, ...]
     dropped: dict[str, int]

@@ -20,7 +20,7 @@ _OF_WAY = r"(disp|displacement|d|position|pos|encoder|stage|platen|strain|extens
 
 
 class TwoClocks(AbstractFormat):
-    """Read one row of names such as ``t_disp_s,disp_mm,t_force_s,force_N``, then rows of numbers.
+    """Row of names such as ``t_disp_s,disp_mm,t_force_s,force_N``, then rows of numbers.
 
     One clock for both would delay the force by the difference between the two.
     """

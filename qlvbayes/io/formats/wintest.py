@@ -12,7 +12,7 @@ from qlvbayes.io.formats.texttable import in_two_rows, table
 
 
 class WinTest(AbstractFormat):
-    """Read ``"Points","Elapsed Time","Disp","Load",`` and a row of units before each scan.
+    """Scans, each after names ``"Points","Elapsed Time","Disp","Load",`` and a row of units.
 
     Every scan is a test; one of fewer than ten rows is a header left over, and dropped.
     """

@@ -23,7 +23,7 @@ _ENOUGH = 2  # other files whose contacts have to agree for a pad to lie on one 
 
 @dataclass(frozen=True, eq=False)
 class OrientedRecording:
-    """Hold one recording in which pressing is positive in ``way`` and ``load`` (n,).
+    """One recording in which pressing is positive in ``way`` and ``load`` (n,).
 
     ``stage`` is equal for recordings whose displacement may have one zero: those of one pad and
     layout. ``contact`` is None where the recording shows none.
@@ -57,7 +57,7 @@ class OrientedRecording:
 
 @dataclass(frozen=True)
 class Zero:
-    """Hold what is subtracted from displacement and force, and the displacement's standard error.
+    """Zeros subtracted from displacement and force, and the displacement's standard error.
 
     ``position`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
     how it was found; ``contact`` is where the file's own rise of the force shows it.
@@ -121,7 +121,7 @@ def _zero(
 
 @dataclass(frozen=True)
 class _Agreed:
-    """Hold contact and force at rest of files that agree: means, standard errors, how many."""
+    """Contact and force at rest of files that agree: means, standard errors, number of files."""
 
     position: float
     sd: float

@@ -26,7 +26,7 @@ _EXPORT = "export the measurements as CSV text"
 
 
 class OldWorkbookError(InputError):
-    """Report a workbook of a kind that no reader here knows."""
+    """Exception for a workbook of a kind that no reader here knows."""
 
     def __init__(self, path: Path) -> None:
         what = "this is an Excel workbook of the old kind (.xls)"

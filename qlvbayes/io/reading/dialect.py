@@ -19,7 +19,7 @@ _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 @dataclass(frozen=True)
 class Dialect:
-    """Describe how the rows are written, and after which line they begin."""
+    """Form of the rows of a file: columns, separator, decimal mark, and the header's line."""
 
     columns: Columns
     separator: str

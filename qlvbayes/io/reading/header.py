@@ -42,7 +42,7 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Column:
-    """Describe one column: its index, its name in the file, its unit, and a scale.
+    """One column: its index, its name in the file, its unit, and a scale.
 
     ``scale`` converts to the unit of the displacement column for displacement and rate, to that of
     the force column for force and its sd, and to s for time.
@@ -56,7 +56,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """Hold the columns that are read; `numbers` are time, displacement, force and force_sd."""
+    """Columns that are read; `numbers` are time, displacement, force and force_sd."""
 
     units: UnitSystem
     numbers: dict[str, Column]
@@ -105,7 +105,7 @@ def _units_of(kind: UnitSystem, numbers: dict[str, Column]) -> UnitSystem:
 
 @dataclass(frozen=True)
 class _Own:
-    """Hold the ratios of the file's own units of displacement and force to the default ones."""
+    """Ratios of the file's own units of displacement and force to the default ones."""
 
     displacement: Scale
     force: Scale

@@ -24,7 +24,7 @@ _MOST_KINDS = 20  # different numbers checked, the farthest away first: a code i
 
 @dataclass(frozen=True, eq=False)
 class NoReading:
-    """Hold where a channel has no reading (rows,), and which codes stand there."""
+    """Rows (rows,) in which a channel has no reading, and the codes that stand there."""
 
     rows: NDArray[np.bool_]
     codes: tuple[float, ...]

@@ -26,7 +26,7 @@ _NEWLINE, _QUOTE = b'\n"'
 
 
 class GrowingColumn:
-    """Append float64 values in blocks, with no more memory than the values take.
+    """Column of float64 values that grows in blocks, with no more memory than the values take.
 
     A list of blocks joined at the end would need the memory twice, as the allocator keeps the freed
     blocks. A large array is enlarged in place, by an eighth only, as numpy fills the spare room
@@ -55,7 +55,7 @@ class GrowingColumn:
 
 @dataclass(frozen=True)
 class Runs:
-    """Hold stretches of rows that share all labels.
+    """Stretches of rows that share all labels.
 
     `starts` (r + 1,) is the first row of each stretch and, last, the number of rows; `codes[label]`
     (r,) are indices into the texts `texts[label]`.
@@ -68,7 +68,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Table:
-    """Hold all rows: `numbers[quantity]` (n,), the runs of labels, and the other lines.
+    """All rows of a file: `numbers[quantity]` (n,), the runs of labels, and the other lines.
 
     `skipped` are the numbers of the lines that are no rows.
     """
@@ -104,7 +104,7 @@ def read_table(path: Path, dialect: Dialect) -> Table:
 
 
 class _Reader:
-    """Collect the columns block by block."""
+    """Reader that collects the columns of a file block by block."""
 
     def __init__(self, path: Path, dialect: Dialect) -> None:
         self.path = path

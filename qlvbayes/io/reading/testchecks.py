@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """Hold where one test stands in the table: stretches of rows, and its names."""
+    """Rows of one test in the table, as stretches, with the names of pad and test."""
 
     pad: str
     test: str
@@ -45,7 +45,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Checker:
-    """Refuse a test with the line and the remedy."""
+    """Checks of a test; one that fails is refused with the line and the remedy."""
 
     file: Path
     table: Table

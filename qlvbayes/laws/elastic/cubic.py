@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Cubic(AbstractElastic):
-    """Let the elastic force be a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3.
+    """Elastic force as a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3.
 
     Parameters
     ----------

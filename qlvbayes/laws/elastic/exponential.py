@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Exponential(AbstractElastic):
-    """Let stiffness grow exponentially with depth: F_e = (m/b)(e^{b delta} - 1), the paper's Eq. 8.
+    """Stiffness exponential in depth: F_e = (m/b)(e^{b delta} - 1), the paper's Eq. 8.
 
     At b = 0 the law is linear, F_e = m delta.
 

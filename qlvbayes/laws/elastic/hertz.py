@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class HertzPower(AbstractElastic):
-    """Let the elastic force be a power of depth: F_e = m delta^n.
+    """Elastic force as a power of depth: F_e = m delta^n.
 
     A sphere on a flat has n = 3/2 (Hertz). The force is odd in the depth. The hereditary step has
     no closed form: the exponential of each relaxation mode is integrated exactly against a force

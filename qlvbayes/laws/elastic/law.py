@@ -12,7 +12,7 @@ from qlvbayes.laws.scales import Scales
 
 
 class AbstractElastic(eqx.Module):
-    """Define an elastic law: the force F_e(delta) of an infinitely fast displacement.
+    """Elastic law: the force F_e(delta) of an infinitely fast displacement.
 
     Each field is a constant of the law: a number where it is fixed, a prior where it is free. A law
     also declares

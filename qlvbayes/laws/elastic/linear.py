@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Linear(AbstractElastic):
-    """Let the elastic force be proportional to depth, F_e = m delta: a linear viscoelastic solid.
+    """Elastic force proportional to depth, F_e = m delta: a linear viscoelastic solid.
 
     Parameters
     ----------

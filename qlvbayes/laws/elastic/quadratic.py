@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Quadratic(AbstractElastic):
-    """Let the elastic force be a polynomial of two terms: F_e = m delta + k2 delta^2.
+    """Elastic force as a polynomial of two terms: F_e = m delta + k2 delta^2.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ _PIECES = 6  # intervals of depth: they follow a contact halfway to about 1 % of
 
 
 class Spline(AbstractElastic):
-    r"""Let stiffness be linear in depth between seven knots, and constant beyond the last.
+    r"""Stiffness linear in depth between seven knots, and constant beyond the last.
 
     .. math:: K(\delta) = k_j + (k_{j+1} - k_j)(\delta - x_j)/h, \quad x_j = j h \le \delta \le
               x_{j+1}, \quad h = \mathrm{depth}/6

@@ -14,7 +14,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class ToeExponential(AbstractElastic):
-    r"""Let the force be linear to the depth ``toe`` and exponential beyond, with one slope there.
+    r"""Elastic force linear to the depth ``toe`` and exponential beyond, with one slope there.
 
     .. math:: F_e = m \delta, \quad \delta \le d; \qquad
               F_e = m d + \frac{m}{b}(e^{b (\delta - d)} - 1), \quad \delta > d

@@ -17,7 +17,7 @@ _PER_DECADE = 4  # Gauss-Legendre nodes; with two in addition the error is below
 
 
 class Fung(AbstractRelaxation):
-    r"""Let relaxation times have the spectrum c/tau between tau1 and tau2, and none outside.
+    r"""Spectrum c/tau of relaxation times between tau1 and tau2, and none outside.
 
     .. math:: g(t) = \frac{1 + c\,[E_1(t/\tau_2) - E_1(t/\tau_1)]}{1 + c \ln(\tau_2/\tau_1)}
 

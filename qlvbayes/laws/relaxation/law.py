@@ -19,7 +19,7 @@ MOST_TERMS = 60
 
 
 class AbstractRelaxation(eqx.Module):
-    r"""Define a relaxation law: the reduced relaxation function, a sum of falling exponentials.
+    r"""Relaxation law: the reduced relaxation function, a sum of falling exponentials.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \qquad c_i \ge 0, \quad \sum c = 1
 

@@ -19,7 +19,7 @@ _NODES = np.linspace(-5.3, 5.3, 53)
 
 
 class LogNormalSpectrum(AbstractRelaxation):
-    r"""Let the logarithm of relaxation time be normal with mean ln(tau) and sd sigma.
+    r"""Relaxation times whose logarithm is normal with mean ln(tau) and sd sigma.
 
     .. math:: g(t) = c_0 + (1 - c_0) \int_{-\infty}^\infty
               \frac{e^{-z^2/2}}{\sqrt{2 \pi}} \exp(-\frac{t}{\tau} e^{-\sigma z})\, dz

@@ -23,7 +23,7 @@ _BELOW = 2.5  # decades of rate below one over the longest time that have nodes 
 
 
 class PowerLaw(AbstractRelaxation):
-    r"""Let relaxation follow a power of time, regularised at short times.
+    r"""Relaxation by a power of time, regularised at short times.
 
     .. math:: g(t) = c_0 + (1 - c_0)(1 + t/\tau)^{-\alpha}, \qquad
               (1 + t/\tau)^{-\alpha} = \int_0^\infty

@@ -13,7 +13,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Prony(AbstractRelaxation):
-    """Let relaxation be a Prony series, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7.
+    """Prony series of relaxation, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7.
 
     Parameters
     ----------

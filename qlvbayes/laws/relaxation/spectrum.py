@@ -12,7 +12,7 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Spectrum(AbstractRelaxation):
-    """Let relaxation have this spectrum.
+    """Relaxation with a given discrete spectrum.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ _TERMS = 40  # of the series: 1.5^-40 is 1e-7 of its first term, less by 1/k! Ga
 
 
 class StretchedExponential(AbstractRelaxation):
-    r"""Let relaxation be a stretched exponential (Kohlrausch, Williams and Watts).
+    r"""Relaxation by a stretched exponential (Kohlrausch, Williams and Watts).
 
     .. math:: g(t) = c_0 + (1 - c_0) e^{-(t/\tau)^\beta}
 

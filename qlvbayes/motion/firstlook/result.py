@@ -36,11 +36,11 @@ class MotionSeen(
     frozen=True,
     rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
 ):
-    """Hold the deviation of the fitted motion from the readings of displacement.
+    """Deviation of the fitted motion from the readings of displacement.
 
     step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
-    makes them; rms, largest: of readings less motion; at: where (s)
-    it is largest; departure: in words, where that is more than scatter and resolution explain.
+    makes them; rms, largest: of readings less motion; at: the time (s) at which it is largest;
+    departure: in words, where that is more than scatter and resolution explain.
     """
 
     step: float
@@ -134,7 +134,7 @@ class NoiseSeen(
 
 
 class Shown(Part, frozen=True):
-    """Say whether tests can show a part of the model.
+    """Answer to whether the tests can show one part of the model.
 
     about: which; constants, effects: their names; reason: the fact behind the answer; remedy: the
     test that would show it, empty where they do.
@@ -161,11 +161,22 @@ class PadSeen(Part, frozen=True):
 
 
 class FirstLook(Result, frozen=True, kw_only=True):
-    """All pads of some measurements: ``look.json``.
+    """First look at the tests of some pads, before anything is fitted: ``look.json``.
 
-    source: the files; units: of displacement and force, in which also keys that end in _mm and _N
-    are; notices: of reading the files; between: whether the pads can be compared; next: what to
-    type.
+    Parameters
+    ----------
+    source
+        The files that were read.
+    units
+        Units of displacement and force, also of the file's keys that end in ``_mm`` and ``_N``.
+    notices
+        Sentences on how the files were read.
+    pads
+        Of each pad its tests, its noise, what its tests can show, and what to correct before a fit.
+    between
+        Whether relaxation and stiffness of the pads can be compared; empty for fewer than two pads.
+    next
+        Commands to go on with, as they are typed.
     """
 
     source: tuple[str, ...]

@@ -18,7 +18,7 @@ Protocol = Callable[[float], tuple[Step, ...]]
 
 @dataclass(frozen=True)
 class Draw:
-    """Define what the parameters are drawn from.
+    """Quantities that the parameters are drawn from.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Define how an effect is drawn: its shape, and the parameter that sets its size.
+    """Recipe by which an effect is drawn: its shape, and the parameter that sets its size.
 
     `guess` in the units of `per`: 'peak' (N), 'depth' (mm) or 1; `cap` likewise.
     """

@@ -21,7 +21,7 @@ _SHEAR = 2.0 * (1.0 + POISSON)  # Young's modulus over the shear modulus
 
 
 class ViscoelasticCurves(AbstractTarget):
-    r"""State what small deformation about first contact shows, with 90 % bands over the draws.
+    r"""Curves of small deformation about first contact, with 90 % bands over the draws.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \quad
               k'(\omega) = k \Big(c_0 + \sum_i \frac{c_i \omega^2}{\omega^2 + v_i^2}\Big), \quad

@@ -22,11 +22,11 @@ Nodes = np.ndarray
 
 
 class TranslationError(Exception):
-    """Report what a program does that no expression does; the text says it."""
+    """Exception for a program that does what no expression does; the text says what."""
 
 
 class Expression:
-    """Apply ``op`` to ``args``; a constant's or an input's ``value`` is its number or its name."""
+    """Operation ``op`` on ``args``; ``value`` is the number of a constant or name of an input."""
 
     __slots__ = ("args", "op", "value")
 
@@ -90,7 +90,7 @@ _REDUCTIONS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min"}
 
 
 class Expressions:
-    """Make expressions.
+    """Factory of expressions.
 
     calls: what an instruction that only the caller knows becomes, given this and its arguments.
     """

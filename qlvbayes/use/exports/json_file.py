@@ -11,7 +11,7 @@ from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 
 class JsonFile(AbstractTarget):
-    """Write laws, spectrum, intervals, tested range and draws, every one in all its digits."""
+    """JSON file of laws, spectrum, intervals, tested range and draws, every one in all digits."""
 
     name = "json"
     steps = True

@@ -83,7 +83,7 @@ class LayerComputation:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLayer:
-    """Hold one layer, as a language writes it.
+    """One layer, as a language writes it.
 
     name: part of an identifier; said: the law in one line; columns: names of the layer's constants
     in a posterior; touch: index in its memory of the flag that the specimen is touched, None where
@@ -118,7 +118,7 @@ class ExportedLayer:
 
 @dataclass(frozen=True, eq=False)
 class ElasticFunction:
-    """Hold one function of the elastic law: its name, arguments beside the constants, and value."""
+    """One function of the elastic law: its name, arguments besides the constants, and value."""
 
     name: str
     summary: str

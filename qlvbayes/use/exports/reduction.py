@@ -37,7 +37,7 @@ Law = Callable[..., Floats]
 
 
 class PhaseLabel(NamedTuple):
-    """Hold one kind of phase of one test; role: fit, validate, or empty where there was no test."""
+    """One kind of phase of one test; role: fit, validate, or empty where there was no test."""
 
     test: str
     role: str
@@ -149,7 +149,7 @@ def pressing(pad: ExportedPad) -> Pressing:
 
 
 class _MotionRun(NamedTuple):
-    """Hold one motion: of each time its cell, and depth, speed, modelled and measured force."""
+    """One motion: of each time its cell, and depth, speed, modelled and measured force."""
 
     cells: list[PhaseLabel]
     columns: tuple[Floats, Floats, Floats, Floats]

@@ -18,7 +18,7 @@ class Geometry:
 
 
 class AbstractTarget(ABC):
-    """Define one program, format or language that a pad goes into.
+    """Program, format or language that a pad is exported to.
 
     Parameters
     ----------
