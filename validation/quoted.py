@@ -168,7 +168,7 @@ def _of_hidden(text: str) -> Iterator[str]:
     fit, squares = both_errors(experiment, Choices())
     yield from _apart(FIT, text, (fit / squares, fit, squares, experiment.floor.total))
     before: float | None = Specimen(pad).diagnose().result.stages[0].heldout_rmse
-    bench = q.Bench.of(experiment)
+    bench = q.Bench.from_experiment(experiment)
     *_, least = bench.held_out(bench.first())
     yield from _apart(BEFORE, text, (before, least))
 

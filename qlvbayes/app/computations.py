@@ -96,7 +96,7 @@ def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
         experiment = _experiment(data, pad)
         bonded = experiment.units.bonded_default
         forget_compiled()
-        return Bench.of(experiment, Choices(bonded=bonded, effects_file=effects_file))
+        return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
 
     return _benches.get((*_version(data), pad, effects_file), make)
 

@@ -91,7 +91,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
     """Convert machine files to a tidy file, or return the one question that they leave open."""
     said = {name: answers[name] for name in ASKED if answers.get(name)}
     pads = specimens.pads_of(answers)
-    stated = Answers.of(
+    stated = Answers.from_words(
         said.get("sign"), said.get("contact"), said.get("units"), _number(said.get("area")), pads
     )
     try:

@@ -21,7 +21,7 @@ def script(session: Session, pad: str) -> str:
         "",
         f"study = q.read_study({data!r})",
         "choices = q.Choices(bonded=study.units.bonded_default)",
-        f"bench = q.Bench.of(study[{pad!r}].experiment, choices)",
+        f"bench = q.Bench.from_experiment(study[{pad!r}].experiment, choices)",
         "",
     ]
     path = _path(own.history, own.current)

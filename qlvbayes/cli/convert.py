@@ -89,7 +89,7 @@ class ReadingOptions:
     def answers(self) -> Answers:
         """Return the answers for reading files; raise InputError where one cannot be used."""
         pads, tests = tuple(split_names(self.pad)), tuple(split_names(self.test))
-        return Answers.of(
+        return Answers.from_words(
             self.sign, self.contact, self.units, self.area, pads, tests, self.pad_from
         )
 

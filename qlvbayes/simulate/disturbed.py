@@ -105,7 +105,7 @@ def held_forces(plan: PadProgramme, forces: Forces, rng: np.random.Generator) ->
     way too far.
     """
     chosen = [
-        _HeldForce.of(motion) if rng.random() < _UNDER_FORCE else None
+        _HeldForce.from_motion(motion) if rng.random() < _UNDER_FORCE else None
         for motion in plan.motions.values()
     ]
     for _ in range(_ITERATIONS):
@@ -136,7 +136,7 @@ class _HeldForce:
     steady: bool = False
 
     @classmethod
-    def of(cls, motion: Motion) -> _HeldForce | None:
+    def from_motion(cls, motion: Motion) -> _HeldForce | None:
         """Return the first hold of a motion, with a path at rest; None where it has none."""
         pieces = motion.pieces
         index = next((k for k, piece in enumerate(pieces) if k and _rests(piece)), None)

@@ -262,7 +262,7 @@ def test_curves_are_those_of_the_public_api(served, opened, two):
     model = {key: begun[key] for key in ("elastic", "relaxation", "effects", "values")}
     pad = f"/api/s/{opened}/pads/C"
     found, measured = served.post(f"{pad}/curves", model), served.get(f"{pad}/measured")
-    bench = q.Bench.of(q.read_study(two)["C"].experiment)
+    bench = q.Bench.from_experiment(q.read_study(two)["C"].experiment)
     look = bench.look(q.ByHand(values=begun["values"]))
     assert found["rmse"] == pytest.approx(look.error, rel=1e-9)
     assert found["rmse"] == pytest.approx(begun["rmse"], rel=1e-9)

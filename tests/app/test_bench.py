@@ -12,7 +12,7 @@ from qlvbayes.io.checks import InputError
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     study = q.read_study(two_tests(tmp_path_factory.mktemp("bench") / "two.csv"))
-    return q.Bench.of(study["C"].experiment)
+    return q.Bench.from_experiment(study["C"].experiment)
 
 
 @pytest.fixture(scope="module")

@@ -218,7 +218,7 @@ def test_the_picture_shows_every_test_with_its_contact(tmp_path, width):
 def test_names_that_a_tidy_file_cannot_hold_are_written_otherwise(tmp_path):
     source = tmp_path / 'a;b,"c.csv'
     source.write_bytes(machine_files.cellscale(TEST))
-    text = tidy_text(convert([source], Answers.of(pads=("100% B",)))).decode()
+    text = tidy_text(convert([source], Answers.from_words(pads=("100% B",)))).decode()
     row = next(line for line in text.split("\n") if line.startswith("100% B"))
     assert row.startswith("100% B,a-b-c,0.0")
 

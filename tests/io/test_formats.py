@@ -225,19 +225,19 @@ def test_what_a_file_leaves_open_is_asked_for(tmp_path):
     preloaded = pressed(approach=-0.3)
     unsure = refused(tmp_path, bluehill(preloaded), "begins in contact")
     assert unsure.option == "contact"
-    (test,) = convert([tmp_path / "a.csv"], Answers.of(contact="file")).tests
+    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(contact="file")).tests
     np.testing.assert_allclose(test.displacement, preloaded.way, atol=1e-6)
-    (test,) = convert([tmp_path / "a.csv"], Answers.of(contact="0.1")).tests
+    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(contact="0.1")).tests
     np.testing.assert_allclose(test.displacement, preloaded.way - 0.1, atol=1e-6)
 
     cycles = Pressed(TEST.time, np.sin(9 * TEST.time), np.sin(9 * TEST.time))
     assert refused(tmp_path, bluehill(cycles), "which way presses").option == "sign"
-    said = Answers.of(sign="none", contact="file")
+    said = Answers.from_words(sign="none", contact="file")
     assert convert([tmp_path / "a.csv"], said).tests[0].signs.way == 1
 
     strained = bluehill(TEST, "Time,Compressive strain,Load", "(s),(%),(N)")
     assert refused(tmp_path, strained, "strain and force, and no area").option == "area"
-    (test,) = convert([tmp_path / "a.csv"], Answers.of(area=50.0)).tests
+    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(area=50.0)).tests
     assert test.units.force == "kPa"
     # 1 N over 50 mm2 is 20 kPa; 1 % is 0.01
     assert test.force.max() == pytest.approx(20.0 * TEST.load.max(), rel=1e-5)
@@ -251,20 +251,20 @@ def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
     savemat(path, {"time": TEST.time, "disp": TEST.way, "force": TEST.load})
     with pytest.raises(UnsureError, match=r"'time' .* has no unit"):
         convert([path])
-    (test,) = convert([path], Answers.of(units="s,um,kN")).tests
+    (test,) = convert([path], Answers.from_words(units="s,um,kN")).tests
     assert test.force.max() == pytest.approx(1e3 * TEST.load.max())
     assert test.units.displacement == "um"
     with pytest.raises(InputError, match="is no unit of force"):
-        Answers.of(units="s,mm,furlong")
+        Answers.from_words(units="s,mm,furlong")
     csv = tmp_path / "b.csv"
     csv.write_text(bluehill(TEST))
     with pytest.raises(InputError, match="is in mm, and --units says um"):
-        convert([csv], Answers.of(units="s,um,N"))
+        convert([csv], Answers.from_words(units="s,um,N"))
 
 
 def test_a_wrong_sign_is_refused(tmp_path):
     says = "with --sign force the specimen is pressed with force negative"
-    refused(tmp_path, bluehill(TEST), says, Answers.of(sign="force"), InputError)
+    refused(tmp_path, bluehill(TEST), says, Answers.from_words(sign="force"), InputError)
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ class Bench(AbstractFormat):
 
     @staticmethod
     def sniff(head):
-        return Sight.of({"a first line BENCH": head.startswith(b"BENCH")})
+        return Sight.from_marks({"a first line BENCH": head.startswith(b"BENCH")})
 
     @staticmethod
     def read(path):
@@ -349,7 +349,7 @@ def test_a_format_that_claims_what_is_not_its_own_is_told(tmp_path):
 
         @staticmethod
         def sniff(head):
-            return Sight.of({"bytes": True})
+            return Sight.from_marks({"bytes": True})
 
     files = [written(fixture, tmp_path) for fixture in FIXTURES[:2]]
     with pytest.raises(FormatError, match="bluehill-3 claims"):

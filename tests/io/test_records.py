@@ -103,7 +103,7 @@ def stage(folder):
 
 def test_a_late_start_has_the_zero_of_the_others_on_its_stage(tmp_path):
     files, late = stage(tmp_path)
-    found = convert([*files, late], Answers.of(pads=("P",)))
+    found = convert([*files, late], Answers.from_words(pads=("P",)))
     for test in found.tests:
         assert abs(test.zero - 7.0) < 2.0 * test.zero_sd
     assert "3 other files agree: this one begins beyond it" in " ".join(found.tests[-1].findings)
@@ -201,7 +201,7 @@ def test_names_of_five_languages_are_read(names, units, tmp_path):
     )
     path = tmp_path / "a.csv"
     path.write_text(f"{names}\n" + (f"{units}\n" if units else "") + rows, encoding="cp1252")
-    (found,) = convert([path], Answers.of(contact="file")).tests
+    (found,) = convert([path], Answers.from_words(contact="file")).tests
     np.testing.assert_allclose(found.displacement, test.way, atol=1e-6)
     np.testing.assert_allclose(found.force, test.load, atol=1e-6)
 
@@ -233,23 +233,23 @@ def test_words_that_only_look_like_a_mean_are_specimens():
 def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
     pytest.importorskip("openpyxl")
     path = workbook(tmp_path / "a.xlsx", ["AA1", "AA2", "BB1"])
-    found = convert([path], Answers.of(pad_from="^[A-Z]+"))
+    found = convert([path], Answers.from_words(pad_from="^[A-Z]+"))
     assert [(t.pad, t.test) for t in found.tests] == [("AA", "AA1"), ("AA", "AA2"), ("BB", "BB1")]
     assert not found.remarks
     assert "--pad-from" in convert([path]).remarks[0]
-    by_name = convert([path], Answers.of(pads=("AA", "AA", "BB")))
+    by_name = convert([path], Answers.from_words(pads=("AA", "AA", "BB")))
     assert [test.pad for test in by_name.tests] == [test.pad for test in found.tests]
     assert [test.zero for test in by_name.tests] == [test.zero for test in found.tests]
     assert not by_name.remarks
     with pytest.raises(InputError, match="finds nothing in the name 'AA1'"):
-        convert([path], Answers.of(pad_from="x+"))
+        convert([path], Answers.from_words(pad_from="x+"))
     for none in ("(", "a{99999999999}", "(" * 5000):
         with pytest.raises(InputError, match="is no pattern"):
-            Answers.of(pad_from=none)
+            Answers.from_words(pad_from=none)
     with pytest.raises(InputError, match="names 2 pads; the number of files is 1, that of tests 3"):
-        convert([path], Answers.of(pads=("AA", "BB")))
+        convert([path], Answers.from_words(pads=("AA", "BB")))
     with pytest.raises(InputError, match="differ in upper and lower case only"):
-        convert([path], Answers.of(pads=("AA", "aa", "BB")))
+        convert([path], Answers.from_words(pads=("AA", "aa", "BB")))
 
 
 @pytest.mark.parametrize(
@@ -503,7 +503,7 @@ def test_contact_of_the_kept_records(name, low, high):
 
 def test_the_kept_stage_as_a_whole(tmp_path):
     files = sorted(shared("one_stage").glob("*.csv"))
-    found = convert(files, Answers.of(pads=("P",)), without_faulty=True)
+    found = convert(files, Answers.from_words(pads=("P",)), without_faulty=True)
     assert [Path(fault.file).name for fault in found.faults] == ["p4_dead.csv"]
     assert len(found.tests) == 5
     for test in found.tests:
@@ -522,7 +522,7 @@ def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
 
 def test_the_kept_workbooks():
     pytest.importorskip("openpyxl")
-    found = convert([shared("allongement.xlsx")], Answers.of(pad_from="[A-Z]+"))
+    found = convert([shared("allongement.xlsx")], Answers.from_words(pad_from="[A-Z]+"))
     assert [test.pad for test in found.tests] == ["AA", "AA", "BB", "BB"]
     assert len(convert([shared("mean_named_last.xlsx")]).tests) == 2
     with pytest.raises(InputError, match=r"old kind \(.xls\); open it and save it as .xlsx"):

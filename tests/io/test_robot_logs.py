@@ -139,6 +139,6 @@ def test_a_joint_may_turn_or_slide_so_that_its_unit_is_asked(tmp_path, made):
     path = bag(tmp_path, made)
     with pytest.raises(UnsureError, match="unit"):
         convert([path])
-    (test,) = convert([path], Answers.of(units="s,m,N")).tests
+    (test,) = convert([path], Answers.from_words(units="s,m,N")).tests
     assert test.units.displacement == "m"
     assert np.ptp(test.displacement) == pytest.approx(1e-3 * np.ptp(TEST.way), rel=0.01)

@@ -120,7 +120,7 @@ class Bench:
     density: Density
 
     @classmethod
-    def of(cls, experiment: Experiment, choices: Choices | None = None) -> Bench:
+    def from_experiment(cls, experiment: Experiment, choices: Choices | None = None) -> Bench:
         """Return the bench for all tests of an experiment.
 
         Parameters

@@ -29,7 +29,9 @@ class Afm(AbstractFormat):
         """Look for a zip that holds JPK's properties, or for the table that afmformats exports."""
         table = head.startswith(b"# afmformats") and b"# BEGIN METADATA" in head
         jpk = head.startswith(b"PK\x03\x04") and b"header.properties" in head
-        return Sight.of({"a zip with header.properties, or afmformats' table": jpk or table})
+        return Sight.from_marks(
+            {"a zip with header.properties, or afmformats' table": jpk or table}
+        )
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:

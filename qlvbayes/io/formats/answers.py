@@ -46,7 +46,7 @@ class Answers:
     pad_from: re.Pattern[str] | None = None
 
     @classmethod
-    def of(
+    def from_words(
         cls,
         sign: str | None = None,
         contact: str | None = None,

@@ -30,7 +30,7 @@ class BluehillThree(AbstractFormat):
         """Look for a row of names above a row of units in parentheses."""
         lines = Lines.from_bytes(decoded(head).encode())
         named = any(_is_names(cells) for _, cells in lines.cells())
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a row of names with time and load": named,
                 "units in parentheses in the row below": _header(lines) is not None,

@@ -32,7 +32,7 @@ class BluehillUniversal(AbstractFormat):
         lines = Lines.from_bytes(decoded(head).encode())
         title = _title(lines)
         named = title is not None and _names(lines, title) is not None
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a line 'Raw Data'": title is not None,
                 "names with units in parentheses below it": named,

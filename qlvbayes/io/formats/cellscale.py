@@ -30,7 +30,7 @@ class CellScale(AbstractFormat):
         names = _names(Lines.from_bytes(decoded(head).encode()))
         plain_names = [plain_name(name) for name in names]
         by_quantity = quantities(in_cells(names))
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a column SetName": any(
                     name in ("setname", "set name", "set") for name in plain_names

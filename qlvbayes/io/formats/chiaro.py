@@ -29,7 +29,7 @@ class Chiaro(AbstractFormat):
     def sniff(head: bytes) -> Sight:
         """Look for the cantilever's stiffness, and for the names."""
         lines = Lines.from_bytes(decoded(head).encode())
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a line 'k (N/m)'": any(text.startswith("k (N/m)") for text in lines.texts),
                 "names with Load and Indentation": _header(lines) is not None,

@@ -24,7 +24,7 @@ class Sight:
     missing: tuple[str, ...]
 
     @classmethod
-    def of(cls, marks: Mapping[str, bool]) -> Sight:
+    def from_marks(cls, marks: Mapping[str, bool]) -> Sight:
         """Return a sight from each mark, in words, and whether it is there."""
         return cls(
             tuple(mark for mark, there in marks.items() if there),

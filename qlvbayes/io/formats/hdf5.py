@@ -25,7 +25,7 @@ class Hdf5(AbstractFormat):
     @staticmethod
     def sniff(head: bytes) -> Sight:
         """Look for its signature."""
-        return Sight.of({"the first bytes of HDF5": head.startswith(_BEGIN)})
+        return Sight.from_marks({"the first bytes of HDF5": head.startswith(_BEGIN)})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:

@@ -32,7 +32,7 @@ class MachOne(AbstractFormat):
     def sniff(head: bytes) -> Sight:
         """Look for its first line and its first block."""
         text = decoded(head)
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a first line <Mach-1 File>": text.lstrip().startswith("<Mach-1 File>"),
                 "a block <INFO>": "<INFO>" in text,

@@ -28,7 +28,7 @@ class Matlab(AbstractFormat):
     @staticmethod
     def sniff(head: bytes) -> Sight:
         """Look for MATLAB's first bytes."""
-        return Sight.of({"the first bytes of a MAT-file": head.startswith(_BEGINS)})
+        return Sight.from_marks({"the first bytes of a MAT-file": head.startswith(_BEGINS)})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:

@@ -44,7 +44,7 @@ class NamedTable(AbstractFormat):
         """Look for a row of names, and for their units."""
         lines = Lines.from_bytes(decoded(head).encode())
         named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a row that names time, displacement or strain, and force or stress": named,
                 "their units in brackets or in the row below": _header(lines) is not None,

@@ -64,7 +64,7 @@ class RosTable(AbstractFormat):
             if "." in cell or "/" in cell
             if (what := meaning(cell)) is not None
         }
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "names of fields as wrench.force.z and pose.position.z": len(paths) == 2,
                 "their stamps, as header.stamp.sec": _header(lines) is not None,

@@ -32,7 +32,7 @@ class RosBag(AbstractFormat):
         """Look for the first bytes of a bag."""
         ros_2 = head.startswith(_SQLITE) and b"topics" in head and b"messages" in head
         there = head.startswith((_MCAP, _BAG_1)) or ros_2
-        return Sight.of({"the first bytes of MCAP, of a ROS 2 or of a ROS 1 bag": there})
+        return Sight.from_marks({"the first bytes of MCAP, of a ROS 2 or of a ROS 1 bag": there})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:

@@ -31,7 +31,7 @@ class Tdms(AbstractFormat):
     @staticmethod
     def sniff(head: bytes) -> Sight:
         """Look for its lead-in."""
-        return Sight.of({"the first bytes 'TDSm'": head.startswith(b"TDSm")})
+        return Sight.from_marks({"the first bytes 'TDSm'": head.startswith(b"TDSm")})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:

@@ -29,7 +29,7 @@ class TestSuite(AbstractFormat):
         """Look for the lines that name the run, and for the row of units."""
         lines = Lines.from_bytes(decoded(head).encode())
         settings = _settings(lines)
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a line 'Test Run:'": "test run" in settings,
                 "a line 'Date:'": "date" in settings,

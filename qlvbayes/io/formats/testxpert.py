@@ -33,7 +33,7 @@ class TestXpert(AbstractFormat):
         """Look for its name of the force in a row with a time, and for units."""
         lines = Lines.from_bytes(decoded(head).encode())
         header = names_row([cells for _, cells in lines.cells()])
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a row of names with Standardkraft or Standard force and a time": header >= 0,
                 "units in brackets or in the row below": header >= 0

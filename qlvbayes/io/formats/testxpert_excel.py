@@ -36,7 +36,7 @@ class TestXpertExcel(AbstractFormat):
     @staticmethod
     def sniff(head: bytes) -> Sight:
         """Look for a zip that holds a workbook."""
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "a zip archive": head.startswith(b"PK\x03\x04"),
                 "an Excel workbook in it": b"[Content_Types].xml" in head or b"xl/work" in head,

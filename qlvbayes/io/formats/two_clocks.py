@@ -38,7 +38,7 @@ class TwoClocks(AbstractFormat):
         columns = in_cells(names)
         clocks = _clocks(columns)
         by_quantity = quantities(_others(columns))
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "two columns of time": len(clocks) == 2,
                 "one of them named after force or displacement": _assigned(clocks) is not None,

@@ -28,7 +28,7 @@ class WinTest(AbstractFormat):
         """Look for the names, and for WinTest's own unit of time below them."""
         lines = Lines.from_bytes(decoded(head).encode())
         headers = _headers(lines)
-        return Sight.of(
+        return Sight.from_marks(
             {
                 "names with 'Elapsed Time'": bool(headers),
                 "'Sec' in the row below": any(_units(lines, number) for number in headers),
