@@ -77,7 +77,7 @@ _AWAY = """
 What was hidden in pads of another motion, law, history or noise, and what `diagnose` named with
 its default settings (`fit` on the record without noise, `--bonded` in air). Each pad counts;
 *(wrong)*: another set of effects than the hidden one. One to eight pads a row show faults, no
-rates. *Before* is commit 6804cf2. *After* is commit 5d3d0f5, of cycles and sines 9e69083, of the
+rates. *Before* is commit 6804cf2. *After* is commit 5d3d0f5, of cycles and sines 9e670db, of the
 machine in air 598e6f5. A dash: not run; of the pads in air one of two was.
 Made with `validation/ground.py --make`, `--run` and `--page`; all answers: ground_before.json,
 ground_after.json.
