@@ -256,7 +256,7 @@ class Routes:
         body = await _body(request)
         model, effect = body.get("model"), body.get("effect")
         if not (isinstance(model, dict) and isinstance(effect, str)):
-            raise refused(422, "no effect beside a model is named", "see docs/app_api.md")
+            raise refused(422, "no effect in addition to a model is named", "see docs/app_api.md")
         return await self._forwarded(request, "signature", model=model, effect=effect)
 
     async def change(self, request: Request) -> Response:

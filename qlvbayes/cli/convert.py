@@ -52,7 +52,7 @@ Contact = Annotated[
 Units = Annotated[
     str | None,
     typer.Option(
-        help="Units of time, displacement, force where the files tell none: s,mm,N.",
+        help="Units of time, displacement, force where the files state none: s,mm,N.",
         show_default=False,
     ),
 ]

@@ -28,8 +28,8 @@ def design_command(
         str,
         typer.Option(
             "--for",
-            help="Constants to be known better, as 'm,b', 'cause' to tell the explanations apart "
-            "that the diagnosis left, or both. Default: all that is not known.",
+            help="Constants to be known better, as 'm,b'; 'cause' to distinguish the explanations "
+            "that the diagnosis left; or both. Default: all that is not known.",
         ),
     ] = "",
     minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,

@@ -57,7 +57,7 @@ def simulate(
     ] = None,
     answer: Annotated[
         Path | None,
-        typer.Option(help="A .json file that gets what is hidden; the data then do not tell."),
+        typer.Option(help="A .json file for what is hidden; the data then do not say it."),
     ] = None,
 ) -> None:
     """Simulate the paper's tests: forward 1.6 mm, hold 30 s, back to 0.8 mm, hold 30 s.

@@ -147,5 +147,5 @@ def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
     taken = {name: f"an effect called {name} comes with the package" for name in names(EVERY)}
     for kind in kinds:
         check_own(path, kind, AbstractEffect, "effect", taken)
-        taken[kind.name] = f"an effect called {kind.name} stands in this file already"
+        taken[kind.name] = f"an effect called {kind.name} is in this file already"
     return kinds

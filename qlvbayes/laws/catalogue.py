@@ -98,4 +98,4 @@ def _free_names(
     taken = {name: f"a law called {name} comes with the package" for name in known}
     for kind in kinds:
         check_own(path, kind, base, "law", taken)
-        taken[kind.name] = f"a law called {kind.name} stands in this file already"
+        taken[kind.name] = f"a law called {kind.name} is in this file already"

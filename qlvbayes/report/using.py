@@ -53,7 +53,7 @@ def using_of(results: Results) -> Using | None:
             as_typed("qlvbayes", "export", out, "--pad", pad.name, "--to", "c,fmu,json"),
         ),
         Use(
-            "The next tests that tell most, of the constants and of the cause",
+            "The most informative next tests, for the constants and for the cause",
             as_typed("qlvbayes", "design", out, "--pad", pad.name),
         ),
     )

@@ -90,7 +90,7 @@ def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):
     source.write_bytes(machine_files.cellscale(CYCLES))
     status, said, err = call("convert", source, "-o", tmp_path / "tidy.csv")
     assert (status, said, err.count("\n")) == (2, "", 1)
-    assert "which way presses cannot be told" in err
+    assert "the direction that presses cannot be determined" in err
     assert "--sign none|displacement|force|both" in err
     assert not (tmp_path / "tidy.csv").exists()
     with pytest.raises(
@@ -156,7 +156,7 @@ def test_several_files_several_pads_and_their_clock(tmp_path):
         (["--test", "a,b"], "--test names 2 tests and there are 1 (pad B)"),
         (["--pad", "a/b"], "the name 'a/b' cannot be used; write it as 'a-b'"),
         (["--sign", "down"], "no sign 'down'; use one of none, displacement, force, both"),
-        (["--contact", "here"], "no place of contact 'here'"),
+        (["--contact", "here"], "no position of contact 'here'"),
         (["--units", "s,mm"], "are not three units"),
         (["--area", "-1"], "the area -1 is not positive"),
         (["--formats-file", "no.py"], "no such Python file"),

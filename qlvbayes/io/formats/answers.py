@@ -98,4 +98,4 @@ def _position(text: str) -> float | str:
         return float(text)
     except ValueError:
         remedy = f"give it in the unit of the tidy file, or '{FILE}' for the file's own zero"
-        raise InputError(f"no place of contact {text!r}", remedy=remedy) from None
+        raise InputError(f"no position of contact {text!r}", remedy=remedy) from None

@@ -20,7 +20,7 @@ class CellScale(AbstractFormat):
 
     name: ClassVar[str] = "cellscale"
     machine: ClassVar[str] = "CellScale UniVert, MicroTester (data as CSV)"
-    marks: ClassVar[str] = "columns SetName and Cycle beside Time_S"
+    marks: ClassVar[str] = "columns SetName and Cycle in addition to Time_S"
     reads: ClassVar[str] = "Time_S, Displacement_mm or Tip_um, Force_N or Force_uN"
     reference: ClassVar[str] = "CellScale UniVert user manual, output columns"
 

@@ -528,7 +528,7 @@ def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers:
 
 def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
     return UnsureError(
-        f"which way presses cannot be told: {doubt}",
+        f"the direction that presses cannot be determined: {doubt}",
         file=file,
         option="sign",
         question="which columns are to be turned over so that pressing is positive "

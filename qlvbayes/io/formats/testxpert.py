@@ -24,7 +24,9 @@ class TestXpert(AbstractFormat):
     __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testxpert"
     machine: ClassVar[str] = "ZwickRoell, testXpert II and III (text: .txt, .tra, .csv)"
-    marks: ClassVar[str] = "testXpert's own names (Standardkraft, Standard force) beside a time"
+    marks: ClassVar[str] = (
+        "testXpert's own names (Standardkraft, Standard force) in addition to a time"
+    )
     reads: ClassVar[str] = "Prüfzeit or Test time, Standardweg or Standard travel, Standardkraft"
     reference: ClassVar[str] = "testXpert, export of curves"
 

@@ -61,7 +61,7 @@ class TwoClocks(AbstractFormat):
         load = by_quantity.get("force") or by_quantity.get("stress")
         if clocks is None or way is None or load is None:
             remedy = "name the clocks t_disp_s and t_force_s"
-            raise InputError("the two clocks cannot be told apart", file=path, remedy=remedy)
+            raise InputError("the two clocks cannot be distinguished", file=path, remedy=remedy)
         kinds = {id(named): quantity for quantity, named in by_quantity.items()}
         picked = {"time": clocks[0], kinds[id(way)]: way, kinds[id(load)]: load}
         wanted = [*picked.values(), clocks[1]]

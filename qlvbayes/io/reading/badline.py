@@ -49,7 +49,7 @@ def _fault(text: str, dialect: Dialect) -> tuple[str, str] | None:
     if text.count('"') % 2:
         return "a quotation mark is not closed", "remove it"
     if _stray_quote(text, dialect.separator):
-        return "a quotation mark stands within a field", "remove it"
+        return "there is a quotation mark within a field", "remove it"
     cells = split_row(text, dialect.separator)
     if cells == [text] and dialect.separator in text:
         return "a field is too long to be read", "shorten it"

@@ -135,7 +135,7 @@ def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Show
         several = "the movements alone" if len(speeds) < 2 else "different speeds alone"
         longest = f"times up to {span(max(slow, quick))} (the longest movement)"
         return Shown(about, "hardly", f"no hold: by {several}, {longest}", remedy, constants)
-    reason = "no hold and one speed: relaxation and stiffness cannot be told apart"
+    reason = "no hold and one speed: relaxation and stiffness cannot be distinguished"
     return Shown(about, "no", reason, remedy, constants)
 
 
@@ -152,7 +152,7 @@ def _speed(experiment: Experiment, facts: Facts) -> Shown:
         return Shown(about, "no", reason, "record more often", effects=OF_SPEED)
     speeds = apart(facts.speeds, _FASTER)
     if not speeds:
-        reason = "no test moves from one place to another"
+        reason = "no test moves from one position to another"
         return Shown(about, "hardly", reason, "press at two speeds", effects=OF_SPEED)
     if len(speeds) == 1:
         reason = f"one speed, {_per(speeds[0], unit)}, at which it looks like quick relaxation"

@@ -21,7 +21,7 @@ class CHeader(AbstractTarget):
     """Force from the next displacement, displacement from the next force, in about 0.1 us."""
 
     name = "c"
-    what = "a C99 header, and the posterior's draws as a table beside it"
+    what = "a C99 header, and the posterior's draws as a table next to it"
     steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:

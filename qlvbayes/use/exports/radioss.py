@@ -36,7 +36,7 @@ class OpenRadioss(AbstractTarget):
         shear = modulus.shear * float(pad.fractions[0])
         if shear <= 0.0 or pad.times.size > _MOST:
             raise InputError(
-                f"OpenRadioss takes {_MOST} terms at most beside a modulus that stays",
+                f"OpenRadioss takes {_MOST} terms at most in addition to a modulus that stays",
                 remedy="fit with --relaxation prony:3",
             )
         bulk = modulus.bulk
