@@ -5,20 +5,20 @@ const TAB = Array.from(crypto.getRandomValues(new Uint32Array(2)), (part) => par
 const NO_WORKER = 503, AGAIN = 5, PAUSE = 1500; // the worker died: asked again so many times, after so many ms
 
 export class Refusal extends Error {
-  /** told: { message, file, line, remedy, text }, as in every error of the server. */
-  constructor(status, told) {
-    super(told.text || told.message);
-    Object.assign(this, { status, told });
+  /** error: { message, file, line, remedy, text }, as in every error of the server. */
+  constructor(status, error) {
+    super(error.text || error.message);
+    Object.assign(this, { status, error });
   }
 
-  get overtaken() { return this.status === 409 && this.told.message === "overtaken"; }
+  get overtaken() { return this.status === 409 && this.error.message === "overtaken"; }
 }
 
 async function answered(response) {
   if (response.ok) return response.status === 204 ? null : response.json();
-  let told = null;
-  try { told = (await response.json()).error; } catch { /* not the server's own shape */ }
-  throw new Refusal(response.status, told || { message: `The server answered ${response.status} ${response.statusText}.` });
+  let error = null;
+  try { error = (await response.json()).error; } catch { /* not the server's own shape */ }
+  throw new Refusal(response.status, error || { message: `The server answered ${response.status} ${response.statusText}.` });
 }
 
 async function ask(path, options, left = AGAIN) {

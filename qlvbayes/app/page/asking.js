@@ -24,7 +24,7 @@ export function ask(session) {
       host.hidden = true; // another question is then asked anew
       await session.refresh();
     } catch (refusal) {
-      if (!refusal.told) throw refusal;
+      if (!refusal.error) throw refusal;
       wrong.textContent = refusal.message;
       wrong.hidden = false;
     } finally {

@@ -10,7 +10,7 @@ const ANSWERS = { equal: ["equal", "equal"], greater: ["greater", "differs"], le
 export class ComparisonView {
   constructor(session, jobs) {
     Object.assign(this, { session, jobs, store: session.store, host: at("#comparison") });
-    this.store.on(["entries", "view"], ({ view }) => view === "compare" && this.tell());
+    this.store.on(["entries", "view"], ({ view }) => view === "compare" && this.showAnswer());
     this.store.on(["jobs"], ({ view }) => view === "compare" && this.progress());
   }
 
@@ -37,7 +37,7 @@ export class ComparisonView {
 
   async draw() {
     const names = this.names();
-    this.tell();
+    this.showAnswer();
     this.note.textContent = `Opening pads ${names.join(" and ")} …`;
     const sides = await trying(() => Promise.all(names.map((pad) => sideOf(this.session, pad))));
     if (!sides || names.join() !== this.names().join()) return;
@@ -58,10 +58,10 @@ export class ComparisonView {
   }
 
   /** The contrasts, if they were computed. */
-  async tell() {
+  async showAnswer() {
     if (!this.answer) return;
-    const names = this.names(), told = await trying(() => get(`${this.session.path}/comparison`));
-    const found = told?.comparisons.find((one) => names.every((name) => one.names.includes(name)));
+    const names = this.names(), answer = await trying(() => get(`${this.session.path}/comparison`));
+    const found = answer?.comparisons.find((one) => names.every((name) => one.names.includes(name)));
     this.button.disabled = names[0] === names[1];
     this.answer.replaceChildren(...(found ? [...found.words.map((text) => el("p", {}, text)), contrasts(found)]
       : [el("p", { class: "undone" }, names[0] === names[1] ? "Choose two different pads." : "Not compared yet. Comparing samples both pads first; that takes some minutes and can be cancelled.")]));

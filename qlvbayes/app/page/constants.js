@@ -32,12 +32,12 @@ export class Constants {
     const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
     this.rows.set(name, { parameter, box, slider, wrong });
     const share = (edge) => `${(100 * toSlider(parameter, edge)) / STEPS}%`;
-    const told = derived ? "follows from the others" : `prior ${digits(prior[0], 2)} to ${digits(prior[1], 2)}`;
+    const range = derived ? "follows from the others" : `prior ${digits(prior[0], 2)} to ${digits(prior[1], 2)}`;
     return el("div", { class: "constant", "data-key": name },
       el("label", { for: derived ? box.id : id, class: name.includes(".") ? "long" : null, title: `${meaning} (${owner})` }, el("b", {}, breakable(name)), " ", el("small", {}, meaning)),
       el("span", { class: "entry" }, box, " ", el("span", { class: "unit" }, unit === "1" ? "" : unit)),
       slider ? el("span", { class: "track", "--from": share(prior[0]), "--to": share(prior[1]), title: `slider: ${digits(low, 3)} to ${withUnit(high, unit)}` }, slider) : el("span"),
-      el("small", { id: about, title: derived ? null : `90 % of the prior, in ${unit === "1" ? "parts of one" : unit}` }, told), wrong);
+      el("small", { id: about, title: derived ? null : `90 % of the prior, in ${unit === "1" ? "parts of one" : unit}` }, range), wrong);
   }
 
   slid(parameter, slider) {

@@ -115,7 +115,7 @@ function compare(a, b) {
   return k < 0 ? 0 : a[k] - b[k];
 }
 
-/** Probabilities of base laws: as told, or summed over the hypotheses that a diagnosis lists. */
+/** Probabilities of base laws: as reported, or summed over the hypotheses that a diagnosis lists. */
 function lawChances({ laws, diagnosis }) {
   if (laws) return Object.fromEntries(Object.entries(laws).map(([kind, all]) => [kind, Object.fromEntries(all.map((law) => [law.name, law.probability]))]));
   const summed = { elastic: {}, relaxation: {} };

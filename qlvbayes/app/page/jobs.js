@@ -13,8 +13,8 @@ const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report
 
 export class Jobs {
   constructor(session) {
-    Object.assign(this, { session, store: session.store, told: new Map(), stages: new Map() });
-    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => { this.tell(job); this.note(job); }));
+    Object.assign(this, { session, store: session.store, states: new Map(), stages: new Map() });
+    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => { this.announce(job); this.note(job); }));
     this.store.on(["jobs", "entry"], () => this.show());
   }
 
@@ -80,9 +80,9 @@ export class Jobs {
   }
 
   /** Says once when a job begins, ends or fails, not at every step. */
-  tell(job) {
-    const before = this.told.get(job.id);
-    this.told.set(job.id, job.state);
+  announce(job) {
+    const before = this.states.get(job.id);
+    this.states.set(job.id, job.state);
     if (before !== job.state && (before || live(job))) say(`${NAMES[job.kind] || job.kind}: ${progressOf(job)}`);
   }
 }

@@ -30,19 +30,19 @@ function bench(session) {
   const { store } = session;
   const redraw = new Redraw(session), jobs = new Jobs(session), signatures = new Signatures(session);
   const hand = () => store.now.hand;
-  const told = async (work, words) => { const made = await work; if (made) say(words(made.state)); };
+  const announced = async (work, words) => { const made = await work; if (made) say(words(made.state)); };
   const measured = new Measured(store);
   new ResidualMap(store);
   new Hypotheses(store, {
-    add: (effect) => told(session.make({ add: effect, model: hand() }, `Adding ${plain(effect)} …`), () => `${plain(effect)} is in the model.`),
-    remove: (effect) => told(session.make({ remove: effect, model: hand() }, `Taking out ${plain(effect)} …`), () => `${plain(effect)} is out of the model.`),
+    add: (effect) => announced(session.make({ add: effect, model: hand() }, `Adding ${plain(effect)} …`), () => `${plain(effect)} is in the model.`),
+    remove: (effect) => announced(session.make({ remove: effect, model: hand() }, `Taking out ${plain(effect)} …`), () => `${plain(effect)} is out of the model.`),
     law: (kind, name) => session.make({ [kind]: name, model: hand() }, `Fitting with ${name} …`),
     draw: (effect) => signatures.toggle(effect),
     diagnose: () => jobs.diagnose(),
   });
   new Constants(store, {
     move: (model) => redraw.want(model),
-    fit: () => told(session.make({ fit: hand() }, "Fitting …"), () => "Fitted."),
+    fit: () => announced(session.make({ fit: hand() }, "Fitting …"), () => "Fitted."),
     keep: () => session.make({ keep: hand() }, "Keeping …"),
     undo: () => session.goTo(store.now.entry.current),
     sample: () => jobs.sample(),
@@ -61,8 +61,8 @@ function bench(session) {
   });
   arrange(session, comparison);
   session.begin().catch((refusal) => {
-    if (!refusal.told) throw refusal;
-    store.set({ stage: "failed", error: refusal.told });
+    if (!refusal.error) throw refusal;
+    store.set({ stage: "failed", error: refusal.error });
   });
 }
 

@@ -26,7 +26,7 @@ export class Redraw {
     try {
       curves = byTest(await post(`${this.session.padPath()}/curves`, hand));
     } catch (refusal) {
-      if (!refusal.told) throw refusal;
+      if (!refusal.error) throw refusal;
       if (!refusal.overtaken) trouble(refusal);
     } finally { this.asking = false; }
     if (this.wanted && this.wanted.hand === this.store.now.hand) this.ask(); // computed while this one is drawn
@@ -44,10 +44,10 @@ export class Redraw {
 }
 
 /** Once the frame that comes next was drawn. */
-function afterFrame(tell) {
+function afterFrame(callback) {
   requestAnimationFrame(() => {
     const { port1, port2 } = new MessageChannel();
-    port1.onmessage = tell;
+    port1.onmessage = callback;
     port2.postMessage(null);
   });
 }

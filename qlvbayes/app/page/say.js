@@ -1,4 +1,4 @@
-// What is told to all: a quiet line that screen readers read, and a loud one for what went wrong.
+// Messages to the user: a quiet line that screen readers read, and a loud one for what went wrong.
 import { at, el } from "./element.js";
 
 export function say(text) { at("#said").textContent = text; }
@@ -16,7 +16,7 @@ export function calm() { at("#trouble").hidden = true; }
 /** Runs what may be refused; says so where it is. */
 export async function trying(work) {
   try { return await work(); } catch (refusal) {
-    if (!refusal.told) throw refusal;
+    if (!refusal.error) throw refusal;
     if (!refusal.overtaken) trouble(refusal);
     return null;
   }

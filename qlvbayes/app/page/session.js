@@ -37,7 +37,7 @@ export class Session {
       const { units, tests } = await get(`${this.padPath(pad)}/measured`);
       if (this.store.now.stage === "preparing") this.store.set({ sketch: { units, tests: bySpeed(tests) } });
     } catch (refusal) {
-      if (!refusal.told) throw refusal; // what is wrong is told as the session's own error
+      if (!refusal.error) throw refusal; // the session reports its own error
     } finally { this.sketching = false; }
   }
 
@@ -104,7 +104,7 @@ export class Session {
 
   listen() {
     const events = new EventSource(`${this.path}/events`);
-    const on = (name, tell) => events.addEventListener(name, (event) => tell(JSON.parse(event.data || "{}")));
+    const on = (name, listener) => events.addEventListener(name, (event) => listener(JSON.parse(event.data || "{}")));
     const again = () => trying(() => this.refresh());
     on("hello", () => { if (this.lost) { this.lost = false; calm(); } again(); });
     on("session", again);
@@ -145,10 +145,10 @@ export class Session {
   }
 }
 
-/** A history with a state as it was told last; an error on tests left out, once known, stays. */
+/** A history with a state as it was last received; an error on tests left out, once known, stays. */
 function joined(history, state) {
-  const old = history.find((one) => one.id === state.id), told = { ...state, heldout: state.heldout ?? old?.heldout ?? null };
-  return old ? history.map((one) => (one === old ? told : one)) : [...history, told];
+  const old = history.find((one) => one.id === state.id), received = { ...state, heldout: state.heldout ?? old?.heldout ?? null };
+  return old ? history.map((one) => (one === old ? received : one)) : [...history, received];
 }
 
 /** Slowest first, as in the figures; tests without a rate last. */

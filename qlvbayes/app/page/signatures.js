@@ -18,7 +18,7 @@ export class Signatures {
     });
   }
 
-  /** Draws it, or takes it away if it is drawn. Of more than the lines that can be told apart the first goes. */
+  /** Draws it, or takes it away if it is drawn. Of more than the lines that can be distinguished the first goes. */
   async toggle(effect) {
     const { signatures } = this.store.now;
     if (signatures.some((one) => one.effect === effect)) { this.store.set({ signatures: signatures.filter((one) => one.effect !== effect) }); return; }

@@ -58,7 +58,7 @@ export function specimens(session, { rows: [head, ...rows], ask: [how, ...tests]
         const { pads } = await post(`${session.path}/specimens`, { pad_from });
         if (mine === asked) pads.forEach((pad, row) => { if (!own.has(inputs[row])) inputs[row].value = pad; });
       } catch (refusal) {
-        if (!refusal.told) throw refusal;
+        if (!refusal.error) throw refusal;
         refused = refusal;
       }
     }

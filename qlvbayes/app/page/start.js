@@ -51,7 +51,7 @@ async function take(files, limit, wrong) {
     const made = await upload("/api/upload", files);
     open(made.id);
   } catch (refusal) {
-    if (!refusal.told) throw refusal;
+    if (!refusal.error) throw refusal;
     refuse(refusal.message);
   }
 }

@@ -6,13 +6,13 @@ export class Store {
     this.listeners = [];
   }
 
-  /** Calls `tell(now)` after a change of any of these names. */
-  on(names, tell) { this.listeners.push([names, tell]); }
+  /** Calls `listener(now)` after a change of any of these names. */
+  on(names, listener) { this.listeners.push([names, listener]); }
 
   set(changes) {
     const changed = Object.keys(changes).filter((name) => this.now[name] !== changes[name]);
     Object.assign(this.now, changes);
     if (!changed.length) return;
-    for (const [names, tell] of this.listeners) if (names.some((name) => changed.includes(name))) tell(this.now);
+    for (const [names, listener] of this.listeners) if (names.some((name) => changed.includes(name))) listener(this.now);
   }
 }
