@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from coverage import progress
 from page import Origin
-from truth import Rig, truths
+from truth import Rig, is_modelled, truths
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import run_search
@@ -91,7 +91,15 @@ def main() -> None:
                 name = some.name if isinstance(some, Pad) else some.pad.name
                 twice = inside or (index - len(bundled)) % _EVERY == 0
                 losses = _looked_for(some, options.sets, twice)
-                store.add({"index": index, "pad": name, "machine": origin.machine, **losses})
+                store.add(
+                    {
+                        "index": index,
+                        "pad": name,
+                        "machine": origin.machine,
+                        "commit": origin.commit,
+                        **losses,
+                    }
+                )
                 forget_compiled()
     if options.part is None:
         found = store.first(count)
@@ -218,11 +226,12 @@ def _error(search: Search, hypothesis: Hypothesis) -> float:
 def _true(study: BlindStudy, experiment: Experiment, search: Search) -> Hypothesis | None:
     """The true hypothesis, with the rig's gap or without, which of them the search takes for more.
 
-    None where nothing of the package stands for what is hidden.
+    None where nothing of the package stands for something that is hidden.
     """
-    rig = Rig.of(study, experiment)
-    every = truths(study.law, study.effects, rig)
-    known = [one.hypothesis for one in every if len(one.hypothesis.effects) >= len(study.effects)]
+    if not is_modelled(study.effects):
+        return None
+    every = truths(study.law, study.effects, Rig.of(study, experiment))
+    known = [one.hypothesis for one in every]
     known = [one for one in known if one.effects <= set(search.density.space.effects)]
     return max(known, key=search.log_posterior, default=None)
 
@@ -265,7 +274,7 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         others=listed if others else "Nothing ended elsewhere.\n",
         command=origin.command,
         date=origin.date,
-        commit=origin.commit,
+        commit=", ".join(dict.fromkeys(one["commit"] for one in found)),
         machine="; ".join(sorted({one["machine"] for one in found})),
     )
 

@@ -69,6 +69,11 @@ class Rig:
         return cls(study.rig.gap, scales.depth, scales.force, scales.clock)
 
 
+def is_modelled(effects: Sequence[Effect]) -> bool:
+    """Whether every hidden effect has a counterpart in the package; outsiders have none."""
+    return all(effect.name in HIDDEN or effect.name in _FORMS for effect in effects)
+
+
 def truths(law: Law, effects: Sequence[Effect], rig: Rig) -> list[Truth]:
     """What is hidden of laws and listed effects or their forms, without the rig's gap and with it.
 

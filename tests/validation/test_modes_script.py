@@ -17,6 +17,7 @@ def pad(name, losses, seen, behind):
         "seen": seen,
         "behind": behind,
         "machine": "machine",
+        "commit": "commit",
         "checks": dict.fromkeys(("nested", "exchanged", "draws"), CHECK),
     }
 

@@ -9,7 +9,7 @@ from causes import CAUSES, RIGHT, Compared, carrying_half, one_by_one
 from page import Origin
 from registration import Registration
 from support.simulated import CLOSE, START, grid_of, motion_of
-from truth import Rig, truths
+from truth import Rig, is_modelled, truths
 from why_page import why_page
 
 from qlvbayes.diagnosis.searchsetup import build_search
@@ -185,6 +185,7 @@ def drawn(name):
 def test_every_form_has_its_nearest_and_an_outsider_none():
     listed = {kind.name for kind in EFFECTS}
     for name in (*HIDDEN, *FORMS, *FOREIGN):
+        assert is_modelled([drawn(name)])
         (effects,) = {one.hypothesis.effects for one in truths(law(), [drawn(name)], RIG)[:1]}
         (family,) = {find(own, EVERY).family() for own in effects}
         assert family in listed
@@ -192,6 +193,7 @@ def test_every_form_has_its_nearest_and_an_outsider_none():
     seeded = {"slip", "rezeroed", "cracking_skin", "rolling_specimen"}
     for name in set({**OUTSIDE, **FURTHER}) - seeded:
         assert truths(law(), [drawn(name)], RIG)[0].hypothesis.effects == frozenset()
+        assert not is_modelled([drawn("friction"), drawn(name)])
 
 
 def test_the_rigs_gap_is_true_beside_all_but_another_contact():
