@@ -30,7 +30,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
+from qlvbayes.model.noise import Correlated, Floor, White
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
@@ -83,14 +83,15 @@ def build_search(
     Raises
     ------
     InputError
-        The noise model chosen is not Gaussian.
+        The diagnosis does not know the noise model chosen: it takes the measured noise.
     """
     choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)
     model, noise = choices.build(experiment.scales)
-    if not isinstance(noise, AbstractGaussian):
+    if not isinstance(noise, Floor | Correlated | White):
         raise InputError(
-            "the diagnosis needs normal noise", remedy="use --noise floor or --noise white"
+            f"the diagnosis does not know the noise model {choices.noise}",
+            remedy="use --noise floor or --noise white",
         )
     names = {kind.name for kind in kinds}
     kinds = (*kinds, *(one for one in FORMS if one.family() in names), *OUTSIDE)

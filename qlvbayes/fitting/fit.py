@@ -28,7 +28,7 @@ from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
 from qlvbayes.io import catalogue
-from qlvbayes.io.checks import check_known
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
@@ -265,12 +265,28 @@ def fit_pad(
     if method in SAMPLERS:
         return _sampled(experiment, choices, method, trials, settings, folder, progress)
     check_known("method", method, catalogue.METHODS)
-    white = replace(choices, noise="white")
+    white = independent_noise(choices, method)
     posterior = build_posterior(experiment, white, trials)
     rng = np.random.default_rng(settings.seed)
     route = one_step if method == "least-squares" else two_step
     result = route(experiment, posterior, rng)
     return _approximated(experiment, white, settings, trials, method, result, rng)
+
+
+def independent_noise(choices: Choices, method: str) -> Choices:
+    """Return the choices of a least-squares method: independent noise of the residuals' own sd.
+
+    Raises
+    ------
+    InputError
+        A noise model was chosen that is not the default: these methods would not use it.
+    """
+    if choices.noise not in (Choices().noise, "white"):
+        raise InputError(
+            f"{method} takes no noise model: its noise is the scatter of the residuals",
+            remedy="leave out --noise, or use --method emcee",
+        )
+    return replace(choices, noise="white")
 
 
 def _sampled(

@@ -19,7 +19,8 @@ ELASTIC = {
     "toe": "laws.elastic.toe_exponential.ToeExponential",
     "spline": "laws.elastic.spline.Spline",
 }
-"""Elastic laws; a law whose constants are all another's comes after it."""
+"""Elastic laws. Constants alone tell `model.elsewhere` which law they are of: the first whose
+constants are all there. So a law comes before those whose constants are all among its own."""
 RELAXATION = {
     "prony": "laws.relaxation.prony.Prony",
     "fung": "laws.relaxation.fung.Fung",
@@ -27,14 +28,14 @@ RELAXATION = {
     "stretched": "laws.relaxation.stretched.StretchedExponential",
     "log-normal": "laws.relaxation.log_normal.LogNormalSpectrum",
 }
-"""Relaxations; one comes after a law that has all its constants."""
+"""Relaxations, ordered likewise."""
 NOISES = {
     "floor": "model.noise.Floor",
     "correlated": "model.noise.Correlated",
     "white": "model.noise.White",
     "student-t": "model.noise.StudentT",
 }
-"""Noise models, the default first; one with more constants precedes those it contains."""
+"""Noise models, ordered likewise; the first is the default."""
 SAMPLERS = {"emcee": "fitting.ensemble.sample"}
 """Functions that sample the posterior of constants."""
 METHODS = (*SAMPLERS, "least-squares", "two-step")

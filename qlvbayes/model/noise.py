@@ -32,6 +32,11 @@ class AbstractNoise(eqx.Module):
     Each field is a constant of the noise: a number where it is fixed, a prior where it is free. A
     class declares its ``name`` after ``--noise``, the kind of unit of each constant (``units``)
     and its meaning (``meanings``), and what the report says of the whole (``words``).
+
+    The sd of a sample is multiplied by ``weight`` (a measured sd over its mean in the pad).
+    Models of normal noise also multiply it by ``scale`` (growth of the measured noise with the
+    force), and add the variances ``extra**2`` and ``timing**2``, which come from the motion. See
+    `qlvbayes.motion.record.Blocks`.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -52,9 +57,10 @@ class AbstractNoise(eqx.Module):
         Parameters
         ----------
         residual
-            (B,) in N.
+            (B,) measured minus predicted block means, in N.
         blocks
             The blocks of samples that were averaged; in padding the log density is 0.
+            ``blocks.force`` has the measured means (N).
         """
 
     @abstractmethod

@@ -45,7 +45,7 @@ def report_saved_check(folder: Path, watcher: Watcher) -> None:
 def check_into(
     folder: Path, saved: Saved, study: Measurements, *, seed: int, watcher: Watcher
 ) -> CheckedPad:
-    """Check one fit; leave ``check.json``, ``curves.json`` and three figures in a folder.
+    """Check one fit; leave ``check.json``, ``curves.json`` and the figures in a folder.
 
     Raises InputError on an unknown pad.
     """

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from qlvbayes import plots
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.results import save, to_arviz
 from qlvbayes.fitting.summary import FitSummary
@@ -94,7 +94,8 @@ def fit_into(
     notices = (*experiment.notices, *pulls)
     for text in notices:
         watcher.notice(text)
-    watcher.starting(_starting_lines(experiment, choices))
+    used = choices if method in SAMPLERS else independent_noise(choices, method)
+    watcher.starting(_starting_lines(experiment, used, sampled=method in SAMPLERS))
     chain = folder / "chain"
     with watcher.sampling(f"pad {pad.name}: {method}") as progress:
         fit = fit_pad(
@@ -125,8 +126,11 @@ def fit_into(
     return summary
 
 
-def _starting_lines(experiment: Experiment, choices: Choices) -> tuple[str, ...]:
-    """Return what is fitted, the noise floor, and the priors."""
+def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:
+    """Return what is fitted, the noise floor, and the priors.
+
+    Least squares takes its starts from them, and its noise from the residuals.
+    """
     tests = ", ".join(
         f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
         for trial in experiment.with_role("fit")
@@ -136,9 +140,9 @@ def _starting_lines(experiment: Experiment, choices: Choices) -> tuple[str, ...]
         f"pad {experiment.pad}: fitting {tests}",
         f"  noise measured at rest: {floor.total:.3g} {unit} (white {floor.white:.3g}, "
         f"correlated {floor.ou:.3g} {unit} over {floor.memory:.2g} s)",
-        "  priors:",
+        f"  priors{'' if sampled else ', from which the starts are drawn'}:",
     ]
-    parts = choices.build(experiment.scales)
+    parts = choices.build(experiment.scales)[: 2 if sampled else 1]
     priors = {k: text for part in parts for k, text in described(fields_of(part)).items()}
     free = [f"    {name} ~ {text}" for name, text in priors.items() if text != NOT_SAMPLED]
     others = [name for name, text in priors.items() if text == NOT_SAMPLED]

@@ -1,7 +1,8 @@
 """The one list of figures: which command leaves each, what it shows, and what to see in it.
 
 A figure is a function ``plot_NAME`` in the file ``NAME.py`` of this folder. Its entry here puts it
-into the command, into that command's help and into the report.
+into the command and that command's help, and has the report's words for it. Its position in the
+report is a line ``parts.figure(...)`` in a template of ``report/templates/``.
 """
 
 from __future__ import annotations

@@ -204,7 +204,7 @@ def test_an_added_effect_is_part_of_the_plain_model(drag):
 
 
 def test_student_noise_is_refused():
-    with pytest.raises(InputError, match="normal noise"):
+    with pytest.raises(InputError, match="does not know the noise model student-t"):
         diagnose(measured(rates=(20.0,)), Choices(noise="student-t"))
 
 

@@ -245,3 +245,9 @@ def test_a_bonded_specimen_may_pull():
 def test_an_unknown_method_is_refused():
     with pytest.raises(InputError, match="no method 'guess'"):
         fit_pad(experiment(), Choices(), method="guess")
+
+
+@pytest.mark.parametrize("method", ["least-squares", "two-step"])
+def test_least_squares_refuses_a_noise_model_that_it_would_not_use(method):
+    with pytest.raises(InputError, match="takes no noise model"):
+        fit_pad(experiment(), Choices(noise="student-t"), method=method)

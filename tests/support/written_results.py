@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image
 
 from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.plots.catalogue import figures_of
 
 PHASES = [
     ("ramp", 0.0, 0.05),
@@ -17,13 +18,8 @@ PHASES = [
 ]
 RATES = {"slow": 1.0, "fast": 32.7}
 NOISE = 0.01
-FIGURES = (
-    "forces",
-    "hysteresis",
-    "residuals_before_after",
-    "evidence",
-    "error_staircase",
-    "forces_before_after",
+FIGURES = tuple(
+    one.name for command in ("check", "diagnose") for one in figures_of(command) if one.shows
 )
 
 
