@@ -74,6 +74,7 @@ export class Session {
     const mark = this.epoch, path = this.padPath();
     const [{ parameters }, before] = await Promise.all([post(`${path}/parameters`, hand), this.curvesBefore(state)]);
     if (mark !== this.epoch) return;
+    this.epoch += 1; // curves asked for meanwhile, by a slider's move, are not this state's
     const { entry, entries, pad } = this.store.now; // as it is now: errors on tests left out have come meanwhile
     const taken = { ...entry, history: joined(entry.history, state), current: state.id };
     this.store.set({ entry: taken, entries: { ...entries, [pad]: taken }, hand, parameters, moved: false, shown: byTest(curves), before });
