@@ -136,7 +136,7 @@ def given(weights: Array, x: Array) -> Array:
 
 def left_out(names: Sequence[Name]) -> Array:
     """Certainty (n,) of every name by the studies of the other folds."""
-    x, there = _columns(names)
+    x, there = columns(names)
     studies = sorted({(name.run, name.study) for name in names})
     order = np.random.default_rng(0).permutation(len(studies))
     fold = {study: int(order[k]) % FOLDS for k, study in enumerate(studies)}
@@ -147,7 +147,7 @@ def left_out(names: Sequence[Name]) -> Array:
     return found
 
 
-def _columns(names: Sequence[Name]) -> tuple[Array, Array]:
+def columns(names: Sequence[Name]) -> tuple[Array, Array]:
     return np.array([name.x for name in names]), np.array([float(name.there) for name in names])
 
 
@@ -177,7 +177,7 @@ def _bounds(right: int, count: int) -> str:
 
 def page(names: Sequence[Name], weights: Array, command: str) -> str:
     """The page."""
-    x, there = _columns(names)
+    x, there = columns(names)
     found = left_out(names)
     runs = list(dict.fromkeys(name.run for name in names))
     first, last = (np.array([name.run == run for name in names]) for run in (runs[0], runs[-1]))
@@ -215,7 +215,7 @@ def main() -> int:
     """Learn, write the weights and the page."""
     runs, output = runs_asked_for(__doc__, "certainty.md")
     names = [name for run, cases in runs.items() for name in names_of(run, cases)]
-    x, there = _columns(names)
+    x, there = columns(names)
     weights = learnt(x, there)
     known = {
         "weights": weights.tolist(),

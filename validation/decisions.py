@@ -9,12 +9,13 @@ that vetoes had shaped: an effect that was refused has no gain on tests left out
 
 from __future__ import annotations
 
+import argparse
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from certainty import left_out, names_of, runs_asked_for
+from certainty import Name, columns, given, learnt, left_out, names_of, seen_cases
 from page import Origin
 
 from qlvbayes.evaluation.counting import COUNTS, LARGEST_GROUP, Case, Count, counted
@@ -26,13 +27,18 @@ THRESHOLDS = (0.9, 0.8, 0.7, 0.6)
 """Certainties from which an effect is named."""
 GROUPED = 0.5
 """Certainty from which an effect belongs to a group."""
+CONFIRMED = 0.6
+"""Least certainty of an effect that is named by its probability and passes the vetoes, in a rule
+that asks for all three."""
 
 _HEAD = """# Validation: would certainty alone decide better?
 
 `diagnose` names an effect by its posterior probability, unless a veto refuses it (tests left out
 are predicted worse, its strength would have to vary, something unmodelled takes more of the error).
 The other way is to name what has a [certainty](certainty.md) of some value or more, without vetoes;
-effects with a certainty of {grouped:.0%} or more that are not named are a group. Counted over the
+effects with a certainty of {grouped:.0%} or more that are not named are a group. A third way takes
+back the names of a certainty below {confirmed:.0%}, a value chosen on these studies: the next
+registered run, `support`, is to show whether it holds. Counted over the
 {studies} studies of the runs behind those certainties in which what is hidden could be seen. (These
 certainties come from answers that vetoes had shaped; a run whose cases hold the support for every
 likely effect is to show whether more can be had.)
@@ -43,14 +49,15 @@ likely effect is to show whether more can be had.)
 | date, commit | {date}, {commit} |
 | machine | {machine} |
 
-| | probability and vetoes | {thresholds} |
-|---|---|{rules}
+| | probability and vetoes | and certainty {confirmed:.0%} | {thresholds} |
+|---|---|---|{rules}
 {table}
 
 Certainty keeps its word: of what it names from 90 % on next to nothing is wrong. But it is an
 average over studies, and gives few effects that much. It names as often as probability and vetoes
 do where it is also wrong as often, and is right in fewer studies. Therefore the verdict stays with
-these, and the certainty stands beside each name.
+these, and the certainty is stated for each name. To ask for all three takes back a quarter of the
+wrong names and leaves as many studies right.
 """
 
 
@@ -79,27 +86,68 @@ def decided(case: Case, certainty: Mapping[str, float], least: float) -> Case:
     return case | {"verdict": verdict, "effects": named, "group": []}
 
 
-def page(runs: Mapping[str, Sequence[Case]], command: str) -> str:
-    """Return the page."""
-    names = [name for run, cases in runs.items() for name in names_of(run, cases)]
-    certainties: dict[tuple[str, int], dict[str, float]] = {}
-    for name, value in zip(names, left_out(names).tolist(), strict=True):
-        certainties.setdefault((name.run, name.study), {})[name.effect] = value
-    seen = [
-        (case, certainties.get((run, case["index"]), {}))
-        for run, cases in runs.items()
+def confirmed(case: Case, certainty: Mapping[str, float]) -> Case:
+    """Return a case in which names of a certainty below `CONFIRMED` are taken back.
+
+    What they explained is then explained by nothing.
+
+    Parameters
+    ----------
+    case
+        A finished study.
+    certainty
+        Certainty of each effect that is likely.
+    """
+    named = [name for name in case["effects"] if name not in case["group"]]
+    kept = [name for name in named if certainty.get(name, 0.0) >= CONFIRMED]
+    if kept == named:
+        return case
+    verdict = "partly_explained" if kept else "unexplained"
+    return case | {"verdict": verdict, "effects": kept, "group": []}
+
+
+def certainties(
+    learnt_on: Mapping[str, Sequence[Case]], counted_on: Mapping[str, Sequence[Case]]
+) -> list[tuple[Case, dict[str, float]]]:
+    """Return the cases of the runs to be counted, each with the certainty of its likely effects.
+
+    Of runs that the certainty is learnt on, each study is left out once.
+    """
+    known = _names(learnt_on)
+    values = dict(zip(map(_key, known), left_out(known).tolist(), strict=True))
+    if new := [name for name in _names(counted_on) if _key(name) not in values]:
+        weights = learnt(*columns(known))
+        values |= zip(map(_key, new), given(weights, columns(new)[0]).tolist(), strict=True)
+    of_study: dict[tuple[str, int], dict[str, float]] = {}
+    for (run, study, effect), value in values.items():
+        of_study.setdefault((run, study), {})[effect] = value
+    return [
+        (case, of_study.get((run, case["index"]), {}))
+        for run, cases in counted_on.items()
         for case in cases
     ]
-    columns = [[case for case, _ in seen]]
-    columns += [[decided(case, own, least) for case, own in seen] for least in THRESHOLDS]
+
+
+def _names(runs: Mapping[str, Sequence[Case]]) -> list[Name]:
+    return [name for run, cases in runs.items() for name in names_of(run, cases)]
+
+
+def _key(name: Name) -> tuple[str, int, str]:
+    return name.run, name.study, name.effect
+
+
+def page(seen: Sequence[tuple[Case, Mapping[str, float]]], command: str) -> str:
+    """Return the page of some cases with the certainties of their likely effects."""
+    ways = [[case for case, _ in seen], [confirmed(case, own) for case, own in seen]]
+    ways += [[decided(case, own, least) for case, own in seen] for least in THRESHOLDS]
     table = [
-        f"| {count.words} | {' | '.join(_cell(cases, count) for cases in columns)} |"
+        f"| {count.words} | {' | '.join(_cell(cases, count) for cases in ways)} |"
         for count in COUNTS
         if count.name != "failed"
     ]
     origin = Origin.now(command, ROOT)
     return _HEAD.format(
-        grouped=GROUPED, studies=len(seen), command=command, date=origin.date,
+        grouped=GROUPED, confirmed=CONFIRMED, studies=len(seen), command=command, date=origin.date,
         commit=origin.commit, machine=origin.machine, table="\n".join(table),
         thresholds=" | ".join(f"certainty {least:.0%}" for least in THRESHOLDS),
         rules="---|" * len(THRESHOLDS),
@@ -113,8 +161,17 @@ def _cell(cases: Sequence[Case], count: Count) -> str:
 
 def main() -> int:
     """Count, and write the page."""
-    runs, output = runs_asked_for(__doc__, "decisions.md")
-    write_whole(output, page(runs, shlex.join(sys.argv)).encode())
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+", help="registered runs that the certainty is learnt on")
+    parser.add_argument(
+        "--on", metavar="RUN", help="count this run instead, of which none is learnt"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "decisions.md")
+    options = parser.parse_args()
+    learnt_on = {run: seen_cases(run) for run in options.runs}
+    counted_on = {options.on: seen_cases(options.on)} if options.on else learnt_on
+    text = page(certainties(learnt_on, counted_on), shlex.join(sys.argv))
+    write_whole(options.output, text.encode())
     return 0
 
 

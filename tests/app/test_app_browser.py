@@ -371,6 +371,35 @@ def fit(page):
 
 
 @pytest.mark.slow
+def test_a_move_while_a_fit_ends_leaves_no_curves_of_another_model(visit):
+    """The answers of the server are held back, so that the move's comes after the fit's."""
+    page, held = visit.bundled("hidden"), {}
+
+    def hold(name, act):
+        """The first request of a name after an act; those after it go on."""
+        page.route(
+            f"**/{name}",
+            lambda route: route.continue_() if name in held else held.update({name: route}),
+        )
+        act()
+        while name not in held:
+            page.wait_for_timeout(20)
+
+    hold("parameters", page.get_by_role("button", name="Fit from here").click)
+    page.get_by_role("slider").first.focus()
+    hold("curves", lambda: page.keyboard.press("ArrowRight"))
+    held["parameters"].continue_()
+    expect(page.locator(".states li")).to_have_count(2)
+    page.wait_for_function("!bench.store.now.busy")
+    with page.expect_response("**/curves") as answer:
+        held["curves"].continue_()
+    answer.value.finished()
+    page.wait_for_timeout(500)
+    shown, hand = (now(page, f"{name}.values.m") for name in ("shown", "hand"))
+    assert shown == pytest.approx(hand, rel=1e-9)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks into /proc")
 def test_memory_stays_flat_over_moves_and_fits(visit, app, capsys):
     page = visit.bundled("hidden")

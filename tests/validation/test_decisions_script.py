@@ -1,7 +1,7 @@
 """What a decision by certainty alone would have said of a study."""
 
 import pytest
-from decisions import decided
+from decisions import confirmed, decided
 
 
 @pytest.mark.parametrize(
@@ -22,3 +22,24 @@ def test_a_decision_by_certainty(stated, certainty, verdict, effects, group):
     case = decided({"verdict": stated, "kind": "single"}, certainty, 0.9)
     assert (case["verdict"], case["effects"], case["group"]) == (verdict, effects, group)
     assert case["kind"] == "single"
+
+
+@pytest.mark.parametrize(
+    ("stated", "named", "certainty", "verdict", "kept"),
+    [
+        ("missing_effect", ["drag"], {"drag": 0.6}, "missing_effect", ["drag"]),
+        ("missing_effect", ["drag"], {"drag": 0.5}, "unexplained", []),
+        (
+            "missing_effect",
+            ["drag", "lag"],
+            {"drag": 0.9, "lag": 0.5},
+            "partly_explained",
+            ["drag"],
+        ),
+        ("partly_explained", ["drag"], {}, "unexplained", []),
+        ("adequate", [], {}, "adequate", []),
+    ],
+)
+def test_a_name_of_little_certainty_is_taken_back(stated, named, certainty, verdict, kept):
+    case = confirmed({"verdict": stated, "effects": named, "group": []}, certainty)
+    assert (case["verdict"], case["effects"]) == (verdict, kept)
