@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from coverage import progress
+from numpy.typing import NDArray
 from page import Origin
 from truth import Rig, is_modelled, truths
 
@@ -34,6 +35,7 @@ from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.motion.experiment import Experiment, prepare
 
+Array = NDArray[np.bool_]
 ROOT = Path(__file__).resolve().parents[1]
 _BREADTH = Breadth()
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode
@@ -228,7 +230,7 @@ def _true(study: BlindStudy, experiment: Experiment, search: Search) -> Hypothes
 
     None where nothing of the package stands for something that is hidden.
     """
-    if not is_modelled(study.effects):
+    if not is_modelled(effect.name for effect in study.effects):
         return None
     every = truths(study.law, study.effects, Rig.of(study, experiment))
     known = [one.hypothesis for one in every]
@@ -241,19 +243,11 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
     every = [own <= own.min() + _SAME for own in losses]
     agreeing, seen = [one[:-1] for one in every], [bool(one[-1]) for one in every]
     behind = [one["behind"] for one in found]
-    rows, pads = [], [("bundled", slice(0, bundled)), ("simulated", slice(bundled, None))]
-    for words, some in pads:
-        own = agreeing[some]
-        sets, agree = sum(a.size for a in own), sum(int(a.sum()) for a in own)
-        if sets:
-            whole, known = sum(bool(a.all()) for a in own), sum(seen[some])
-            shares = [f"{k} of {n} ({k / n:.1%})" for k, n in ((agree, sets), (known, len(own)))]
-            unseen = [b for k, b in enumerate(behind[some]) if not seen[some][k]]
-            less = sum(value > _SAME for value in unseen)
-            rows.append(
-                f"| {len(own)} {words} | {shares[0]} | {whole} | {shares[1]} | {less} "
-                f"| {len(unseen) - less} |"
-            )
+    rows = [
+        _row(words, [(agreeing[k], seen[k], behind[k]) for k in some])
+        for words, some in _groups(found, bundled, Population(options.seed)).items()
+        if some
+    ]
     others = [
         f"- {one['pad']} ({one['hypothesis']}): {int((~a).sum())} of {a.size} sets ended lower"
         + ("" if is_seen else _unseen(one, float(own[-1] - own.min())))
@@ -276,6 +270,34 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         date=origin.date,
         commit=", ".join(dict.fromkeys(one["commit"] for one in found)),
         machine="; ".join(sorted({one["machine"] for one in found})),
+    )
+
+
+def _groups(found: list[dict], bundled: int, population: Population) -> dict[str, list[int]]:
+    """Indices of the bundled pads, and of the simulated ones without an outsider and with one."""
+    groups: dict[str, list[int]] = {
+        "bundled": list(range(min(bundled, len(found)))),
+        "simulated, the true hypothesis": [],
+        "simulated with an outsider, the likeliest hypothesis": [],
+    }
+    _, true, likeliest = groups.values()
+    for k in range(bundled, len(found)):
+        names = population.item(found[k]["index"] - bundled).names
+        (true if is_modelled(names) else likeliest).append(k)
+    return groups
+
+
+def _row(words: str, pads: list[tuple[Array, bool, float]]) -> str:
+    """A row of the table: of each pad which sets agree, whether it was seen, and how far behind."""
+    sets, agree = sum(a.size for a, _, _ in pads), sum(int(a.sum()) for a, _, _ in pads)
+    known = sum(seen for _, seen, _ in pads)
+    shares = [f"{k} of {n} ({k / n:.1%})" for k, n in ((agree, sets), (known, len(pads)))]
+    unseen = [behind for _, seen, behind in pads if not seen]
+    less = sum(behind > _SAME for behind in unseen)
+    whole = sum(bool(a.all()) for a, _, _ in pads)
+    return (
+        f"| {len(pads)} {words} | {shares[0]} | {whole} | {shares[1]} | {less} "
+        f"| {len(unseen) - less} |"
     )
 
 

@@ -7,7 +7,7 @@ False) the constants are where a fit may begin.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,9 +69,9 @@ class Rig:
         return cls(study.rig.gap, scales.depth, scales.force, scales.clock)
 
 
-def is_modelled(effects: Sequence[Effect]) -> bool:
+def is_modelled(names: Iterable[str]) -> bool:
     """Whether every hidden effect has a counterpart in the package; outsiders have none."""
-    return all(effect.name in HIDDEN or effect.name in _FORMS for effect in effects)
+    return all(name in HIDDEN or name in _FORMS for name in names)
 
 
 def truths(law: Law, effects: Sequence[Effect], rig: Rig) -> list[Truth]:
