@@ -28,6 +28,7 @@ from scipy.stats import norm
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.search import Search, in_parallel
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.fixedrates import relaxation_of
@@ -39,8 +40,6 @@ from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
 
 Array = NDArray[np.float64]
 
-_REACHED = 3.0  # sds of an amplitude from zero, up to which its density at zero is known
-_HIGHER = 0.5  # log posterior by which a mode must be higher to count as another one
 _OTHER_SEED = 1000  # added to the search's seed, for draws that it has not used before
 
 
@@ -72,12 +71,11 @@ class MissedModeChecks:
     def check_nested(self, some: Sequence[Hypothesis]) -> bool:
         """Compare evidences with and without each effect to the effect's posterior at zero."""
         search, wanted = self._search, []
-        apart, tolerance = search.breadth.apart, search.settings.tolerance
         count = search.checks["nested"]
         for one in some:
             for effect in search.added(one):
                 starts = nested_starts(
-                    search.density, search.candidates, one, effect, apart, tolerance
+                    search.density, search.candidates, one, effect, search.settings
                 )
                 if starts is not None:
                     count.made += 1
@@ -125,7 +123,8 @@ class MissedModeChecks:
     def _count_higher(self, check: str, before: dict[Hypothesis, float]) -> bool:
         """Count hypotheses that are more probable than before, and let them be expanded anew."""
         search = self._search
-        higher = [one for one, log in before.items() if search.log_posterior(one) > log + _HIGHER]
+        least = search.breadth.higher
+        higher = [one for one, log in before.items() if search.log_posterior(one) > log + least]
         search.checks[check].higher += len(higher)
         self._checked.difference_update(higher)
         search.reopen(higher)
@@ -137,8 +136,7 @@ def nested_starts(
     candidates: Mapping[Hypothesis, Candidate],
     hypothesis: Hypothesis,
     effect: str,
-    apart: float,
-    tolerance: float,
+    settings: DiagnosisSettings,
 ) -> list[Start] | None:
     """Return starts where the evidences of two nested hypotheses do not agree.
 
@@ -150,10 +148,9 @@ def nested_starts(
         Every hypothesis evaluated, at its highest mode.
     hypothesis, effect
         The hypothesis with the effect, and the effect that the other one lacks.
-    apart
-        Difference of the log Bayes factors up to which they agree.
-    tolerance
-        Share of the peak force below which an effect does not matter.
+    settings
+        Its breadth says how far two log Bayes factors may differ, and its tolerance below which
+        share of the peak force an effect does not matter.
 
     Returns
     -------
@@ -166,10 +163,10 @@ def nested_starts(
     if less not in candidates:
         return None
     fuller, bare = candidates[hypothesis], candidates[less]
-    expected = savage_dickey(fuller, effect, tolerance)
+    expected = savage_dickey(fuller, effect, settings)
     if expected is None:
         return None
-    if abs(fuller.log_evidence - bare.log_evidence - expected) < apart:
+    if abs(fuller.log_evidence - bare.log_evidence - expected) < settings.breadth.apart:
         return []
     own, old = fuller.point, bare.point
     back = transferred(own.own, own.theta, old.own)
@@ -178,11 +175,11 @@ def nested_starts(
     return [Start(less, back), Start(hypothesis, forth)]
 
 
-def savage_dickey(fuller: Candidate, effect: str, tolerance: float) -> float | None:
+def savage_dickey(fuller: Candidate, effect: str, settings: DiagnosisSettings) -> float | None:
     """Return the log Bayes factor of an effect from the densities of its amplitude at zero.
 
-    The prior leaves out amplitudes that do not matter, as in the evidences (`noticeable`;
-    ``tolerance``: share of the peak force). It is None where zero is too far from the posterior,
+    The prior leaves out amplitudes that do not matter, as in the evidences (`noticeable`,
+    with the settings' tolerance). It is None where zero is too far from the posterior,
     or where the effect has no amplitude.
     """
     own = fuller.point.own
@@ -192,11 +189,13 @@ def savage_dickey(fuller: Candidate, effect: str, tolerance: float) -> float | N
     k = amplitude.number
     mean, sd = float(fuller.evidence.mean[k]), math.sqrt(fuller.evidence.covariance[k, k])
     prior = next(leaf.prior.inner for leaf in own.leaves if leaf.theta.start == k)  # type: ignore[attr-defined]
-    if abs(mean) > _REACHED * sd:
+    if abs(mean) > settings.breadth.reached * sd:
         return None
     within = norm.logsf(own.lowest[k], mean, sd) if own.lowest[k] == 0.0 else 0.0
     posterior = norm.logpdf(0.0, mean, sd) - within
-    return float(prior.log_density(0.0) - posterior) + log_noticeable(prior, mean, sd, tolerance)
+    return float(prior.log_density(0.0) - posterior) + log_noticeable(
+        prior, mean, sd, settings.tolerance
+    )
 
 
 def exchanged_starts(space: Space, fuller: Candidate, effects: Iterable[str]) -> Iterator[Start]:

@@ -53,6 +53,11 @@ class Breadth:
         modes and its evidence is sampled (e^-7: a thousandth).
     sampled
         Largest number of hypotheses whose evidence is sampled.
+    reached
+        Distance of an amplitude from zero, in sds, within which its density at zero is known, so
+        that a Savage-Dickey ratio is.
+    higher
+        Log posterior by which a hypothesis must rise for a check to have led to a higher mode.
     apart
         Difference by which two ways to a log Bayes factor may differ (e^3 = 20, which is more than
         the error of a normal approximation about a mode).
@@ -74,6 +79,8 @@ class Breadth:
     far: float = 15.0
     rival: float = 7.0
     sampled: int = 12
+    reached: float = 3.0
+    higher: float = 0.5
     apart: float = 3.0
 
 
@@ -98,6 +105,9 @@ class CellTests:
     doubtful
         The same where the kind of noise is in doubt: with 12 draws a p-value of 0.02 may come out
         as 1e-9.
+    level
+        P-value below which a cell, or one combination of its curves, stands out; what stands out
+        is bounded with one minus this probability.
     """
 
     curves: int = 4
@@ -106,6 +116,7 @@ class CellTests:
     drifts: int = 2
     draws: int = 12
     doubtful: int = 48
+    level: float = 0.05
 
 
 @dataclass(frozen=True)

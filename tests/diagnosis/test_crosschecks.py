@@ -17,7 +17,6 @@ from qlvbayes.effects.catalogue import find
 from qlvbayes.inference.modes import Mode, find_mode
 
 KINDS = [find(name) for name in ("force_offset", "viscous_drag", "extra_relaxation_mode")]
-SETTINGS = {"apart": 3.0, "tolerance": 0.01}
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +32,11 @@ def search():
 @pytest.mark.parametrize("effect", ["force_offset", "viscous_drag"])
 def test_evidences_of_nested_hypotheses_keep_the_savage_dickey_ratio(search, effect):
     fuller = search.candidates[search.baseline.plus(effect)]
-    expected = savage_dickey(fuller, effect, 0.01)
+    expected = savage_dickey(fuller, effect, search.settings)
     found = fuller.log_evidence - search.candidates[search.baseline].log_evidence
     assert found == pytest.approx(expected, abs=1.0)
     assert (
-        nested_starts(search.density, search.candidates, fuller.hypothesis, effect, **SETTINGS)
+        nested_starts(search.density, search.candidates, fuller.hypothesis, effect, search.settings)
         == []
     )
 
@@ -54,7 +53,7 @@ def test_a_hypothesis_left_at_a_lower_place_is_told_and_led_back(search):
     try:
         fuller = search.baseline.plus("force_offset")
         wanted = nested_starts(
-            search.density, search.candidates, fuller, "force_offset", **SETTINGS
+            search.density, search.candidates, fuller, "force_offset", search.settings
         )
         assert {start.hypothesis for start in wanted} == {search.baseline, fuller}
         assert MissedModeChecks(search).check_nested([fuller])
@@ -72,7 +71,7 @@ def test_where_nothing_is_far_from_the_posterior_no_ratio_is_asked_for(search):
     mean = fuller.evidence.mean.copy()
     mean[k] = 9.0 * np.sqrt(fuller.evidence.covariance[k, k])
     far = replace(fuller, evidence=replace(fuller.evidence, mean=mean))
-    assert savage_dickey(far, "force_offset", 0.01) is None
+    assert savage_dickey(far, "force_offset", search.settings) is None
 
 
 def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_law(search):

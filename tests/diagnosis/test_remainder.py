@@ -37,7 +37,7 @@ def draws(shape, rms, count=2000, seed=3):
     rng = np.random.default_rng(seed)
     curve = SHAPES[shape] * rms / np.sqrt(np.mean(SHAPES[shape] ** 2))
     noise = (ROOT @ rng.standard_normal((ROWS, count))).T
-    return np.array([structured(curve + one, COVARIANCE, 4) for one in noise])
+    return np.array([structured(curve + one, COVARIANCE, 4, 0.05) for one in noise])
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -65,8 +65,8 @@ def test_a_clear_structure_stays_below_its_bound_in_19_of_20(shape, rms):
 @given(st.floats(0.01, 100.0))
 def test_sizes_follow_the_unit_of_the_force(factor):
     residual = 0.05 * SHAPES["bend"] + ROOT @ np.random.default_rng(1).standard_normal(ROWS)
-    one = structured(residual, COVARIANCE, 4)
-    other = structured(factor * residual, factor**2 * COVARIANCE, 4)
+    one = structured(residual, COVARIANCE, 4, 0.05)
+    other = structured(factor * residual, factor**2 * COVARIANCE, 4, 0.05)
     np.testing.assert_allclose(other, factor * np.array(one), rtol=1e-6)
 
 

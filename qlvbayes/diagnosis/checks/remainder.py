@@ -32,15 +32,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import ndtri
 
 from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.result import Remains
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 
-_Z = 1.645  # normal quantile of 95 %
-_STANDS_OUT = 1.96  # sds, two-sided 5 %
-_CELL_LEVEL = 0.05  # p-value below which a cell stands out
 _RIDGE = (
     1e-9  # of the variance, so that the covariance of noise without a white part can be factorised
 )
@@ -194,7 +192,7 @@ def _cells(
     samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: DiagnosisSettings
 ) -> Iterator[StructuredPart]:
     """Yield the structured part of residuals (N) in each phase of each test."""
-    shown = {(c.test, c.phase, c.start): c.p_value < _CELL_LEVEL for c in tested.cells}
+    shown = {(c.test, c.phase, c.start): c.p_value < settings.cells.level for c in tested.cells}
     for k, trial in enumerate(samples.trials):
         time, weights = trial.test.time[samples.rows[k]], samples.weights[k]
         for phase in trial.phases:
@@ -204,7 +202,7 @@ def _cells(
                 continue
             cell = (trial.name, phase.kind, phase.start)
             noise = _covariance(samples, time[here], weights[here])
-            size = structured(residuals[k][here], noise, count)
+            size = structured(residuals[k][here], noise, count, settings.cells.level)
             yield StructuredPart(*cell, int(here.sum()), *size, shown.get(cell, False))
 
 
@@ -218,9 +216,9 @@ def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.n
 
 
 def structured(
-    residual: np.ndarray, covariance: np.ndarray, orders: int
+    residual: np.ndarray, covariance: np.ndarray, orders: int, level: float
 ) -> tuple[float, float, float]:
-    """Return root mean square, upper bound at 95 % and mean of a residual's structured part (N).
+    """Return root mean square, upper bound and mean of a residual's structured part (N).
 
     Parameters
     ----------
@@ -230,6 +228,9 @@ def structured(
         Covariance (n, n) of its noise (N^2).
     orders
         Number of smooth curves.
+    level
+        P-value (two-sided) below which a combination of curves stands out; its upper bound is
+        exceeded with this probability.
     """
     positions = np.linspace(-1.0, 1.0, residual.size)
     curves = legendre.legvander(positions, orders - 1).T
@@ -238,6 +239,7 @@ def structured(
     means, turned = np.linalg.eigh(root.T @ (curves @ curves.T) @ root / residual.size)
     z = turned.T @ root.T @ weighted @ residual
     beyond = means * (z**2 - 1.0)
-    bound = np.where(np.abs(z) > _STANDS_OUT, means * (np.abs(z) + _Z) ** 2, beyond)
+    far, more = ndtri(1.0 - 0.5 * level), ndtri(1.0 - level)
+    bound = np.where(np.abs(z) > far, means * (np.abs(z) + more) ** 2, beyond)
     rms, upper = (np.sqrt(max(np.sum(x), 0.0)) for x in (beyond, np.maximum(bound, 0.0)))
     return float(rms), float(upper), float(np.mean((root @ turned @ z) @ curves))
