@@ -26,6 +26,7 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.runtime import forget_compiled
+from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 
@@ -378,12 +379,13 @@ def _words(cell: CellError, over: float, unit: str) -> str:
     location = f"in the {cell.phase} of {cell.test}"
     if not math.isfinite(over):
         return f"The model's force is no number {location}."
-    size = f"{cell.rmse:.2g} {unit} off, {over:.2g} times the noise"
+    size = f"{plain(cell.rmse, 2)} {unit} off, {plain(over, 2)} times the noise"
     if abs(cell.bias) < _SMALL * cell.rmse:
         return f"The model is {size}, {location}, now too low and now too high."
     direction = "low" if cell.bias > 0.0 else "high"
     return (
-        f"The model is {size}, {location}: {abs(cell.bias):.2g} {unit} too {direction} on average."
+        f"The model is {size}, {location}: {plain(abs(cell.bias), 2)} {unit} too {direction} "
+        f"on average."
     )
 
 

@@ -43,7 +43,9 @@ def constants_table(summary: FitSummary) -> Table:
 def constants_line(summary: FitSummary) -> str:
     """Return the line of one pad of many: its constants without those of the noise."""
     shown = [(name, c) for name, c in summary.parameters.items() if not name.startswith("noise.")]
-    values = ", ".join(f"{name} {significant(c.median, c.sd)} ± {c.sd:.2g}" for name, c in shown)
+    values = ", ".join(
+        f"{name} {significant(c.median, c.sd)} ± {plain(c.sd, 2)}" for name, c in shown
+    )
     return f"pad {summary.pad}: {values}"
 
 

@@ -15,6 +15,7 @@ from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.io.wording import plain
 from qlvbayes.laws.catalogue import find_elastic
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models, factors, pad_alone, rig_effects
@@ -175,13 +176,14 @@ def unheld_times(sides: Sequence[Side]) -> list[str]:
             quicker = _LONGER * side.reach.quickest < other.reach.quickest
             if longer and time > other.reach.hold:
                 unheld.append(
-                    f"{name} of {side.name} is {time:.2g} s, and {other.name} was held for "
-                    f"{other.reach.hold:.2g} s"
+                    f"{name} of {side.name} is {plain(time, 2)} s, and {other.name} was held for "
+                    f"{plain(other.reach.hold, 2)} s"
                 )
             elif quicker and time < _WITHIN * other.reach.quickest:
                 unheld.append(
-                    f"{name} of {side.name} is {time:.2g} s, and the quickest ramp of {other.name} "
-                    f"took {other.reach.quickest:.2g} s"
+                    f"{name} of {side.name} is {plain(time, 2)} s, and the quickest ramp of "
+                    f"{other.name} "
+                    f"took {plain(other.reach.quickest, 2)} s"
                 )
     return unheld
 

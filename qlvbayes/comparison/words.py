@@ -9,6 +9,7 @@ from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, with_i
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.settings import ReadingSettings
 from qlvbayes.comparison.side import Side, fixed_constants
+from qlvbayes.io.wording import plain
 
 _FRACTION = "1"
 _TESTS = {
@@ -231,7 +232,7 @@ def _reach(
         yield f"the tests of {', '.join(unknown)} are not known"
     yield (
         "instantaneous stiffness is that of an infinitely fast step; the quickest ramp of these "
-        f"tests took {settings.reach.quickest:.2g} s"
+        f"tests took {plain(settings.reach.quickest, 2)} s"
     )
     if beyond := [c.quantity for c in contrasts if c.extrapolated]:
         yield f"beyond what the tests cover: {', '.join(beyond)}"

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.io.wording import decimals_of
+from qlvbayes.io.wording import decimals_of, plain
 
 
 class Estimate(Part, frozen=True):
@@ -25,7 +25,7 @@ class Estimate(Part, frozen=True):
         decimals = decimals_of(self.sd) if self.sd > 0.0 else 3
         unit = "" if self.unit == "1" else f" {self.unit}"
         if decimals > 6:
-            return f"{self.mean:.3g} ± {self.sd:.1g}{unit}"
+            return f"{plain(self.mean)} ± {plain(self.sd, 1)}{unit}"
         return f"{self.mean:.{decimals}f} ± {self.sd:.{decimals}f}{unit}"
 
 

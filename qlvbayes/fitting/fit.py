@@ -30,6 +30,7 @@ from qlvbayes.inference.density import Terms
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
@@ -362,7 +363,7 @@ def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> It
     """Yield that the error of the contact point is part of the fit, where it was measured."""
     sds = {trial.name: trial.test.contact_sd for trial in trials if trial.test.contact_sd}
     if sds:
-        listed = ", ".join(f"{name} {sd:.2g}" for name, sd in sds.items())
+        listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
         unit = units.displacement
         yield (
             f"pad {pad}: the contact point is uncertain, and the constants' intervals include this "

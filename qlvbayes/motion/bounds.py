@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.wording import plain
+
 Array = NDArray[np.float64]
 
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
@@ -104,8 +106,9 @@ class Departure:
         """Describe the deviation in a sentence."""
         those = "reading" if self.readings == 1 else f"mean of {self.readings} readings"
         return (
-            f"test {test}: the fitted motion is {self.distance:.3g} {unit} from the {those} at "
-            f"{self.time:.6g} s, where scatter and resolution explain {self.explained:.2g} {unit}; "
+            f"test {test}: the fitted motion is {plain(self.distance)} {unit} from the {those} at "
+            f"{self.time:.6g} s, where scatter and resolution explain "
+            f"{plain(self.explained, 2)} {unit}; "
             "see whether readings there are wrong"
         )
 

@@ -138,8 +138,8 @@ def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) 
     floor, unit = experiment.floor, experiment.units.force
     lines = [
         f"pad {experiment.pad}: fitting {tests}",
-        f"  noise measured at rest: {floor.total:.3g} {unit} (white {floor.white:.3g}, "
-        f"correlated {floor.ou:.3g} {unit} over {floor.memory:.2g} s)",
+        f"  noise measured at rest: {plain(floor.total)} {unit} (white {plain(floor.white)}, "
+        f"correlated {plain(floor.ou)} {unit} over {plain(floor.memory, 2)} s)",
         f"  priors{'' if sampled else ', from which the starts are drawn'}:",
     ]
     parts = choices.build(experiment.scales)[: 2 if sampled else 1]

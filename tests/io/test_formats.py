@@ -231,7 +231,7 @@ def test_what_a_file_leaves_open_is_asked_for(tmp_path):
     np.testing.assert_allclose(test.displacement, preloaded.way - 0.1, atol=1e-6)
 
     cycles = Pressed(TEST.time, np.sin(9 * TEST.time), np.sin(9 * TEST.time))
-    assert refused(tmp_path, bluehill(cycles), "which way presses").option == "sign"
+    assert refused(tmp_path, bluehill(cycles), "the direction that presses").option == "sign"
     said = Answers.from_words(sign="none", contact="file")
     assert convert([tmp_path / "a.csv"], said).tests[0].signs.way == 1
 

@@ -26,6 +26,7 @@ from qlvbayes.diagnosis.nexttest.series import (
 )
 from qlvbayes.diagnosis.nexttest.setpoints import names_of
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
 
 _CONSTANTS_ERROR, _CAUSE_ERROR = 0.016, 0.2
 """Errors of the closed form, one sd: share of the bits about constants, and of the distance between
@@ -144,7 +145,8 @@ def _notices(
         )
     if errors.missed > 0.0:
         notices.append(
-            f"{errors.missed:.2g} {units.force} that the model leaves count as an error of every "
+            f"{plain(errors.missed, 2)} {units.force} that the model leaves count as an error "
+            f"of every "
             "test"
         )
     if belief.recovery.time(series.tests[-1].design.duration) >= 3600.0:

@@ -286,11 +286,11 @@ def _measure(d: DiagnosisResult, work: DiagnosisWork) -> str:
         return ""
     if rest.rms > 0.0:
         return (
-            f"{_share(rest.share_of_peak)} of the peak force ({rest.rms:.2g} {unit}, "
-            f"{rest.upper95:.2g} {unit} at most) in the {NAMES[rest.phase]} of {rest.test}"
+            f"{_share(rest.share_of_peak)} of the peak force ({plain(rest.rms, 2)} {unit}, "
+            f"{plain(rest.upper95, 2)} {unit} at most) in the {NAMES[rest.phase]} of {rest.test}"
         )
     share = _share(rest.excess / work.experiment.scales.force)
-    return f"{share} of the peak force ({rest.excess:.2g} {unit}) over all tests"
+    return f"{share} of the peak force ({plain(rest.excess, 2)} {unit}) over all tests"
 
 
 def _is_sound(d: DiagnosisResult, work: DiagnosisWork) -> bool:
@@ -299,7 +299,7 @@ def _is_sound(d: DiagnosisResult, work: DiagnosisWork) -> bool:
 
 
 def _share(value: float) -> str:
-    return f"{100.0 * value:.2g} %"
+    return f"{plain(100.0 * value, 2)} %"
 
 
 def _p(value: float) -> str:
@@ -427,7 +427,8 @@ def _bias(bias: ParameterBias, unit: str) -> str:
     changes = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
     constant = bias.amplitude.partition(".")[2]
     return (
-        f"If {bias.effect} were there ({constant} = {bias.size:.2g}{unit}), {changes}, and these "
+        f"If {bias.effect} were there ({constant} = {plain(bias.size, 2)}{unit}), {changes}, "
+        f"and these "
         "tests would not show it."
     )
 

@@ -22,7 +22,7 @@ from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import joined, plain
 
 LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
@@ -517,7 +517,7 @@ def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers:
     if signs.doubt and is_dead(way, load):
         raise InputError(
             f"the force does not answer to the displacement: its {len(load)} readings scatter by "
-            f"{float(np.std(load)):.2g} about one level",
+            f"{plain(float(np.std(load)), 2)} about one level",
             file=file,
             remedy="check the load cell and its cable, or leave the file out",
         )
@@ -550,7 +550,7 @@ def _sign_finding(signs: Signs, recording: Recording, answers: Answers) -> str:
         return f"sign {what}: this layout fixes it"
     return (
         f"sign {what}: taken as pressing, with the largest force at {100.0 * signs.travel:.0f} % "
-        f"of the travel, {min(signs.swing, 999.0):.2g} times the largest of the other sign "
+        f"of the travel, {plain(min(signs.swing, 999.0), 2)} times the largest of the other sign "
         "(a test in tension would look the same)"
     )
 

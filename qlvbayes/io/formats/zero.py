@@ -12,6 +12,7 @@ from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
 from qlvbayes.io.formats.contact import FirstContact, Signs, force_at_start, scatter
 from qlvbayes.io.formats.format import Floats
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
 
 _REST = 0.01  # share of the peak force below which a test begins without force
 _NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
@@ -154,10 +155,12 @@ def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
-        f"contact at {one.written(agreed.position)} +- {agreed.sd:.2g} {length}, on which the "
+        f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
+        f"the "
         f"pad's {agreed.files} other files agree: this one begins beyond it, at "
-        f"{one.written(float(one.way[0]))} {length} with {start:.3g} {force}; taken off the force: "
-        f"{one.signs.load * agreed.force:.3g} {force}, theirs at rest"
+        f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
+        f"force: "
+        f"{plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
     return Zero(agreed.position, agreed.force, finding, agreed.sd)
 
@@ -166,7 +169,8 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
     length, force = one.units.displacement, one.units.force
     offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
     off = (
-        f"; taken off the force: {contact.force:.3g} +- {contact.force_sd:.1g} {force} before "
+        f"; taken off the force: {plain(contact.force)} +- {plain(contact.force_sd, 1)} {force} "
+        f"before "
         "contact"
         if offset
         else ""
@@ -176,17 +180,20 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
     ):
         off += (
             f"; doubt: the pad's {agreed.files} other files have it at "
-            f"{one.written(agreed.position)} +- {agreed.sd:.2g} {length}: was the stage or the pad "
+            f"{one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}: was the stage "
+            f"or the pad "
             "moved, or the zero set anew"
         )
     if abs(contact.position) <= _AGREES * contact.sd:
         finding = (
-            f"contact {one.signs.way * contact.position:.4g} +- {contact.sd:.2g} {length} agrees "
+            f"contact {plain(one.signs.way * contact.position, 4)} +- {plain(contact.sd, 2)} "
+            f"{length} agrees "
             f"with the file's zero, which is kept{off}"
         )
         return Zero(0.0, offset, finding, contact.sd, contact)
     finding = (
-        f"contact at {one.written(contact.position)} +- {contact.sd:.2g} {length} of the file, "
+        f"contact at {one.written(contact.position)} +- {plain(contact.sd, 2)} {length} of the "
+        f"file, "
         f"where the force begins to rise; that is the new zero{off}"
     )
     return Zero(contact.position, offset, finding, contact.sd, contact)
@@ -205,7 +212,7 @@ def _at_start(one: OrientedRecording) -> Zero | UnsureError:
     share = abs(first) / peak if peak > 0.0 else 1.0
     if abs(first) > max(_REST * peak, _AGREES * scatter(load)):
         return UnsureError(
-            f"the test begins in contact, with {one.signs.load * first:.3g} {force} "
+            f"the test begins in contact, with {plain(one.signs.load * first)} {force} "
             f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
             file=one.file,
             option="contact",
@@ -220,6 +227,6 @@ def _at_start(one: OrientedRecording) -> Zero | UnsureError:
     reach = abs(first) / peak * float(way[int(np.argmax(load))] - position)
     finding = (
         f"contact at {where}: there is no approach, and the first row has "
-        f"{share:.2%} of the peak force (it may lie {reach:.2g} {length} higher)"
+        f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
     )
     return Zero(0.0 if near else position, 0.0, finding)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from qlvbayes.io.wording import plain
 from qlvbayes.laws.scales import Scales
 
 MOST_TERMS = 60
@@ -99,11 +100,11 @@ def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator
         value = float(np.asarray(time))
         if value < scales.shortest:
             yield (
-                f"{name} is about {value:.2g} s, below the sampling interval of "
-                f"{scales.shortest:.2g} s: its prior says more of it than the tests"
+                f"{name} is about {plain(value, 2)} s, below the sampling interval of "
+                f"{plain(scales.shortest, 2)} s: its prior says more of it than the tests"
             )
         if value > scales.longest:
             yield (
-                f"{name} is about {value:.2g} s, beyond the longest hold of "
-                f"{scales.longest:.2g} s: its prior says more of it than the tests"
+                f"{name} is about {plain(value, 2)} s, beyond the longest hold of "
+                f"{plain(scales.longest, 2)} s: its prior says more of it than the tests"
             )

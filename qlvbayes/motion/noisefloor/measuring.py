@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
+from qlvbayes.io.wording import plain
 from qlvbayes.motion.badreadings import outlying
 from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.noisefloor.cycles import find_cycles
@@ -155,12 +156,13 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
     """Count the variance of rounding to a step, and no less than the motion makes."""
     notices = floor.notices
     if step > 0.0:
-        notices = (*notices, f"the force is digitised in steps of {step:.3g}, counted as noise")
+        notices = (*notices, f"the force is digitised in steps of {plain(step)}, counted as noise")
     floor = replace(floor, white=max(floor.white, _TINY), step=step, notices=notices).rounded()
     if floor.total >= least:
         return floor
     notice = (
-        f"next to no noise is seen ({floor.total:.2g}): a noise floor of {least:.2g} is used, "
+        f"next to no noise is seen ({plain(floor.total, 2)}): a noise floor of "
+        f"{plain(least, 2)} is used, "
         "because the motion between the readings is not known better than that"
     )
     return replace(

@@ -15,6 +15,7 @@ from qlvbayes.comparison.side import Side, Source, side_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.io.units import UnitSystem, column_name
+from qlvbayes.io.wording import plain
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.dual import check_inverse, displacement_from_force
 from qlvbayes.model.model import Model
@@ -225,21 +226,25 @@ def _beyond(forecast: Forecast, side: Side) -> Iterator[str]:
     if program.jumps:
         yield (
             f"it jumps at {program.jumps[0]:.4g} s, and the quickest ramp that was tested took "
-            f"{reach.quickest:.2g} s: the force just after the jump is the model's own; rows with "
+            f"{plain(reach.quickest, 2)} s: the force just after the jump is the model's own; "
+            f"rows with "
             "a rise time say how fast the platen is"
         )
     if depth > _NEAR * reach.depth:
         yield (
-            f"the depth reaches {depth:.3g} {_unit(units.displacement)}, beyond the "
-            f"{reach.depth:.3g} that was tested"
+            f"the depth reaches {plain(depth)} {_unit(units.displacement)}, beyond the "
+            f"{plain(reach.depth)} that was tested"
         )
     if not program.jumps and not reach.slowest / _NEAR <= speed <= _NEAR * reach.fastest:
         yield (
-            f"the speed reaches {speed:.3g} {_unit(units.speed)}, outside the {reach.slowest:.3g} "
-            f"to {reach.fastest:.3g} that were tested"
+            f"the speed reaches {plain(speed)} {_unit(units.speed)}, outside the "
+            f"{plain(reach.slowest)} "
+            f"to {plain(reach.fastest)} that were tested"
         )
     if rest > _NEAR * reach.hold:
-        yield f"it holds for {rest:.3g} s, longer than the {reach.hold:.3g} s that were tested"
+        yield (
+            f"it holds for {plain(rest)} s, longer than the {plain(reach.hold)} s that were tested"
+        )
 
 
 def _unit(unit: str) -> str:
