@@ -100,11 +100,11 @@ def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator
         value = float(np.asarray(time))
         if value < scales.shortest:
             yield (
-                f"{name} is about {plain(value, 2)} s, below the sampling interval of "
-                f"{plain(scales.shortest, 2)} s: its prior says more of it than the tests"
+                f"the relaxation time {name} is about {plain(value, 2)} s, below the sampling interval "
+                f"of {plain(scales.shortest, 2)} s: its prior says more of it than the tests"
             )
         if value > scales.longest:
             yield (
-                f"{name} is about {plain(value, 2)} s, beyond the longest hold of "
-                f"{plain(scales.longest, 2)} s: its prior says more of it than the tests"
+                f"the relaxation time {name} is about {plain(value, 2)} s, beyond the longest hold "
+                f"of {plain(scales.longest, 2)} s: its prior says more of it than the tests"
             )
