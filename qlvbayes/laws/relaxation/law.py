@@ -100,8 +100,8 @@ def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator
         value = float(np.asarray(time))
         if value < scales.shortest:
             yield (
-                f"the relaxation time {name} is about {plain(value, 2)} s, below the sampling interval "
-                f"of {plain(scales.shortest, 2)} s: its prior says more of it than the tests"
+                f"the relaxation time {name} is about {plain(value, 2)} s, below the sampling "
+                f"interval of {plain(scales.shortest, 2)} s: its prior says more of it than the tests"
             )
         if value > scales.longest:
             yield (
