@@ -101,7 +101,8 @@ def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator
         if value < scales.shortest:
             yield (
                 f"the relaxation time {name} is about {plain(value, 2)} s, below the sampling "
-                f"interval of {plain(scales.shortest, 2)} s: its prior says more of it than the tests"
+                f"interval of {plain(scales.shortest, 2)} s: its prior says more of it than the "
+                "tests"
             )
         if value > scales.longest:
             yield (
