@@ -63,7 +63,7 @@ import certainty as learning
 names = []
 for run in {list(known.runs)}:
     names += learning.names_of(run, learning.seen_cases(run))
-x, there = learning._columns(names)
+x, there = learning.columns(names)
 found = learning.bins(learning.left_out(names), there)
 print(json.dumps([learning.learnt(x, there).tolist(), len(names), [row[:4] for row in found]]))
 """

@@ -600,7 +600,7 @@ def test_a_file_gives_the_effects_that_it_defines(tmp_path):
         ("x = 1\ndef (:\n", r"mine\.py, line 2: SyntaxError"),
         ("import json\njson.loads('{')\n", r"mine\.py, line 2: JSONDecodeError"),
         (SOURCE.replace('"spring"', '"friction"'), r"line 6: an effect called friction comes with"),
-        (SOURCE + SOURCE.replace("Spring", "Coil"), r"line 30: an effect called spring stands in"),
+        (SOURCE + SOURCE.replace("Spring", "Coil"), r"line 30: an effect called spring is in"),
         (SOURCE.replace("def force", "def strength"), r"line 6: the effect Spring lacks force;"),
         (SOURCE.replace("units:", "unit:"), r"line 6: the effect Spring lacks units;"),
     ],
