@@ -385,7 +385,7 @@ def _words(cell: CellError, over: float, unit: str) -> str:
     direction = "low" if cell.bias > 0.0 else "high"
     return (
         f"The model is {size}, {location}: {plain(abs(cell.bias), 2)} {unit} too {direction} "
-        f"on average."
+        "on average."
     )
 
 

@@ -43,7 +43,7 @@ def check(
     from qlvbayes.pipeline.drawing import draw_forces_at_rates
     from qlvbayes.pipeline.gathering import Reader
     from qlvbayes.pipeline.many import raise_failed, run_pads
-    from qlvbayes.plots.catalogue import figures_of
+    from qlvbayes.plots.catalogue import pictures_of
 
     part = work.part
     files = part.part(sorted(folder.glob("*/posterior.nc")))
@@ -53,7 +53,7 @@ def check(
     with work.engine() as engine:
         todo = _work(files, Reader(data), seed)
         done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
-    figures = [folder / pad / f"{one.name}.png" for pad in done.pads for one in figures_of("check")]
+    figures = [path for pad in done.pads for path in pictures_of("check", folder / pad)]
     figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
     if as_json or not done.pads:
         show_done(folder, done, "check.json", as_json=as_json)

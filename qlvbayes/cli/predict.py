@@ -53,10 +53,7 @@ def predict_command(
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
-
-    # imported here, so that other commands do not wait for matplotlib
-    from qlvbayes.plots.catalogue import figures_of
-    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.catalogue import save_figures
     from qlvbayes.use.prescribed.forecast import content, predict_program, write_forecast
 
     check_known("way", hypotheses, _WHICH)
@@ -67,10 +64,7 @@ def predict_command(
             forecast = predict_program(source, program)
             pad_folder = folder / source.pad
             write_forecast(pad_folder, forecast)
-            figures += [
-                save_figure(one.draw(forecast), pad_folder / one.name)
-                for one in figures_of("predict")
-            ]
+            figures += save_figures("predict", pad_folder, forecast)
         if forecast.averaged:
             watcher.notice(_averaging_words(forecast))
         for warning in forecast.warnings:

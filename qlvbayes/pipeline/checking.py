@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes import plots
 from qlvbayes.fitting.pad_check import CheckedPad, check_pad, curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.plots.catalogue import figures_of
+from qlvbayes.plots.catalogue import save_figures
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,7 @@ def check_into(
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
         checked.check.write(folder / "check.json")
         curves(checked).write(folder / "curves.json")
-        for figure in figures_of("check"):
-            plots.save_figure(figure.draw(checked), folder / figure.name)
+        save_figures("check", folder, checked)
     for text in checked.check.notices:
         watcher.notice(text)
     watcher.checked(checked.check)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes import plots
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
@@ -17,7 +16,7 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.plots.catalogue import figures_of
+from qlvbayes.plots.catalogue import pictures_of, save_figures
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
@@ -52,8 +51,8 @@ class DiagnoseStep:
         for text in result.notices:
             watcher.notice(text)
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
-        figures = [folder / f"{figure.name}.png" for figure in figures_of("diagnose")]
-        watcher.diagnosed(result, words, [path for path in figures if path.exists()])
+        figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
+        watcher.diagnosed(result, words, figures)
 
 
 def diagnose_into(
@@ -99,10 +98,7 @@ def diagnose_into(
         diagnosis.result.write(folder / "diagnosis.json")
         drawn_hypotheses(diagnosis, choices, seed=seed).write(folder / HYPOTHESES)
         write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
-        figures = [
-            plots.save_figure(figure.draw(diagnosis), folder / figure.name)
-            for figure in figures_of("diagnose")
-        ]
+        figures = save_figures("diagnose", folder, diagnosis)
     for text in diagnosis.result.notices:
         watcher.notice(text)
     watcher.diagnosed(diagnosis.result, diagnosis.paragraphs(), figures)

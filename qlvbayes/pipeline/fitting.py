@@ -8,7 +8,6 @@ from typing import ClassVar
 
 from msgspec.structs import replace
 
-from qlvbayes import plots
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
@@ -23,7 +22,7 @@ from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.pulling import pull_notices
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.plots.catalogue import figures_of
+from qlvbayes.plots.catalogue import save_figures
 
 
 @dataclass(frozen=True)
@@ -88,13 +87,13 @@ def fit_into(
             use=choices.use,
             leave_out=choices.leave_out,
         )
-    choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
+    used = choices if method in SAMPLERS else independent_noise(choices, method)
+    used.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)
     pulls = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
     notices = (*experiment.notices, *pulls)
     for text in notices:
         watcher.notice(text)
-    used = choices if method in SAMPLERS else independent_noise(choices, method)
     watcher.starting(_starting_lines(experiment, used, sampled=method in SAMPLERS))
     chain = folder / "chain"
     with watcher.sampling(f"pad {pad.name}: {method}") as progress:
@@ -119,8 +118,7 @@ def fit_into(
         if (relaxed := relaxation_report(experiment)) is not None:
             relaxed.write(folder / "relaxation.json")
             write_whole(folder / "relaxation.txt", relaxed.text().encode())
-        for figure in figures_of("fit"):
-            plots.save_figure(figure.draw(fit, experiment), folder / figure.name)
+        save_figures("fit", folder, fit, experiment)
     remove_chain(chain)
     watcher.fitted(summary)
     return summary

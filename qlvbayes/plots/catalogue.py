@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
@@ -150,3 +151,19 @@ FIGURES = (
 def figures_of(command: str) -> tuple[Figure, ...]:
     """Return the figures that a command leaves in the folder of each pad."""
     return tuple(one for one in FIGURES if one.command == command and one.takes is not None)
+
+
+def pictures_of(command: str, folder: Path) -> list[Path]:
+    """Return the paths of the PNG files that a command leaves in the folder of a pad."""
+    return [folder / f"{one.name}.png" for one in figures_of(command)]
+
+
+def save_figures(command: str, folder: Path, *computed: Any) -> list[Path]:
+    """Draw and save what a command leaves in the folder of a pad; return the PNG files.
+
+    computed: what the command has computed of the pad.
+    """
+    # imported here, so that what only lists the figures does not wait for Matplotlib
+    from qlvbayes.plots.files import save_figure
+
+    return [save_figure(one.draw(*computed), folder / one.name) for one in figures_of(command)]

@@ -146,8 +146,7 @@ def _notices(
     if errors.missed > 0.0:
         notices.append(
             f"{plain(errors.missed, 2)} {units.force} that the model leaves count as an error "
-            f"of every "
-            "test"
+            "of every test"
         )
     if belief.recovery.time(series.tests[-1].design.duration) >= 3600.0:
         notices.append("the pad recovers more slowly than within an hour: pauses end before it has")

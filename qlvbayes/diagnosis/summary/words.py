@@ -428,8 +428,7 @@ def _bias(bias: ParameterBias, unit: str) -> str:
     constant = bias.amplitude.partition(".")[2]
     return (
         f"If {bias.effect} were there ({constant} = {plain(bias.size, 2)}{unit}), {changes}, "
-        f"and these "
-        "tests would not show it."
+        "and these tests would not show it."
     )
 
 

@@ -156,11 +156,9 @@ def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
         f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
-        f"the "
-        f"pad's {agreed.files} other files agree: this one begins beyond it, at "
+        f"the pad's {agreed.files} other files agree: this one begins beyond it, at "
         f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
-        f"force: "
-        f"{plain(one.signs.load * agreed.force)} {force}, theirs at rest"
+        f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
     return Zero(agreed.position, agreed.force, finding, agreed.sd)
 
@@ -170,8 +168,7 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
     offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
     off = (
         f"; taken off the force: {plain(contact.force)} +- {plain(contact.force_sd, 1)} {force} "
-        f"before "
-        "contact"
+        "before contact"
         if offset
         else ""
     )
@@ -181,8 +178,7 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
         off += (
             f"; doubt: the pad's {agreed.files} other files have it at "
             f"{one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}: was the stage "
-            f"or the pad "
-            "moved, or the zero set anew"
+            "or the pad moved, or the zero set anew"
         )
     if abs(contact.position) <= _AGREES * contact.sd:
         finding = (
@@ -193,8 +189,7 @@ def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed |
         return Zero(0.0, offset, finding, contact.sd, contact)
     finding = (
         f"contact at {one.written(contact.position)} +- {plain(contact.sd, 2)} {length} of the "
-        f"file, "
-        f"where the force begins to rise; that is the new zero{off}"
+        f"file, where the force begins to rise; that is the new zero{off}"
     )
     return Zero(contact.position, offset, finding, contact.sd, contact)
 

@@ -227,8 +227,7 @@ def _beyond(forecast: Forecast, side: Side) -> Iterator[str]:
         yield (
             f"it jumps at {program.jumps[0]:.4g} s, and the quickest ramp that was tested took "
             f"{plain(reach.quickest, 2)} s: the force just after the jump is the model's own; "
-            f"rows with "
-            "a rise time say how fast the platen is"
+            "rows with a rise time say how fast the platen is"
         )
     if depth > _NEAR * reach.depth:
         yield (
