@@ -119,6 +119,14 @@ def test_the_first_reading_of_a_record_that_begins_amid_a_hold():
     assert left_out(spoiled(held, "displacement", [0], 0.0)) == [0]
 
 
+@pytest.mark.parametrize("encoder", [0.001, 0.005, 0.02])
+@pytest.mark.parametrize("after", [0.12, 0.5, 1.5, 8.0])
+def test_a_lost_reading_does_not_end_a_dwell(encoder, after):
+    """The platen rests at 0.8 mm from 25.8 s on: its motion did not stick until that reading."""
+    lost = round((25.8 + after) / 0.01)
+    assert left_out(spoiled(pressed(encoder=encoder), "displacement", [lost], 0.0)) == [lost]
+
+
 def test_a_cell_that_was_not_zeroed_rests_out_of_contact():
     """Its lowest force repeats from where the platen has left the pad, at which there is none."""
     test = pressed()

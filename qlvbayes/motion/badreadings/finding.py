@@ -142,21 +142,16 @@ class _Doubts:
         for bad in proven:
             own.lost[bad.first : bad.stop] = True
         read = own if self.all_used else own.at(self.used)
-        proven += self._among_all(
+        forces = [
             Bad(*run, "force", _kind(read.force[slice(*run)]))
             for run in self.runs["force"]
             if read.force_contradicted(run)
-        )
-        proven += stuck_displacement(own)
-        proven += self._among_all([*stuck_force(read), *clipped_force(read)])
+        ]
+        proven += _among_all(forces, self.used)
+        present = np.flatnonzero(~own.lost)  # a lost reading is no jump that ends a dwell
+        proven += _among_all(stuck_displacement(own.at(present)), present)
+        proven += _among_all([*stuck_force(read), *clipped_force(read)], self.used)
         return [self._located(bad) for bad in _separate(proven)]
-
-    def _among_all(self, runs: Iterable[Bad]) -> Iterator[Bad]:
-        """Yield runs of the readings whose force is used as runs of all readings."""
-        for bad in runs:
-            indices = self.used[bad.first : bad.stop]
-            for part in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
-                yield replace(bad, first=int(part[0]), stop=int(part[-1]) + 1)
 
     def _rows(self, own: Channels) -> list[Bad]:
         """Return rows in which both channels are outlying and that the platen could not reach."""
@@ -176,6 +171,14 @@ class _Doubts:
     def _located(self, bad: Bad) -> Bad:
         ticking = self.ticking
         return replace(bad, first=int(ticking[bad.first]), stop=int(ticking[bad.stop - 1]) + 1)
+
+
+def _among_all(runs: Iterable[Bad], some: NDArray[np.intp]) -> Iterator[Bad]:
+    """Yield runs of some of the readings (k,), in order, as runs of all readings."""
+    for bad in runs:
+        indices = some[bad.first : bad.stop]
+        for part in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
+            yield replace(bad, first=int(part[0]), stop=int(part[-1]) + 1)
 
 
 def _nearest(some: NDArray[np.intp], size: int) -> NDArray[np.intp]:
