@@ -23,11 +23,9 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import Stage
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 FEATURES = ("evidence", "heldout_gain", "error_left", "structure_left")
 """Names of the features, in the order of the weights."""

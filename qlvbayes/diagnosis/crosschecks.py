@@ -23,7 +23,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from qlvbayes.diagnosis.candidate import Candidate
@@ -37,8 +36,7 @@ from qlvbayes.inference.forward.space import FEW, Space
 from qlvbayes.inference.modes import find_modes
 from qlvbayes.inference.projection import with_curve
 from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _OTHER_SEED = 1000  # added to the search's seed, for draws that it has not used before
 

@@ -23,14 +23,13 @@ from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
+from qlvbayes.io.arrays import Array
 
-Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
 
 _DRAWS = 256  # of log posteriors within their errors: 6 % of what these make of a probability

@@ -16,17 +16,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Locations
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.record import Blocks
-
-Array = NDArray[np.float64]
 
 BATCH = 100
 """Number of draws that are computed together."""

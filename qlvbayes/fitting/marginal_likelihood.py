@@ -28,7 +28,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.effects.contact_offset import ContactOffset
@@ -38,6 +37,7 @@ from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
 from qlvbayes.inference.evidence import second_moment
+from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.model import Model
@@ -46,8 +46,6 @@ from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.record import Blocks, Record
-
-Array = NDArray[np.float64]
 
 _SCALES = 5  # draws of the floor: its median and 1.3 sds either way
 _PRIOR = replace(UNDECIDED, sizes=2 * UNDECIDED.sizes - 1)  # in steps of a fifth

@@ -32,10 +32,9 @@ from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.io.arrays import Array
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural
-
-Array = NDArray[np.float64]
 
 _COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
 _LARGEST_FORCE = 1e6  # times the peak force: beyond it squares overflow and nothing fits

@@ -20,14 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, softmax
 
 from qlvbayes.inference.density import Density, Point, Terms, positive_part
 from qlvbayes.inference.modes import bounded_step, predicted_decrease
-
-Array = NDArray[np.float64]
-
+from qlvbayes.io.arrays import Array
 
 _FAR = 2.0  # predicted gain of log density above which a point counts as far from a mode
 _NEAR = 6.0  # natural lengths from a point up to which a normal may represent the density

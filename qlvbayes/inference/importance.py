@@ -29,8 +29,7 @@ from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence
 from qlvbayes.inference.forward.hypothesis import Parameters
 from qlvbayes.inference.modes import Mode
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 CLOSE = 0.1
 """Standard error of a log evidence that is small enough: 10 % of a probability."""

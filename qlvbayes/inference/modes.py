@@ -9,13 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from qlvbayes.inference.density import Density, Point, Terms
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _STEPS = 60
 _MIN_GAIN = 0.02  # predicted rise of the log density of a step at which a search has converged

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.io.arrays import Array
 
-Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
 
 _CLOSE = 0.01  # of the curve's largest value: a deviation that weighs as much as one prior sd

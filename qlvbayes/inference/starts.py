@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
+from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
-
-Array = NDArray[np.float64]
 
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
 

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed, prints
 from qlvbayes.io.files import folder_fault, same_folder
@@ -29,8 +30,6 @@ from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import listed
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Role = Literal["fit", "validate"]
 
 

@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import plain
-
-Array = NDArray[np.float64]
 
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 _RESOLUTIONS = 2.0  # as far from its readings as a motion may be, but for their scatter

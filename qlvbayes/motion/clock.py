@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _ALIKE = 0.4  # of their mean: neighbouring intervals that differ by more are not meant to be equal
 _CLIPPED = 5.0  # times the median: larger changes are gaps

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control, Prescribed, Test
 from qlvbayes.motion.segments import sensor_noise
 from qlvbayes.motion.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 # They are no settings: what was prescribed is a fact of the record, and a column says it otherwise.
 HELD = 0.05  # of the largest force, by which a held force may be read to either side of its level

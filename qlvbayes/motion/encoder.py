@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
 _DIGITS = 1e-6  # of the range: a record of seven digits has no finer differences

@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, dia_array
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.splines import Joints, Stretch
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
-
-Array = NDArray[np.float64]
 
 _MOST_TIMES = 3000  # of a stretch at which errors are computed
 _CHUNK, _MARGIN = 60, 20  # coefficients inverted at once, and those on either side of them

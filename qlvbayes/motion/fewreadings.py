@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.splines import Joints, Pieces, Window
-
-Array = NDArray[np.float64]
 
 _SHARES = (0.5, *np.geomspace(0.48, 1e-3, 24))  # r, from a triangle to hardly more than a line
 _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion

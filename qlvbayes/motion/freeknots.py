@@ -12,10 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
 from qlvbayes.motion.splines import Flags, Joints, Pieces, Window, fit
-
-Array = NDArray[np.float64]
 
 DEGREE = 2
 _FEW = 10  # knots that are moved one by one;

@@ -24,12 +24,11 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.clock import last_decimal
 from qlvbayes.motion.errors import derivative, repeated_knots
 from qlvbayes.motion.splines import Stretch
-
-Array = NDArray[np.float64]
 
 _ROUNDOFF = 1e-11
 _EXACT = 1e-6  # of the range: no reading is better than that

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES
@@ -23,8 +23,6 @@ from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.badreadings import Bad, BadReadings, runs_of
 from qlvbayes.motion.cutting import OfTest, SpanOfTest
 from qlvbayes.motion.phases import KINDS, NAMES, Phase, phase_index
-
-Mask = NDArray[np.bool_]
 
 _KINDS = {**{kind: kind for kind in KINDS}, **{name: kind for kind, name in NAMES.items()}}
 _PHASE = re.compile(rf"(?P<test>.+):\s*(?P<kind>{'|'.join(_KINDS)})(?:\s+(?P<number>\d+))?")

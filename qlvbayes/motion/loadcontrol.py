@@ -21,13 +21,12 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control, Prescribed, Test
 from qlvbayes.motion.control import HELD, slack, stretches
 from qlvbayes.motion.phases import Phase, find_phases, phase_index
 from qlvbayes.motion.stiffness import largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _FEWEST = 3  # readings in a phase that a change of control cuts
 _ON_A_CURVE = 10  # readings of a ramp that show how the slope grows

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Control
 from qlvbayes.motion.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Move = tuple[int, int, int]  # first and last of the times, and the sign
 Kind = Literal["ramp", "hold", "unload", "recovery"]
 NAMES: dict[str, str] = {  # of kinds, for readers

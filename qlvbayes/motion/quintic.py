@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
 from qlvbayes.motion.fewreadings import changes
 from qlvbayes.motion.splines import FittedSpline, Joints, Stretch, Window
 from qlvbayes.motion.splines import fit as fitted_spline
-
-Array = NDArray[np.float64]
 
 DEGREE = 5
 _FEWEST = 2  # samples in a span that may not be halved further

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
-
-Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import solveh_banded
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
+
 Flags = NDArray[np.bool_]
 Basis = tuple[NDArray[np.intp], Array]
 

@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.fewreadings import changes, corners, monotone, strays_between
 from qlvbayes.motion.freeknots import FEWEST_PER_PIECE
 from qlvbayes.motion.splines import Joints, Pieces, Stretch, Window
-
-Array = NDArray[np.float64]
 
 _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
 _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola

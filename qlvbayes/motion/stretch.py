@@ -8,8 +8,8 @@ sine a few spans of a quintic spline.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.fewreadings import trapezoid
 from qlvbayes.motion.freeknots import (
@@ -24,8 +24,6 @@ from qlvbayes.motion.quintic import smooth
 from qlvbayes.motion.segments import DwellSpan
 from qlvbayes.motion.splines import Joints, Stretch, Window
 from qlvbayes.motion.straying import lines, patched, strays, through
-
-Array = NDArray[np.float64]
 
 FEWEST_OF_A_MOVE = 15
 """Readings of speeding up, cruising and slowing down, five each: fewer show no acceleration."""

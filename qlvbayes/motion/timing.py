@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _EXACT = 1e-3
 """Of a sampling interval: no kink is known better, whatever the record says."""

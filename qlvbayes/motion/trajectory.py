@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.bounds import Departure, Tolerance, departure_of
 from qlvbayes.motion.clock import clock_error
@@ -25,8 +26,6 @@ from qlvbayes.motion.segments import (
 )
 from qlvbayes.motion.splines import Stretch
 from qlvbayes.motion.stretch import fitted
-
-Array = NDArray[np.float64]
 
 _SPEED_KNOWN = 0.05  # of the top speed: largest median error of a known velocity,
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration

@@ -5,16 +5,15 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from qlvbayes.comparison.side import Source, side_of
 from qlvbayes.effects.channel_lag import LINES, ChannelLag
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.dual import check_inverse, check_steps
 from qlvbayes.model.model import Model
 from qlvbayes.model.stepping import State, begin, step, step_to_force
-
-Floats = NDArray[np.float64]
 
 _begun = jax.jit(jax.vmap(begin))
 _forward = jax.jit(jax.vmap(step, in_axes=(0, 0, 0, None)))

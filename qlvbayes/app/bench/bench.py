@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.app.bench.limits import cell_limits
 from qlvbayes.app.bench.model import (
@@ -30,11 +29,10 @@ from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.starts import amplitude_of, transferred
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
 _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken

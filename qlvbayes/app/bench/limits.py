@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.fitting.residuals import FALSE_ALARMS
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.phases import KINDS
-
-Array = NDArray[np.float64]
 
 _LEAST_SKEW = 1e-3  # skewness of a mean square below which it is taken for normal
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
 from qlvbayes.inference.forward.space import Space, median
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.priors.joint import Dirichlet, Ordered
 from qlvbayes.priors.natural import Natural
-
-Array = NDArray[np.float64]
 
 NOISE = "noise."  # prefix of the noise floor's constants, which are measured and not moved
 _LEAST = 1e-9  # smallest share, and relative distance of two rates, whose logarithms are finite

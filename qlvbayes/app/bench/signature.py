@@ -14,13 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _ROUNDS = 3  # times that the size is inserted into the force
 _LEAST = 1e-6  # smallest size over the prior's sd, which stands for zero

@@ -25,7 +25,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.samples import Samples
@@ -34,8 +33,7 @@ from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.features import Locations
 from qlvbayes.inference.starts import transferred
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 
 def varies(search: Search, samples: Samples, candidate: Candidate, effect: str) -> bool:

@@ -18,16 +18,14 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Decisive
 from qlvbayes.inference.density import Density
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import phase_index
-
-Array = NDArray[np.float64]
 
 _HALF = 0.5  # of the difference of the log likelihoods
 

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.candidate import Candidate
@@ -24,8 +23,7 @@ from qlvbayes.diagnosis.checks.samples import Mask, Samples, rmse
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 
 class HeldOutPart(NamedTuple):

@@ -38,12 +38,11 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import loaded_once
 from qlvbayes.motion.firstlook.shown import OF_UNLOADING
-
-Array = NDArray[np.float64]
 
 LEAST = 0.02
 """Probability (odds of 50 to 1) below which something is not reported."""

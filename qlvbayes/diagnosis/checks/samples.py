@@ -12,12 +12,10 @@ from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.prediction import representative_rows, single_samples
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.io.arrays import Array, Mask
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.record import Record, batch
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

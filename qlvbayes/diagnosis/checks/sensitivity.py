@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import ParameterBias, Unseen
@@ -15,8 +14,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Parameters
 from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 SEEN = 10.0
 """Expected 2 ln(Bayes factor) from which an effect counts as visible."""

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import RecoveryTime
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.record import Record
 
-Array = NDArray[np.float64]
 Forces = Callable[[Array, Record], Array]
 
 STEP = 0.02

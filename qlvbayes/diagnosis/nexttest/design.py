@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.phases import Kind
 from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 DIMENSIONS = 8
 """How many numbers between 0 and 1 determine a design."""

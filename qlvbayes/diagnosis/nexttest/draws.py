@@ -7,17 +7,15 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 from jaxtyping import Array as JaxArray
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.forward.hypothesis import filled_up
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.motion.record import Record
-
-Array = NDArray[np.float64]
 
 _CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
 _TOGETHER = 4  # draws that are run at once; their number is filled up to a multiple

@@ -16,10 +16,9 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.features import covariance as smooth_covariance
 from qlvbayes.inference.errors.whitening import covariance as floor_covariance
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.record import Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

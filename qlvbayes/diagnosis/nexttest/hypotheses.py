@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.record import Record
-
-Array = NDArray[np.float64]
 
 _DRAWS = 384  # of each round of importance sampling
 _ROUNDS = 3  # each draws from a normal with the moments of the round before

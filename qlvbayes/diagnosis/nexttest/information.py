@@ -31,7 +31,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _LN2 = float(np.log(2.0))
 

@@ -9,16 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array as JaxArray
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.errors.features import UNDECIDED, Locations
+from qlvbayes.io.arrays import Array
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.phases import KINDS, MOVING
 from qlvbayes.motion.record import Blocks, Record, extended, held
-
-Array = NDArray[np.float64]
 
 BLOCKS = 128
 """Block means of a test."""

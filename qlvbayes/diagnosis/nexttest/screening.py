@@ -15,9 +15,8 @@ from qlvbayes.diagnosis.nexttest.errors import ReadingErrors, Whitening
 from qlvbayes.diagnosis.nexttest.information import Products
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.record import Record
-
-Array = NDArray[np.float64]
 
 TOGETHER = 64
 """Designs that are run at once, so that one compiled shape serves any number of them."""

@@ -14,10 +14,9 @@ from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError
-
-Array = NDArray[np.float64]
 
 SCREENED = 1024
 """Number of designs that are drawn."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import SET_POINTS
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.units import UnitSystem, column_name
-
-Array = NDArray[np.float64]
 
 PAUSE = "pause"
 """Entry of the column ``test`` while the pad recovers."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Trial
-
-Array = NDArray[np.float64]
 
 _BAND = (0.05, 0.95)
 _NOISES = ndtri((np.arange(20) + 0.5) / 20.0)  # noise in sds, added to each draw at even quantiles

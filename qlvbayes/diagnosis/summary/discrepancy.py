@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.inference.errors.features import Features, Locations
-
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from msgspec import structs
-from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.certainty import LEAST as LEAST_PROBABLE
@@ -42,13 +40,12 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
-
-Array = NDArray[np.float64]
 
 
 def summarize(

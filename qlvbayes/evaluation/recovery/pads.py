@@ -11,7 +11,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.evaluation.recovery.bench import bench
 from qlvbayes.fitting import compiled
@@ -28,12 +27,11 @@ from qlvbayes.inference.importance import (
     mixture_about,
 )
 from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
 from qlvbayes.model.posterior import draw_priors, is_prior
 from qlvbayes.motion.noisefloor import NoiseFloor
-
-Array = NDArray[np.float64]
 
 _ACROSS = (0.125, 0.375, 0.625, 0.875)  # quantiles of a constant's prior draws
 _BETWEEN = 0.5  # of their sd: about half of what lies between two of these

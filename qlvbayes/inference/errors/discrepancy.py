@@ -25,17 +25,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Features, Locations
 from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Blocks
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

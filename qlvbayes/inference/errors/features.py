@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.record import Blocks
-
-Array = NDArray[np.float64]
 
 _MAX_FEATURES = 160
 _LEFT_OUT = 1e-3  # share of the largest variance that features may leave out anywhere

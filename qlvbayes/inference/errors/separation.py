@@ -38,9 +38,8 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _SMALLEST = 1e-8
 """Singular values of the scaled Jacobian below this share of the largest are rounding."""

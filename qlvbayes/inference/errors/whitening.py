@@ -22,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.noisefloor.averages import rate, regression, variance
 from qlvbayes.motion.record import Blocks
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-6  # smallest sd of a block mean over the largest force, for invertible covariances
 _SINGULAR = 1e-14  # eigenvalues below this share of the largest are rounding

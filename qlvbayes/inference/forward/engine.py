@@ -32,12 +32,12 @@ from qlvbayes.inference.forward.pieces import (
     plan_of,
     whole_of,
 )
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.runtime import cores
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.record import Record, with_zeros
 
-Array = NDArray[np.float64]
 Leaves = tuple[JaxArray, ...]
 Force = JaxArray | Array
 Path = tuple[Any, Any, Any]

@@ -17,9 +17,8 @@ from functools import lru_cache
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _A_DECADE = 3  # rates per decade: they leave 2e-5 of g(0), two would leave 5e-4
 _BEFORE = 10.0  # the densest rates begin at the shortest step over this, as ramps resolve it

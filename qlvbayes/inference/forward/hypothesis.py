@@ -13,12 +13,11 @@ from jax.tree_util import PyTreeDef
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect
-
-Array = NDArray[np.float64]
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""

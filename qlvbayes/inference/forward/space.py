@@ -29,6 +29,7 @@ from qlvbayes.inference.forward.hypothesis import (
     Parameters,
     few_sizes,
 )
+from qlvbayes.io.arrays import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model.model import Model
@@ -37,8 +38,6 @@ from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural, natural
-
-Array = NDArray[np.float64]
 
 FEW = 4
 """Largest number of modes of a spectrum that is computed as it is, without fixed rates."""

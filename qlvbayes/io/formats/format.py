@@ -8,10 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from qlvbayes.io.arrays import Array as Floats
 
 HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from qlvbayes.io.arrays import Array as Floats
 
 _AROUND = 8  # steps on either side of a slip, from which the clock's step is taken
 _EVEN = 0.2  # deviation from the median step, over it, up to which a step counts as even

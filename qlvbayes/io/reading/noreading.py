@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from qlvbayes.io.arrays import Array as Floats
 
 LARGEST = 1e20
 """Largest number that is a reading of any channel, in any unit; beyond it is a code or an error."""

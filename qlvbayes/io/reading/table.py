@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.reading.badline import first_fault, parse_number
 from qlvbayes.io.reading.csvtext import blocks
 from qlvbayes.io.reading.dialect import Dialect, split_row
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _NEWLINE, _QUOTE = b'\n"'
 

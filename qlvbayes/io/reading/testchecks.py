@@ -9,14 +9,13 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.reading.clock import slipped
 from qlvbayes.io.reading.header import Columns
 from qlvbayes.io.reading.table import Table
 
 LEAST_SAMPLES = 10
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

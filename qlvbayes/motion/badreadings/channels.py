@@ -12,10 +12,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.badreadings.outliers import ChangeScale, Run, distance
 from qlvbayes.motion.badreadings.result import neighbours
-
-Array = NDArray[np.float64]
 
 _STIFFER = 5.0  # than the record's secant a specimen may be at its stiffest
 _LEAVES = 2.0  # the same, of what it loses with contact: all that it bore

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Test
 from qlvbayes.io.reading.clock import LARGEST_SHARE, slipped
@@ -21,8 +22,6 @@ from qlvbayes.motion.badreadings.outliers import (
 )
 from qlvbayes.motion.badreadings.result import Bad, BadReadings, Kind
 from qlvbayes.motion.badreadings.stuck import clipped_force, stuck_displacement, stuck_force
-
-Array = NDArray[np.float64]
 
 _FEWEST = 12  # readings of which anything can be said
 KEEP = "--keep-all-readings"

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.encoder import encoder_step
 
-Array = NDArray[np.float64]
 Run = tuple[int, int]
 
 LONGEST = 8  # readings in a row that differ among each other; zeros may be more

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.units import UnitSystem
 
-Array = NDArray[np.float64]
 Channel = Literal["time", "displacement", "force", "both"]
 Kind = Literal["lost", "spike", "stuck", "clipped", "clock", "excluded"]
 

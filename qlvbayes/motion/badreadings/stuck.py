@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.badreadings.channels import Channels
 from qlvbayes.motion.badreadings.outliers import Run, equal_runs
 from qlvbayes.motion.badreadings.result import Bad
-
-Array = NDArray[np.float64]
 
 _AROUND = 60  # readings on either side that say how often a value repeats by chance
 _FEWEST = 4  # readings in a row that repeat a value

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from qlvbayes.io.arrays import Array
 
 _NONE = 1e-9  # of tau: readings nearer are one, to first order in their distance
 

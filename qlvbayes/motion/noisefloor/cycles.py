@@ -13,13 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.dwells import Dwell, MeasuredTest, dwell_of, pressed
 from qlvbayes.motion.phases import MOVING, Phase
-
-Array = NDArray[np.float64]
 
 _FEWEST_CYCLES = 4  # the first is left out, and three values tell two ways of settling from noise
 _LATE = 0.1  # of a stroke: where one turns further off its time the cycles are not equal

@@ -14,9 +14,8 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.phases import Phase
-
-Array = NDArray[np.float64]
 
 _MOST = 12
 _BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a dwell

@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import isotonic_regression
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Test
 from qlvbayes.motion.phases import Phase
-
-Array = NDArray[np.float64]
 
 _WINDOW = 20
 """Readings: a sd from their median is known to a quarter."""

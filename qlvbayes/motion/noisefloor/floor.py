@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.posterior import Dwells, NoiseConstants
-
-Array = NDArray[np.float64]
 
 _SPREAD = 40  # draws that tell the spread
 _KEPT = 0.95  # probability of the floors that are averaged

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.badreadings import outlying
 from qlvbayes.motion.encoder import encoder_step
@@ -25,8 +25,6 @@ from qlvbayes.motion.noisefloor.pool import Pool
 from qlvbayes.motion.noisefloor.posterior import Dwells, prior_log_tau
 from qlvbayes.motion.phases import MOVING, Phase
 from qlvbayes.motion.segments import sensor_noise
-
-Array = NDArray[np.float64]
 
 _TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
 _QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise

@@ -15,13 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, solve_triangular
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.averages import rate, variance
 from qlvbayes.motion.noisefloor.dwells import Dwell, run_scale, trend
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.pool import Pool
-
-Array = NDArray[np.float64]
 
 _POINTS = 32  # of the importance sample over (log ratio, log tau), about the mode
 _PRIOR_POINTS = 64  # the same, from the prior

@@ -7,9 +7,8 @@ in N, arrays of one shape. None of them pulls.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from qlvbayes.io.arrays import Array as Floats
 
 LEAST_IMPEDANCE = 1e-4
 """MuJoCo's own bound on the impedance (mjMINIMP)."""

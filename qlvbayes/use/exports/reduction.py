@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from qlvbayes.fitting.prediction import representative_rows, single_samples
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.io.units import unit_system
@@ -31,7 +32,6 @@ SI = unit_system("m", "N")
 _RATES = 5  # loading rates, evenly in their logarithm from the slowest tested to the fastest
 _RAMP = 100  # times in a ramp, and as many in a hold
 
-Floats = NDArray[np.float64]
 Law = Callable[..., Floats]
 """Force (N) of depth (m), speed (m/s) and the law's constants."""
 
