@@ -56,7 +56,7 @@ def diagnose(
         ``nested`` also samples the baseline model and the two best hypotheses by nested sampling,
         which takes a minute or two each.
     seed
-        Seed of nested sampling.
+        Seed of the draws from which the search starts, and of nested sampling.
     report
         Is called with a line of text before each step that takes a while.
     watch
@@ -79,7 +79,7 @@ def diagnose(
             if progress := SearchProgress.from_search(search, text):
                 watch(progress)
 
-        search.report = report_and_watch
+        search.report, search.seed = report_and_watch, seed
         with suppress(StopSearch):
             run_search(search)
         summary = summarize(experiment, search, kinds, choices.bonded, report)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.search import Report, Search
+from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Protocol
@@ -62,7 +62,6 @@ def build_search(
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
     settings: DiagnosisSettings | None = None,
-    report: Report = lambda text: None,
 ) -> Search:
     """Return a search that has not begun yet, over all laws and effects that the tests can show.
 
@@ -77,8 +76,6 @@ def build_search(
         of a velocity or an acceleration that the records do not give is left out.
     settings
         Prior probabilities, thresholds and the breadth of the search.
-    report
-        Is called with a line of text before each step that takes a while.
 
     Raises
     ------
@@ -107,7 +104,7 @@ def build_search(
     baseline = Hypothesis(choices.law, choices.relaxing, own)
     families = Families.from_kinds(type(effect) for effect in space.effects.values())
     density = Density(space, discrepancy.whitener, discrepancy)
-    return Search(density, settings, baseline, families, report)
+    return Search(density, settings, baseline, families)
 
 
 def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:

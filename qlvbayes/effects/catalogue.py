@@ -41,7 +41,7 @@ from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
 from qlvbayes.effects.thixotropy import Thixotropy
 from qlvbayes.effects.viscous_drag import ViscousDrag
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.usermodule import check_own, own_classes
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
@@ -112,11 +112,8 @@ def by_family(
 
 def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[AbstractEffect]:
     """Return the effect of that name; an InputError lists the known ones otherwise."""
-    for kind in kinds:
-        if kind.name == name:
-            return kind
-    known = ", ".join(names(kinds))
-    raise InputError(f"no effect {name!r}", remedy=f"use one of {known}")
+    check_known("effect", name, names(kinds))
+    return next(kind for kind in kinds if kind.name == name)
 
 
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
@@ -144,8 +141,5 @@ def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
         raise InputError(
             "defines no effect", file=path, remedy="write a class that extends AbstractEffect"
         )
-    taken = {name: f"an effect called {name} comes with the package" for name in names(EVERY)}
-    for kind in kinds:
-        check_own(path, kind, AbstractEffect, "effect", taken)
-        taken[kind.name] = f"an effect called {kind.name} is in this file already"
+    check_own(path, kinds, AbstractEffect, "effect", names(EVERY))
     return kinds

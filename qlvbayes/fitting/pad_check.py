@@ -16,7 +16,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
-from qlvbayes.motion.experiment import Experiment, Trial, prepare
+from qlvbayes.motion.experiment import Experiment, Trial
 
 _DIGITS = 5  # significant digits
 
@@ -60,13 +60,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
             f"the posterior of pad {saved.pad} has no noise",
             remedy="give draws of noise.white, or also of noise.ou and noise.tau",
         )
-    experiment = prepare(
-        pad,
-        all_tests=saved.all_tests,
-        keep_all_readings=saved.choices.keep_all_readings,
-        use=saved.choices.use,
-        leave_out=saved.choices.leave_out,
-    )
+    experiment = saved.choices.prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     scales = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: scales[name] * draws for name, draws in constants.items()}

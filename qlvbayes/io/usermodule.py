@@ -6,7 +6,7 @@ import importlib.util
 import inspect
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -41,12 +41,21 @@ def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind],
 
 
 def check_own(
+    path: Path, kinds: Iterable[type[Any]], base: type[Any], word: str, known: Iterable[str]
+) -> None:
+    """Raise InputError where one of a file's classes lacks a part of ``base``, or its name is used.
+
+    ``word`` is what the classes are; ``known`` are the names of those that come with the package.
+    """
+    taken = dict.fromkeys(known, "comes with the package")
+    for kind in kinds:
+        _check_one(path, kind, base, word, taken)
+        taken[kind.name] = "is in this file already"
+
+
+def _check_one(
     path: Path, kind: type[Any], base: type[Any], word: str, taken: Mapping[str, str]
 ) -> None:
-    """Raise InputError where a class lacks a part of ``base``, or its name is taken.
-
-    ``word`` is what the class is; ``taken`` maps each name in use to the message about it.
-    """
     line = inspect.getsourcelines(kind)[1]
     missing = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
     missing += [name for name in base.__annotations__ if not hasattr(kind, name)]
@@ -58,7 +67,12 @@ def check_own(
             remedy="define them in the class",
         )
     if kind.name in taken:
-        raise InputError(taken[kind.name], file=path, line=line, remedy="choose another name")
+        raise InputError(
+            f"the {word} {kind.name} {taken[kind.name]}",
+            file=path,
+            line=line,
+            remedy="choose another name",
+        )
 
 
 @lru_cache(maxsize=16)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from qlvbayes.io.catalogue import ELASTIC, RELAXATION, loaded
 from qlvbayes.io.checks import InputError, check_known
@@ -87,15 +87,6 @@ def own_laws(path: str | Path) -> Laws:
             file=path,
             remedy="write a class that extends AbstractElastic or AbstractRelaxation",
         )
-    _free_names(elastic, AbstractElastic, names(LAWS.elastic), path)
-    _free_names(relaxation, AbstractRelaxation, names(LAWS.relaxation), path)
+    check_own(path, elastic, AbstractElastic, "law", names(LAWS.elastic))
+    check_own(path, relaxation, AbstractRelaxation, "law", names(LAWS.relaxation))
     return Laws(elastic, relaxation)
-
-
-def _free_names(
-    kinds: Sequence[type[Any]], base: type[Any], known: Sequence[str], path: Path
-) -> None:
-    taken = {name: f"a law called {name} comes with the package" for name in known}
-    for kind in kinds:
-        check_own(path, kind, base, "law", taken)
-        taken[kind.name] = f"a law called {kind.name} is in this file already"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find, own_effects
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.data import Pad
 from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation, own_laws
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
@@ -18,6 +19,7 @@ from qlvbayes.model.noise import NOISES, AbstractNoise, Floor
 from qlvbayes.model.overrides import in_words, override, parse
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.posterior import is_prior
+from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.priors import AbstractPrior
 
 Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
@@ -146,6 +148,29 @@ class Choices:
         if isinstance(noise, Floor):
             _check_floor(noise)
         return override(model, of_model), noise
+
+    def prepare(self, pad: Pad, *, all_tests: bool = False) -> Experiment:
+        """Return the prepared tests of a pad: of the readings that these choices say are used.
+
+        Parameters
+        ----------
+        pad
+            The pad with its measured tests.
+        all_tests
+            Whether every test is fitted, whatever its role.
+
+        Raises
+        ------
+        InputError
+            More than 2 % of a test's readings are bad, or too few are left.
+        """
+        return prepare(
+            pad,
+            all_tests=all_tests,
+            keep_all_readings=self.keep_all_readings,
+            use=self.use,
+            leave_out=self.leave_out,
+        )
 
     def _added(self) -> list[type[AbstractEffect]]:
         """Return the effects in the model; raise InputError where two are of one family."""

@@ -14,7 +14,6 @@ from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.motion.covered import covered
-from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
@@ -42,13 +41,7 @@ def _with_coverage(saved: Saved, data: Path | None, studies: dict[Path, Measurem
     if source not in studies:
         studies[source] = read_measurements(source)
     pad = studies[source].pad(saved.pad)
-    chosen = saved.choices
-    experiment = prepare(
-        pad,
-        keep_all_readings=chosen.keep_all_readings,
-        use=chosen.use,
-        leave_out=chosen.leave_out,
-    )
+    experiment = saved.choices.prepare(pad)
     return replace(saved, covered=covered(experiment), fluid=saved.fluid or pad.fluid)
 
 

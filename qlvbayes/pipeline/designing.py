@@ -32,12 +32,11 @@ from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, RunLog
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Pad, read_measurements
+from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.pipeline.watcher import Watcher
 
@@ -240,17 +239,8 @@ def knowledge_from_fit(saved: Saved, data: Path | None = None) -> Knowledge:
         raise InputError(
             "not the measurements that were fitted", file=source, remedy="run qlvbayes fit again"
         )
-    experiment = _prepared(study.pad(saved.pad), saved.choices)
+    experiment = saved.choices.prepare(study.pad(saved.pad))
     return replace(knowledge, rig=Rig.from_tests(experiment), clock=experiment.scales.clock)
-
-
-def _prepared(pad: Pad, choices: Choices) -> Experiment:
-    return prepare(
-        pad,
-        keep_all_readings=choices.keep_all_readings,
-        use=choices.use,
-        leave_out=choices.leave_out,
-    )
 
 
 def _floor_of(draws: dict[str, np.ndarray], pad: str) -> NoiseFloor:
@@ -286,7 +276,7 @@ def _knowledge_from_diagnosis(
             remedy="run qlvbayes diagnose again",
         )
     choices = Choices.from_dict(run.choices)
-    experiment = as_chosen(_prepared(study.pad(result.pad), choices), choices)
+    experiment = as_chosen(choices.prepare(study.pad(result.pad)), choices)
     search = build_search(
         experiment, choices, kinds=choices.candidates, settings=_thresholds(result)
     )

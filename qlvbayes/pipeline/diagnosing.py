@@ -14,7 +14,6 @@ from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.catalogue import pictures_of, save_figures
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
@@ -73,12 +72,7 @@ def diagnose_into(
     """
     with watcher.doing(f"pad {pad.name}") as report:
         report("motion, phases and noise floor")
-        experiment = prepare(
-            pad,
-            keep_all_readings=choices.keep_all_readings,
-            use=choices.use,
-            leave_out=choices.leave_out,
-        )
+        experiment = choices.prepare(pad)
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         diagnosis = diagnose(

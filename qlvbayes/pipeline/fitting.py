@@ -19,7 +19,7 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
-from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.catalogue import save_figures
@@ -80,13 +80,7 @@ def fit_into(
     or nothing can be written.
     """
     with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
-        experiment = prepare(
-            pad,
-            all_tests=all_tests,
-            keep_all_readings=choices.keep_all_readings,
-            use=choices.use,
-            leave_out=choices.leave_out,
-        )
+        experiment = choices.prepare(pad, all_tests=all_tests)
     used = choices if method in SAMPLERS else independent_noise(choices, method)
     used.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)

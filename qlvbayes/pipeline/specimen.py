@@ -170,13 +170,7 @@ class Specimen:
     def _ready(self, choices: Choices, *, all_tests: bool = False) -> Experiment:
         if not (all_tests or choices.keep_all_readings or choices.use or choices.leave_out):
             return self.experiment
-        return prepare(
-            self.pad,
-            all_tests=all_tests,
-            keep_all_readings=choices.keep_all_readings,
-            use=choices.use,
-            leave_out=choices.leave_out,
-        )
+        return choices.prepare(self.pad, all_tests=all_tests)
 
     def _or_default(self, choices: Choices | None) -> Choices:
         return choices or Choices(bonded=self.pad.units.bonded_default)

@@ -9,7 +9,6 @@ from .constants import (
     TABLE_1,
     Constants,
     draw_constants,
-    pads_of_table_1,
     specimens_of,
 )
 from .control import Press, hold_and_recover, press_and_pause, record_controlled
@@ -96,7 +95,6 @@ __all__ = [
     "full_retraction_protocol",
     "hold_and_recover",
     "join_programs",
-    "pads_of_table_1",
     "paper_protocol",
     "parse_effect",
     "prescribed",

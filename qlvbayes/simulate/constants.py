@@ -114,24 +114,6 @@ def _another(kind: Constants, rng: np.random.Generator) -> Constants:
     return Constants(float(m), float(b), tuple(c.tolist()), tuple(v.tolist()))
 
 
-def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
-    """Return the constants of the named pads, in the order given.
-
-    Raises
-    ------
-    InputError
-        The paper has no such pad.
-    """
-    pads = {}
-    for name in names:
-        if name not in TABLE_1:
-            raise InputError(
-                f"no pad '{name}' in Table 1", remedy=f"choose of {', '.join(TABLE_1)}"
-            )
-        pads[name] = TABLE_1[name]
-    return pads
-
-
 def draw_constants(rng: np.random.Generator) -> Constants:
     """Draw random two-mode constants around the paper's pads.
 

@@ -156,7 +156,7 @@ def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (('"tangent"', '"hertz"'), "a law called hertz comes with the package"),
+        (('"tangent"', '"hertz"'), "the law hertz comes with the package"),
         (("def stiffness", "def slope"), "the law Tangent lacks stiffness"),
         (('    reference: ClassVar[str] = "nobody"\n', ""), "the law Tangent lacks reference"),
         (("import jax.numpy", "import jax.nonsense"), "ModuleNotFoundError"),

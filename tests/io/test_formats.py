@@ -333,7 +333,7 @@ def test_a_format_of_one_s_own(tmp_path):
     with pytest.raises(FormatError, match=r"reading a.txt cut .* ends in ValueError"):
         check_format(kinds[-1], [data, data])
     own.write_text(OWN.replace('"bench"', '"wintest"'))
-    with pytest.raises(InputError, match="a format called wintest already"):
+    with pytest.raises(InputError, match="the format wintest comes with the package"):
         own_formats(own)
     own.write_text(OWN.replace('    reference: ClassVar[str] = "our notebook"\n', ""))
     with pytest.raises(InputError, match="Bench lacks reference"):

@@ -9,7 +9,6 @@ from qlvbayes.simulate import (
     TABLE_1,
     Constants,
     draw_constants,
-    pads_of_table_1,
     specimens_of,
 )
 
@@ -51,12 +50,6 @@ def test_random_pads_stay_in_the_ranges_around_the_paper():
 def test_impossible_constants_are_refused(m, b, c, v):
     with pytest.raises(InputError):
         Constants(m, b, c, v)
-
-
-def test_an_unknown_pad_is_named_with_the_known_ones():
-    assert list(pads_of_table_1(["C", "A"])) == ["C", "A"]
-    with pytest.raises(InputError, match=r"'D'.*A, B, C"):
-        pads_of_table_1(["A", "D"])
 
 
 def test_specimens_of_a_kind_are_alike_and_not_the_same():

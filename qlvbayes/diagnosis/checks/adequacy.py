@@ -75,8 +75,6 @@ class Adequacy:
     ----------
     cells
         Test of each cell.
-    joint_p_value
-        P-value of all cells' curves together, p_a.
     p_value
         P-value of the whole test, p.
     testable
@@ -84,7 +82,6 @@ class Adequacy:
     """
 
     cells: tuple[CellTest, ...]
-    joint_p_value: float
     p_value: float
     testable: bool = True
 
@@ -125,12 +122,12 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
     for one in floors:
         products = _products(one, blocks, vectors, peak)
         p_values.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
-    cell_ps = np.average([ps for ps, _, _ in p_values], axis=0, weights=weights)
-    joint, both = np.average([p[1:] for p in p_values], axis=0, weights=weights)
+    cell_ps = np.average([ps for ps, _ in p_values], axis=0, weights=weights)
+    whole = np.average([p for _, p in p_values], axis=0, weights=weights)
     tested = tuple(
         CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
-    return Adequacy(tested, float(joint), float(both), floor.testable)
+    return Adequacy(tested, float(whole), floor.testable)
 
 
 def combined(worst: float, cells: int, joint: float) -> float:
@@ -152,8 +149,8 @@ def combined(worst: float, cells: int, joint: float) -> float:
 
 def _p_values(
     products: np.ndarray, slopes: int, cells: list[list[int]]
-) -> tuple[np.ndarray, float, float]:
-    """Return the p-values of each cell, of all cells together, and of the whole test.
+) -> tuple[np.ndarray, float]:
+    """Return the p-values of each cell, and of the whole test.
 
     They follow from the products of the residual, the slopes and the curves.
     """
@@ -165,7 +162,7 @@ def _p_values(
     score, spread = left[:, 0], left[:, B]
     ps = np.array([_p_value(score[rows], spread[np.ix_(rows, rows)]) for rows in cells])
     joint = _p_value(score, spread)
-    return ps, joint, combined(float(ps.min()), ps.size, joint)
+    return ps, combined(float(ps.min()), ps.size, joint)
 
 
 def _by_test(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:

@@ -61,9 +61,5 @@ def own_formats(path: Path) -> tuple[type[AbstractFormat], ...]:
         raise InputError(
             "defines no format", file=path, remedy="write a class that extends AbstractFormat"
         )
-    message = "there is a format called {} already"
-    taken = {kind.name: message.format(kind.name) for kind in FORMATS}
-    for kind in kinds:
-        check_own(path, kind, AbstractFormat, "format", taken)
-        taken[kind.name] = message.format(kind.name)
+    check_own(path, kinds, AbstractFormat, "format", [kind.name for kind in FORMATS])
     return kinds

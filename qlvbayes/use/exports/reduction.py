@@ -23,7 +23,7 @@ from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
 from qlvbayes.motion.covered import Covered
-from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import MOVING
 from qlvbayes.motion.record import Record, batch
 from qlvbayes.use.exports.pad import ExportedPad
@@ -245,13 +245,7 @@ def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
             f"not the file that pad {pad.name} was fitted to", file=pad.data, remedy="fit it again"
         )
     choices = pad.choices
-    tests = prepare(
-        _pad_of(study, pad.name),
-        all_tests=pad.all_tests,
-        keep_all_readings=choices.keep_all_readings,
-        use=choices.use,
-        leave_out=choices.leave_out,
-    )
+    tests = choices.prepare(_pad_of(study, pad.name), all_tests=pad.all_tests)
     return replace(tests, rested=choices.rested), ""
 
 
