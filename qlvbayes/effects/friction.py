@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar, Self
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -18,10 +20,48 @@ from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 
 
-class Friction(AbstractEffect):
-    """Dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
+class AbstractFriction(AbstractEffect):
+    """Dry friction of Dahl: dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
 
-    Over the distance travelled this is one relaxing mode.
+    Over the distance travelled z is one relaxing mode.
+    """
+
+    strength: eqx.AbstractVar[Constant]  # first, as the order here is that of the fields
+    reach: eqx.AbstractVar[Constant]
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 4
+
+    @abstractmethod
+    def rubbed(self, force: Array, slid: Array) -> Array:
+        """Return a force (N) with the friction added where Dahl's z is ``slid``."""
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force with the friction added."""
+        displacement = motion.alone.displacement
+        travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
+        slid = hereditary_force(*self._sliding, travelled, displacement - displacement[0])
+        return self.rubbed(below.force(motion), slid)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of the law beneath, and that of friction before any sliding."""
+        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force with the friction added."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        travelled = jnp.abs(line.displacement - own.depth)
+        own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
+        return (inner, own), self.rubbed(force, slid)
+
+    @property
+    def _sliding(self) -> tuple[Linear, Prony]:
+        """The laws whose hereditary integral over the distance travelled is Dahl's z."""
+        return fading(1.0 / self.reach, 1.0 / self.reach)
+
+
+class Friction(AbstractFriction):
+    """Dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
 
     * ``strength``: force of steady sliding (N), zero or more.
     * ``reach``: distance over which it reverses (mm).
@@ -30,8 +70,6 @@ class Friction(AbstractEffect):
     strength: Constant
     reach: Constant
     name: ClassVar[str] = "friction"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 4
     units: ClassVar[dict[str, str]] = {"strength": "force", "reach": "displacement"}
     null: ClassVar[dict[str, float]] = {"strength": 0.0}
     law: ClassVar[str] = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
@@ -46,40 +84,6 @@ class Friction(AbstractEffect):
         """
         return cls(scales.positive(1.0), lognormal(0.03 * scales.depth, 2.0))
 
-    def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with the friction added."""
-        return below.force(motion) + self.strength * slide(motion, self.reach)
-
-    def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and that of friction before any sliding."""
-        return below.begin(displacement), unslid(displacement)
-
-    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the friction added."""
-        inner, own = state
-        inner, force = below.step(inner, line)
-        own, slid = slide_step(own, line, self.reach)
-        return (inner, own), force + self.strength * slid
-
-
-def slide(motion: Motion, reach: Array) -> Array:
-    """Return Dahl's z (N,): dz = (1 - z sgn v) dd / reach, z = 0 at first."""
-    displacement = motion.alone.displacement
-    travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
-    return hereditary_force(*_sliding(reach), travelled, displacement - displacement[0])
-
-
-def unslid(displacement: Array) -> Relaxing:
-    """Return the state of friction at a motion's first point."""
-    return Relaxing(displacement, jnp.zeros(1))
-
-
-def slide_step(own: Relaxing, line: Line, reach: Array) -> tuple[Relaxing, Array]:
-    """Return the state of friction and Dahl's z after a line."""
-    travelled = jnp.abs(line.displacement - own.depth)
-    return hereditary_step(*_sliding(reach), own, travelled, line.displacement)
-
-
-def _sliding(reach: Array) -> tuple[Linear, Prony]:
-    """Return the laws whose hereditary integral over the distance travelled is Dahl's z."""
-    return fading(1.0 / reach, 1.0 / reach)
+    def rubbed(self, force: Array, slid: Array) -> Array:
+        """Return F_below + strength z."""
+        return force + self.strength * slid

@@ -7,16 +7,13 @@ from typing import ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.friction import Friction, slide, slide_step, unslid
-from qlvbayes.laws.layered import Law, State
-from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.effects.friction import AbstractFriction, Friction
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
 
 
-class PressureFriction(AbstractEffect):
+class PressureFriction(AbstractFriction):
     """Friction that grows with the force: F = F_below + strength w z, z as in friction.
 
     w = 1 - share + share max(F_below, 0)/pressed. At share 1 this is Coulomb's friction with the
@@ -33,8 +30,6 @@ class PressureFriction(AbstractEffect):
     share: Constant
     pressed: Constant
     name: ClassVar[str] = "pressure_friction"
-    level: ClassVar[Level] = Friction.level
-    rank: ClassVar[int] = Friction.rank
     units: ClassVar[dict[str, str]] = {
         "strength": "force",
         "reach": "displacement",
@@ -61,21 +56,7 @@ class PressureFriction(AbstractEffect):
             scales.force,
         )
 
-    def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with the friction added."""
-        return self._with_friction(below.force(motion), slide(motion, self.reach))
-
-    def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and that of friction before any sliding."""
-        return below.begin(displacement), unslid(displacement)
-
-    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the friction added."""
-        inner, own = state
-        inner, force = below.step(inner, line)
-        own, slid = slide_step(own, line, self.reach)
-        return (inner, own), self._with_friction(force, slid)
-
-    def _with_friction(self, force: Array, slid: Array) -> Array:
+    def rubbed(self, force: Array, slid: Array) -> Array:
+        """Return F_below + strength w z."""
         grown = 1.0 + self.share * (jnp.maximum(force, 0.0) / self.pressed - 1.0)
         return force + self.strength * grown * slid

@@ -8,20 +8,12 @@ from typing import ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.frame_compliance import (
-    FrameCompliance,
-    balanced,
-    balanced_begin,
-    balanced_step,
-)
-from qlvbayes.laws.layered import Law, State
-from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.effects.frame_compliance import AbstractFrame, FrameCompliance
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 
 
-class StiffeningFrame(AbstractEffect):
+class StiffeningFrame(AbstractFrame):
     """Deflection of a stiffening frame: depth = displacement - compliance F/(1 + abs(F)/stiff).
 
     F is the force itself; it is solved as for a frame that does not stiffen.
@@ -33,11 +25,8 @@ class StiffeningFrame(AbstractEffect):
     compliance: Constant
     stiff: Constant
     name: ClassVar[str] = "stiffening_frame"
-    level: ClassVar[Level] = FrameCompliance.level
-    rank: ClassVar[int] = FrameCompliance.rank
     units: ClassVar[dict[str, str]] = {"compliance": "compliance", "stiff": "force"}
     null: ClassVar[dict[str, float]] = {"compliance": 0.0}
-    costly: ClassVar[bool] = True
     generalises: ClassVar[str] = FrameCompliance.name
     reduces: ClassVar[dict[str, float]] = {"stiff": math.inf}
     law: ClassVar[str] = "delta -> delta - compliance F/(1 + |F|/stiff)"
@@ -49,18 +38,7 @@ class StiffeningFrame(AbstractEffect):
         """Return the effect scaled like a frame half as soft at the peak force."""
         return cls(scales.positive(scales.force**2 / scales.depth), lognormal(scales.force, 3.0))
 
-    def force(self, below: Law, motion: Motion) -> Array:
-        """Return the solution of F = below(displacement - deflection)."""
-        return balanced(below, motion, self._deflection)
-
-    def begin(self, below: Law, displacement: Array) -> State:
-        """Return a state of the law beneath for each of Newton's steps."""
-        return balanced_begin(below, displacement, self._deflection)
-
-    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the states and the solution of F = below(displacement - deflection)."""
-        return balanced_step(below, state, line, self._deflection)
-
-    def _deflection(self, force: Array) -> tuple[Array, Array]:
+    def deflection(self, force: Array) -> tuple[Array, Array]:
+        """Return compliance F/(1 + abs(F)/stiff), and its slope."""
         softness = 1.0 / (1.0 + jnp.abs(force) / self.stiff)
         return self.compliance * softness * force, self.compliance * softness**2
