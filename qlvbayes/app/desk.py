@@ -14,7 +14,7 @@ from qlvbayes.app.calls import Calls
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
-from qlvbayes.app.sessions import HistoryState, OnBench, Session, Sessions, entry
+from qlvbayes.app.sessions import DATA, HistoryState, OnBench, Session, Sessions, entry
 from qlvbayes.io.files import bundled
 
 BUNDLED = {
@@ -22,7 +22,6 @@ BUNDLED = {
     "hidden": "a pad with something hidden in it",
 }
 _AT_FIRST = 2.0  # s in which the page requests all that it shows
-DATA = "data.csv"  # the measurements in a session's folder
 _CHANGES = ("add", "remove", "elastic", "relaxation")
 
 

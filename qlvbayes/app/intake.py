@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from qlvbayes.app import columns, specimens
-from qlvbayes.app.sessions import ASKED
+from qlvbayes.app.sessions import ASKED, BENCH, DATA
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import results_folder, write_whole
@@ -28,8 +28,6 @@ from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import column_name
 
-DATA = "data.csv"
-BENCH = "bench.json"
 _UNPACKED = 2**29  # most bytes of a saved session: half a GB of chains and figures
 _DAMAGED = (
     zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError,

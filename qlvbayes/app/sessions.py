@@ -16,7 +16,10 @@ from typing import Any
 from qlvbayes.app.failures import ErrorContent, refused
 from qlvbayes.io.files import write_json
 
+DATA = "data.csv"
+"""The measurements in a session's folder."""
 BENCH = "bench.json"
+"""The state of a bench, in a session's folder."""
 ASKED = ("sign", "contact", "units", "area")
 """Options of ``convert`` that a question asks for."""
 CONVERT_OPTIONS = frozenset({*ASKED, "pad"})

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import log
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from qlvbayes.simulate.disturbed import (
     with_lost_readings,
 )
 from qlvbayes.simulate.hidden import NearContact
-from qlvbayes.simulate.laws import Law, draw_law
+from qlvbayes.simulate.laws import Law, draw_law, log_uniform
 from qlvbayes.simulate.loadcell import LoadCell, draw_cell
 from qlvbayes.simulate.programmes import PadProgramme, session
 
@@ -165,7 +164,7 @@ def _hidden(
         settled=_DRAWING_SETTLED,
     )
     motions = list(plan.motions.values())
-    sizes = tuple(_spread(rng, *SIZES) for _ in item.names)
+    sizes = tuple(log_uniform(rng, *SIZES) for _ in item.names)
     own = law.v if len(law.v) <= 3 else ()
     effects = tuple(
         draw_effect_in(name, rng, pad, motions, size, own)
@@ -215,8 +214,3 @@ def _clock(duration: float, logger: str, label: str) -> np.ndarray:
     if logger == "uniform" and label.endswith(" Hz"):
         rate = _A_CYCLE * float(label.removesuffix(" Hz"))
     return np.arange(int(duration * rate + 1e-6) + 1) / rate
-
-
-def _spread(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a log-uniform number between two bounds."""
-    return float(np.exp(rng.uniform(log(low), log(high))))

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
@@ -177,7 +178,7 @@ def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
     return Cell(
         test=trial.name,
         role=trial.role,
-        rate=_finite(trial.rate),
+        rate=finite_or_none(trial.rate),
         phase=kind,
         n=int(selected.sum()),
         rmse=rmse,
@@ -206,11 +207,6 @@ def _cycles(prediction: Prediction) -> list[Cycle]:
 def _rmse(residual: np.ndarray) -> float:
     """Return the root mean square of residuals."""
     return float(np.sqrt(np.mean(residual**2)))
-
-
-def _finite(rate: float) -> float | None:
-    """Return a rate, or None where it is not finite."""
-    return float(rate) if np.isfinite(rate) else None
 
 
 def _p_value(rmse: float, prediction: Prediction, selected: np.ndarray) -> float:

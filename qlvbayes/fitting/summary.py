@@ -6,6 +6,7 @@ import numpy as np
 
 from qlvbayes.fitting.diagnostics import Diagnostics, highest_density
 from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
@@ -97,11 +98,6 @@ def constant_of(
         sd=float(values.std()) if varies else 0.0,
         median=float(np.median(values)),
         hdi90=highest_density(values),
-        r_hat=_or_none(diagnostics.r_hat[index]) if diagnostics else None,
-        ess_bulk=_or_none(diagnostics.ess_bulk[index]) if diagnostics else None,
+        r_hat=finite_or_none(diagnostics.r_hat[index]) if diagnostics else None,
+        ess_bulk=finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None,
     )
-
-
-def _or_none(value: float) -> float | None:
-    """Return a value, or None where it is not finite."""
-    return float(value) if np.isfinite(value) else None

@@ -308,11 +308,4 @@ def read_study(path: str | Path) -> Study:
     InputError
         The file cannot be used as it is; the error names line and remedy.
     """
-    measurements = read_measurements(path)
-    return Study(
-        measurements.pads,
-        measurements.units,
-        measurements.source,
-        measurements.sha256,
-        measurements.notices,
-    )
+    return Study(**vars(read_measurements(path)))

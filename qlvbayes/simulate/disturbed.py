@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .laws import log_uniform
 from .motion import Motion, Piece, Track, joined
 from .programmes import PadProgramme
 
@@ -60,8 +60,8 @@ class NoiseGain:
     def drawn(cls, rng: np.random.Generator) -> NoiseGain:
         """Draw noise that dies away from 4 to 30 times, or rises to 3 to 10 times at once."""
         if rng.random() < 0.5:
-            return cls(_spread(rng, 4.0, 30.0), _spread(rng, 0.02, 0.3), False)
-        return cls(_spread(rng, 3.0, 10.0), float(rng.uniform(0.2, 0.8)), True)
+            return cls(log_uniform(rng, 4.0, 30.0), log_uniform(rng, 0.02, 0.3), False)
+        return cls(log_uniform(rng, 3.0, 10.0), float(rng.uniform(0.2, 0.8)), True)
 
     def at(self, time: Array, duration: float) -> Array:
         """Return the factor (n,) at times (s) of a test of some duration (s)."""
@@ -77,7 +77,7 @@ def unequal_holds(plan: PadProgramme, rng: np.random.Generator) -> PadProgramme:
     motions: dict[str, Motion] = {}
     clock = 0.0
     for number, (name, motion) in enumerate(plan.motions.items()):
-        share = _spread(rng, _SHORTEST, 1.0)
+        share = log_uniform(rng, _SHORTEST, 1.0)
         cut = motion if number == whole else _shortened(motion, share)
         motions[name] = replace(cut, start_s=clock)  # type: ignore[type-var]
         clock += cut.duration + plan.pause
@@ -211,8 +211,3 @@ def late_start(displacement: Array, rng: np.random.Generator) -> int:
     late = rng.random() < 0.5
     share = float(rng.uniform(*_LATE))
     return int(share * inside) if late else 0
-
-
-def _spread(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a log-uniform number between two bounds."""
-    return float(np.exp(rng.uniform(log(low), log(high))))

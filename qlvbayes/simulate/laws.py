@@ -165,12 +165,12 @@ def draw_law(elastic: str, relaxation: str, rng: np.random.Generator, depth: flo
     """
     curve = _curve(elastic, rng, depth)
     peak = float(ELASTIC[elastic](np.array([depth]), *curve)[0])
-    size = _spread(rng, 0.6, 3.0) / peak
+    size = log_uniform(rng, 0.6, 3.0) / peak
     return Law(elastic, (curve[0] * size, *curve[1:]), relaxation, _fading(relaxation, rng))
 
 
 def _curve(elastic: str, rng: np.random.Generator, depth: float) -> tuple[float, ...]:
-    growth = _spread(rng, 0.5, 2.0) / depth
+    growth = log_uniform(rng, 0.5, 2.0) / depth
     return {
         "exponential": (1.0, growth),
         "hertz": (1.0,),
@@ -180,7 +180,7 @@ def _curve(elastic: str, rng: np.random.Generator, depth: float) -> tuple[float,
 
 
 def _fading(relaxation: str, rng: np.random.Generator) -> tuple[float, ...]:
-    fast, slow = _spread(rng, 4.0, 15.0), _spread(rng, 0.05, 0.3)
+    fast, slow = log_uniform(rng, 4.0, 15.0), log_uniform(rng, 0.05, 0.3)
     shares = rng.uniform(0.55, 0.85) * rng.dirichlet([4.0, 2.0, 2.0])
     rest = rng.uniform(0.1, 0.4)
     return {
@@ -188,12 +188,16 @@ def _fading(relaxation: str, rng: np.random.Generator) -> tuple[float, ...]:
         "prony:3": (
             float(shares[0]), fast, float(shares[1]), (fast * slow) ** 0.5, float(shares[2]), slow,
         ),
-        "power-law": (rest, _spread(rng, 0.01, 0.1), rng.uniform(0.15, 0.4)),
-        "fung": (_spread(rng, 0.1, 0.6), _spread(rng, 0.005, 0.05), _spread(rng, 10.0, 300.0)),
-        "stretched": (rest, _spread(rng, 0.1, 2.0), rng.uniform(0.4, 0.7)),
+        "power-law": (rest, log_uniform(rng, 0.01, 0.1), rng.uniform(0.15, 0.4)),
+        "fung": (
+            log_uniform(rng, 0.1, 0.6),
+            log_uniform(rng, 0.005, 0.05),
+            log_uniform(rng, 10.0, 300.0),
+        ),
+        "stretched": (rest, log_uniform(rng, 0.1, 2.0), rng.uniform(0.4, 0.7)),
     }[relaxation]  # fmt: skip
 
 
-def _spread(rng: np.random.Generator, low: float, high: float) -> float:
-    """Log-uniform."""
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a log-uniform number between two bounds."""
     return float(np.exp(rng.uniform(log(low), log(high))))

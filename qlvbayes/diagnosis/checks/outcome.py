@@ -38,7 +38,7 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.io.arrays import Array
+from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import loaded_once
@@ -117,7 +117,7 @@ class SearchOutcome:
             return None
         prior = [self.search.log_prior(one.hypothesis) for one in some]
         predicted = [self._predicted(one) for one in some]
-        return _finite(errors(self.samples, self._parts, predicted, prior).rmse)
+        return finite_or_none(errors(self.samples, self._parts, predicted, prior).rmse)
 
     def _predicted(self, candidate: Candidate) -> list[Predicted]:
         """Return what a candidate predicts of each part left out, refitted once."""
@@ -175,8 +175,8 @@ class SearchOutcome:
             base=LawPair(*candidate.hypothesis.base),
             effects=tuple(self._ordered(candidate)),
             rmse=self.samples.error(residuals),
-            heldout_rmse=_finite(self.heldout(candidate)),
-            log_evidence=_finite(candidate.log_evidence),
+            heldout_rmse=finite_or_none(self.heldout(candidate)),
+            log_evidence=finite_or_none(candidate.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
             failing=tuple(
@@ -252,7 +252,7 @@ class SearchOutcome:
             effect=name,
             inclusion=share,
             probability=float((self.shares / counts)[inside].sum()),
-            log_bayes_factor=_finite(odds),
+            log_bayes_factor=finite_or_none(odds),
             rmse=self.samples.error(self.residuals(best)),
             parameters={key.removeprefix(f"{form}."): value for key, value in own.items()},
             inclusion_error=float(self.draws[:, inside].sum(axis=1).std()),
@@ -294,8 +294,8 @@ class SearchOutcome:
                 LawPair(*self.weights[k].base),
                 tuple(self.search.added(self.candidates[k].hypothesis)),
                 float(self.shares[k]),
-                _finite(self.candidates[k].log_evidence),
-                _finite(self.candidates[k].error),
+                finite_or_none(self.candidates[k].log_evidence),
+                finite_or_none(self.candidates[k].error),
             )
             for k in order
             if self.shares[k] >= LEAST
@@ -307,10 +307,6 @@ def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:
     if inside.all():
         return math.inf
     return float(logsumexp(logs[inside]) - logsumexp(logs[~inside]))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def averaged(

@@ -14,9 +14,9 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.machineunits import QUANTITIES
 
 _WORDS = ("name", "machine", "marks", "reads", "reference")
-_QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))
 _TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
 _CUTS = (0.999, 0.97, 0.7, 0.3, 0.05)  # shares of a file that remain when it is cut
 _HEADS = (0, 1, 2, 3, 7, 64, 511, 1024)  # bytes that remain of a cut head
@@ -127,7 +127,7 @@ def _check_recordings(kind: type[AbstractFormat], file: Path) -> None:
 
 def _check_recording(kind: type[AbstractFormat], file: Path, recording: Recording) -> None:
     channels = (recording.time, recording.way, recording.load)
-    for channel, quantities in zip(channels, _QUANTITIES, strict=True):
+    for channel, quantities in zip(channels, QUANTITIES, strict=True):
         if channel.quantity not in quantities:
             what = f"'{channel.name}' is {channel.quantity}, not {' or '.join(quantities)}"
             raise FormatError(f"{kind.name}, {file.name}: {what}")

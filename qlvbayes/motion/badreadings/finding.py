@@ -14,6 +14,7 @@ from qlvbayes.io.data import Test
 from qlvbayes.io.reading.clock import LARGEST_SHARE, slipped
 from qlvbayes.motion.badreadings.channels import Channels, fastest
 from qlvbayes.motion.badreadings.outliers import (
+    FEWEST,
     Run,
     outlying,
     outlying_runs,
@@ -23,7 +24,6 @@ from qlvbayes.motion.badreadings.outliers import (
 from qlvbayes.motion.badreadings.result import Bad, BadReadings, Kind
 from qlvbayes.motion.badreadings.stuck import clipped_force, stuck_displacement, stuck_force
 
-_FEWEST = 12  # readings of which anything can be said
 KEEP = "--keep-all-readings"
 
 
@@ -96,7 +96,7 @@ class _Doubts:
         self.time, self.displacement = (x[ticking] for x in (test.time, test.displacement))
         used = np.ones(ticking.size, dtype=bool) if test.used is None else test.used[ticking]
         self.used = np.flatnonzero(used)  # of these, the ones whose force counts
-        self.few = self.used.size < _FEWEST
+        self.few = self.used.size < FEWEST
         self.runs: dict[str, list[Run]] = {"displacement": [], "force": []}
         self.fastest = 0.0
         if self.few:

@@ -35,7 +35,7 @@ _STEPS = 4.0  # of a digitised channel
 _SIDES = 1.0  # of the difference between both sides: what lies between two levels is their step
 _LEAST = 0.01  # of the channel's range: less does no harm
 _STEP_READINGS = 20_000  # that show the step of a digitised channel
-_FEWEST = 12  # readings of which anything can be said
+FEWEST = 12  # readings of which anything can be said
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def scale_of(time: Array, signal: Array) -> ChangeScale:
 def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
     """Return a mask of the readings (n,) that lie far outside those before and after them."""
     mask = np.zeros(signal.size, dtype=bool)
-    if signal.size >= _FEWEST:
+    if signal.size >= FEWEST:
         for first, stop in outlying_runs(time, signal, scale_of(time, signal)):
             mask[first:stop] = True
     return mask
@@ -114,7 +114,7 @@ def outlying_runs(time: Array, signal: Array, scale: ChangeScale) -> list[Run]:
 def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
     """Return the runs that lie much farther from their neighbours than these from each other."""
     runs, sound = runs_of(mask), np.flatnonzero(~mask)
-    if not runs or sound.size < _FEWEST:
+    if not runs or sound.size < FEWEST:
         return []
     rough = _off_line(time[sound], signal[sound])
     single = []
