@@ -11,7 +11,8 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.options import Seed, Style, WorkOptions, split_names, with_groups
+from qlvbayes.cli.groups import with_groups
+from qlvbayes.cli.options import Seed, Style, WorkOptions, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import Fitted, Seed, Style, WorkOptions, with_groups
+from qlvbayes.cli.groups import with_groups
+from qlvbayes.cli.options import Fitted, Seed, Style, WorkOptions
 from qlvbayes.io.checks import InputError
 from qlvbayes.parallel.faults import Fault, fault_of
 

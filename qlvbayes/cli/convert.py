@@ -12,7 +12,8 @@ from typing import Annotated, NoReturn
 import typer
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.plainoptions import AsJson, Style, split_names, with_groups
+from qlvbayes.cli.groups import with_groups
+from qlvbayes.cli.options import AsJson, Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import command_line
+from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import (
     AsJson,
     Files,
@@ -18,7 +19,6 @@ from qlvbayes.cli.options import (
     Tolerance,
     WorkOptions,
     thresholds,
-    with_groups,
 )
 from qlvbayes.io.catalogue import EVIDENCES
 from qlvbayes.io.checks import check_known

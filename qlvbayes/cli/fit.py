@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import command_line, waiting
+from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import (
     Files,
     ModelOptions,
@@ -16,7 +17,6 @@ from qlvbayes.cli.options import (
     Seed,
     Style,
     WorkOptions,
-    with_groups,
 )
 from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.checks import check_known

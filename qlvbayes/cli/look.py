@@ -14,15 +14,16 @@ from rich.text import Text
 
 from qlvbayes.cli.console import err, out, waiting
 from qlvbayes.cli.convert import ReadingOptions, converted
-from qlvbayes.cli.plainoptions import (
+from qlvbayes.cli.groups import with_groups
+from qlvbayes.cli.options import (
     AsJson,
+    Bonded,
     KeepAllReadings,
     LeaveOut,
     Pads,
     Style,
     Use,
     chosen_pads,
-    with_groups,
 )
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, measurements_of, read_measurements
@@ -55,14 +56,7 @@ def look_command(
     pads: Pads = "",
     *,
     reading: ReadingOptions,
-    bonded: Annotated[
-        bool | None,
-        typer.Option(
-            "--bonded/--loose",
-            help="Whether the specimen is fixed to the platen and can pull. Default: loose for "
-            "displacement and force, bonded for strain and stress.",
-        ),
-    ] = None,
+    bonded: Bonded = None,
     keep_all_readings: KeepAllReadings = False,
     use: Use = None,
     leave_out: LeaveOut = None,

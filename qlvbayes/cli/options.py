@@ -13,17 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from qlvbayes.cli.plainoptions import (
-    AsJson,
-    KeepAllReadings,
-    LeaveOut,
-    Pads,
-    Style,
-    Use,
-    among,
-    split_names,
-    with_groups,
-)
 from qlvbayes.io.catalogue import ELASTIC, MOST_MODES, NOISES, RELAXATION
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import cores
@@ -33,14 +22,60 @@ from qlvbayes.parallel.shards import Shard
 
 if TYPE_CHECKING:
     from qlvbayes.diagnosis.settings import DiagnosisSettings
-    from qlvbayes.io.data import Measurements
+    from qlvbayes.io.data import Measurements, Pad
     from qlvbayes.model.choices import Choices
     from qlvbayes.pipeline.source import Source
 
-# defined in plainoptions.py; commands that load a model import all options from here
-__all__ = ["AsJson", "Pads", "Style", "among", "split_names", "with_groups"]
-
 PRONY = next(iter(RELAXATION))  # the only one that takes a number of modes
+
+Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
+KeepAllReadings = Annotated[
+    bool,
+    typer.Option(
+        "--keep-all-readings",
+        help="Keep readings that their neighbours and the other channel contradict: lost ones, "
+        "spikes, a stuck or clipped channel. Default: they are left out and named.",
+    ),
+]
+
+Use = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="The part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
+        "before and behind it is left out; repeatable.",
+        show_default=False,
+    ),
+]
+LeaveOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A part of a test whose force does not count while its motion does, as "
+        "'TEST:30..45s', 'TEST:0..0.1mm' or 'TEST:hold 2'; repeatable.",
+        show_default=False,
+    ),
+]
+
+
+def _use_style(context: typer.Context, file: Path | None) -> Path | None:
+    """Draw all figures of the command in the user's own style."""
+    if file is not None:
+        # imported here, so that commands do not wait for matplotlib
+        from qlvbayes.plots.style import using
+
+        context.with_resource(using(file))
+    return file
+
+
+Style = Annotated[
+    Path | None,
+    typer.Option(
+        callback=_use_style,
+        help="A Matplotlib style file (.mplstyle) for the figures, over the package's own.",
+        show_default=False,
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
 
 Files = Annotated[
     list[Path],
@@ -279,3 +314,25 @@ def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
     known = [pad.name for pad in source.read.pads]
     names = (source.read.pad(name).name for name in among(pads, known))
     return replace(source, only=tuple(names))
+
+
+def split_names(text: str) -> list[str]:
+    """Return the names in ``A, B`` as a list."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def among(text: str, known: Collection[str]) -> list[str]:
+    """Return the names in ``A, B`` as a list; a known name may contain commas itself."""
+    parts, names = text.split(","), []
+    while parts:
+        ends = range(len(parts), 1, -1)
+        end = next((k for k in ends if ",".join(parts[:k]).strip() in known), 1)
+        names.append(",".join(parts[:end]).strip())
+        parts = parts[end:]
+    return [name for name in names if name]
+
+
+def chosen_pads(study: Measurements, names: str) -> list[Pad]:
+    """Return the named pads, or all; raise InputError on an unknown name."""
+    known = [pad.name for pad in study.pads]
+    return [study.pad(name) for name in among(names, known)] or list(study.pads)

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
-from qlvbayes.cli.plainoptions import split_names
+from qlvbayes.cli.options import split_names
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import (
     NOISES,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import command_line, out
+from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import (
     Files,
     ModelOptions,
@@ -18,7 +19,6 @@ from qlvbayes.cli.options import (
     Tolerance,
     WorkOptions,
     thresholds,
-    with_groups,
 )
 from qlvbayes.parallel.faults import FailedError
 
