@@ -67,17 +67,17 @@ class Families:
             self.family_of[name]: name for name in sorted(effects) if name not in self.unmodelled
         }
 
-    def share(self, effect: str) -> float:
+    def share(self, effect: str, candidate: float) -> float:
         """Return the part of its family's prior probability that an effect has.
 
-        The candidate effect has one half, and its other forms share the other half. Where the
-        candidate or its forms are not searched, the others have the whole.
+        ``candidate`` is the part of the candidate effect; its other forms share the rest alike.
+        Where the candidate or its forms are not searched, the others have the whole.
         """
         family = self.family_of[effect]
         forms = [name for name in self.members(family) if name != family]
         has_candidate = family in self.family_of
-        whole = 0.5 if has_candidate and forms else 1.0
-        return whole if effect == family else whole / len(forms)
+        own = (candidate if forms else 1.0) if has_candidate else 0.0
+        return own if effect == family else (1.0 - own) / len(forms)
 
 
 def log_prior(
@@ -146,7 +146,7 @@ def _log_prior_of_set(
     free = set(families.family_of.values()) - taken
     missing = len(added) * math.log1p(-settings.complete)
     total = math.log(settings.complete) + missing - math.log(math.comb(len(free), len(added)))
-    return total + sum(math.log(families.share(name)) for name in added)
+    return total + sum(math.log(families.share(name, settings.candidate)) for name in added)
 
 
 def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:

@@ -132,11 +132,15 @@ class Imitation:
     odds
         Bayes factor of an imitation over a true effect from which an effect counts as an
         imitation. Its mean is 1 for a true effect, so that 20 is exceeded in 5 % of pads at most.
+    least
+        Least ratio of the squared structure that an effect explains to that which nothing
+        explains. Below it the effect may be an imitation of a part of the latter.
     """
 
     varies: float = 0.3
     holds: float = 0.05
     odds: float = 20.0
+    least: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,9 @@ class DiagnosisSettings:
     chosen_law
         Prior probability that the elastic law is the one that was chosen, and likewise for the
         relaxation; all other laws share the rest alike. One half is undecided.
+    candidate
+        Part of a family's prior probability that the candidate effect has; its other forms share
+        the rest alike. One half is undecided.
     named
         Inclusion probability from which an effect is named, and probability of one more effect
         from which a group is sought for it.
@@ -190,6 +197,7 @@ class DiagnosisSettings:
 
     complete: float = 0.5
     chosen_law: float = 0.5
+    candidate: float = 0.5
     named: float = 0.9
     covered: float = 0.95
     false_alarms: float = 0.001

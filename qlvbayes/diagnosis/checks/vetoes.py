@@ -116,5 +116,6 @@ def _takes_little(outcome: SearchOutcome, candidate: Candidate, effect: str) -> 
     without = outcome.search.without(candidate, effect)
     if without is None:
         return False
-    left = outcome.remainder(candidate).excess
-    return bool(outcome.remainder(without).excess ** 2 < 2.0 * left**2)
+    left = outcome.remainder(candidate).excess ** 2
+    explained = outcome.remainder(without).excess ** 2 - left
+    return bool(explained < outcome.search.settings.imitation.least * left)
