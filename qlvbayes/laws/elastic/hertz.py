@@ -8,7 +8,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 
@@ -63,10 +62,3 @@ class HertzPower(AbstractElastic):
         size = jnp.abs(depth)
         inside = jnp.where(size > 0.0, size, 1.0)
         return jnp.where(size > 0.0, self.m * self.n * inside ** (self.n - 1.0), 0.0)
-
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return the step with the force taken as quadratic through both ends and the middle."""
-        middle = self.force(0.5 * (start + stop))
-        return quadratic_force_step(force_start, middle, force_stop, decay)

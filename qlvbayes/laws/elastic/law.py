@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import equinox as eqx
 from jaxtyping import Array
 
+from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales
 
 
@@ -45,13 +46,15 @@ class AbstractElastic(eqx.Module):
     def stiffness(self, depth: Array) -> Array:
         """Return K = dF_e/d(depth) in N/mm at ``depth`` (mm), of the same shape."""
 
-    @abstractmethod
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
         r"""Return what one step adds to a relaxing mode, for depth linear in time over the step.
 
         .. math:: \int_0^h e^{-v (h - s)} K(\delta(s)) \dot\delta \, ds
+
+        The force is taken as quadratic through both ends and the middle of the step. A law whose
+        integral has a closed form defines it instead.
 
         Parameters
         ----------
@@ -67,3 +70,5 @@ class AbstractElastic(eqx.Module):
         Array
             The integral in N, of the shape that the arguments broadcast to.
         """
+        middle = self.force(0.5 * (start + stop))
+        return quadratic_force_step(force_start, middle, force_stop, decay)

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 
@@ -73,13 +72,6 @@ class Spline(AbstractElastic):
         """Return K; it is constant beyond the last knot and below zero depth."""
         piece, beyond = self._located(depth)
         return self._first[piece] + self._rise[piece] * beyond
-
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return the step with the force quadratic over it, which is exact between two knots."""
-        middle = self.force(0.5 * (start + stop))
-        return quadratic_force_step(force_start, middle, force_stop, decay)
 
     @property
     def _width(self) -> float:
