@@ -80,7 +80,7 @@ def test_every_rate_of_the_page_on_reliability_is_that_of_its_run():
         "two effects: both named": "double_named",
         "another form: its family's name": "form_kin",
         "something outside the list, alone: left open": "outside_open",
-        "a listed effect beside something outside: named": "beside_named",
+        "a listed effect with something outside: named": "beside_named",
     }
     for words, key in columns.items():
         found = [cell.partition(" (")[0] for cell in rows[words].split(" | ")]
