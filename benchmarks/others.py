@@ -301,16 +301,16 @@ def one(name, share):
         began = time.perf_counter()
         answers.append(run(problem))
         times.append(time.perf_counter() - began)
-    told = {"first_s": times[0], "again_s": times[1]}
+    report = {"first_s": times[0], "again_s": times[1]}
     if name in SAMPLERS:
-        told["ess"] = [problem.effective(draws) for draws in answers]
+        report["ess"] = [problem.effective(draws) for draws in answers]
     else:
-        told["log_evidence"], told["error"] = zip(*answers, strict=True)
-    print(json.dumps(told))
+        report["log_evidence"], report["error"] = zip(*answers, strict=True)
+    print(json.dumps(report))
 
 
 def measured(names, share):
-    """What each of them tells; those whose package is not there are left out."""
+    """Return the report of each one; those whose package is not installed are left out."""
     found = {}
     for name in names:
         print(name, file=sys.stderr)

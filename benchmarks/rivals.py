@@ -1,4 +1,4 @@
-"""What each part is measured against, as a user would write it with numpy, scipy and emcee."""
+"""Compute each part as a user would write it with numpy, scipy and emcee, for comparison."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -48,9 +48,9 @@ def ivp_displacement(constants, time, force):
     start = np.log1p(b * force[0] / m) / b
 
     def rates(t, state):
-        place = min(max(np.searchsorted(time, t, side="right") - 1, 0), slopes.size - 1)
+        index = min(max(np.searchsorted(time, t, side="right") - 1, 0), slopes.size - 1)
         stiffness = m * np.exp(b * state[0])
-        flow = slopes[place] + np.sum(c[1:] * v * state[1:])
+        flow = slopes[index] + np.sum(c[1:] * v * state[1:])
         return np.array([flow / stiffness, *(flow - v * state[1:])])
 
     first = np.array([start, *np.full(v.size, force[0])])

@@ -50,7 +50,7 @@ def peak_mb():
 
 
 def in_new_process(file, *arguments, **environment):
-    """What a script prints when it runs by itself, so that its memory is its own."""
+    """Return what a script prints when it runs in a process of its own, with its own memory."""
     command = [sys.executable, str(file), *map(str, arguments)]
     env = {**os.environ, **environment}
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=env)

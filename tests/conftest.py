@@ -41,7 +41,7 @@ from qlvbayes.simulate import TABLE_1  # noqa: E402
 
 @pytest.hookimpl(tryfirst=True)  # before pytest itself looks at marks
 def pytest_collection_modifyitems(items):
-    """Of a test marked ``few`` all cases are slow but for so many, evenly spread."""
+    """Mark all cases of a test marked ``few`` as slow but for so many, evenly spread."""
     cases = defaultdict(list)
     for item in items:
         if item.get_closest_marker("few"):

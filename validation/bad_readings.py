@@ -46,7 +46,7 @@ and thinned ones, effects hidden in five of six), the others by the paper's and 
 protocol in thinned records. As they are, {alarmed} of {pads} pads ({readings} readings) have a
 reading left out{list}. Then one test of each was spoiled in each way below. *Found*: all spoiled
 readings were left out (or the test refused, where they are more than 2 %); *also*: cases with a
-sound reading left out beside them. Readings are spoiled where that moves them by a fifth of the
+sound reading left out as well. Readings are spoiled where that moves them by a fifth of the
 channel's range. What is not found lies mostly in records of few readings a movement: there that is
 no more than the specimen may do between two of them. The thresholds were set while looking
 at these same pads (four of the wide ones gave false alarms on the way): no other seed has been run.
@@ -144,17 +144,17 @@ def _found(pad: Pad) -> dict[str, np.ndarray | None]:
 
 
 def _case(pad: Pad, spoil: Spoil, rng: np.random.Generator) -> list[str] | None:
-    """What is found where one test is spoiled; None where that cannot be."""
+    """Return what is found where one test is spoiled; None where that cannot be."""
     for which in rng.permutation(len(pad.tests)).tolist():
         if (made := spoil(pad.tests[which], rng)) is None:
             continue
-        test, places = made
+        test, rows = made
         found = _found(replace(pad, tests=(test,)))
         if "refused" in found:
             return ["found"]
         left_out = found.pop(test.name, np.array([], dtype=int))
-        others = np.setdiff1d(left_out, places)
-        whole = np.isin(places, left_out).all()
+        others = np.setdiff1d(left_out, rows)
+        whole = np.isin(rows, left_out).all()
         return [*(["found"] if whole else []), *(["also"] if others.size or found else [])]
     return None
 
@@ -180,44 +180,44 @@ def _large(values: np.ndarray, level: float = 0.0) -> np.ndarray:
     return np.abs(values - level) > _LARGE * np.ptp(values)
 
 
-def _changed(test: Test, channel: str, places: np.ndarray, values: object) -> Spoiled:
+def _changed(test: Test, channel: str, rows: np.ndarray, values: object) -> Spoiled:
     column = getattr(test, channel).copy()
-    column[places] = values
-    return replace(test, **{channel: column}), places
+    column[rows] = values
+    return replace(test, **{channel: column}), rows
 
 
 def _lost(channel: str, *, moving: bool, length: int = 1) -> Spoil:
     def spoil(test: Test, rng: np.random.Generator) -> Spoiled | None:
         among = _large(getattr(test, channel)) & (_resting(test) != moving)
-        places = _somewhere(test, rng, among, length)
-        return None if places is None else _changed(test, channel, places, 0.0)
+        rows = _somewhere(test, rng, among, length)
+        return None if rows is None else _changed(test, channel, rows, 0.0)
 
     return spoil
 
 
 def _row(test: Test, rng: np.random.Generator) -> Spoiled | None:
     among = _large(test.displacement) & _large(test.force)
-    places = _somewhere(test, rng, among, 1)
-    if places is None:
+    rows = _somewhere(test, rng, among, 1)
+    if rows is None:
         return None
-    spoiled, _ = _changed(test, "displacement", places, 0.0)
-    return _changed(spoiled, "force", places, 0.0)
+    spoiled, _ = _changed(test, "displacement", rows, 0.0)
+    return _changed(spoiled, "force", rows, 0.0)
 
 
 def _end(test: Test, rng: np.random.Generator) -> Spoiled | None:
-    place = np.array([test.time.size - 1])
+    last = np.array([test.time.size - 1])
     rests = _resting(test)[-3 * _AWAY] and _large(test.displacement)[-1]
-    return _changed(test, "displacement", place, 0.0) if rests else None
+    return _changed(test, "displacement", last, 0.0) if rests else None
 
 
 def _spike(channel: str, length: int, *, moving: bool) -> Spoil:
     def spoil(test: Test, rng: np.random.Generator) -> Spoiled | None:
-        places = _somewhere(test, rng, _resting(test) != moving, length)
-        if places is None:
+        rows = _somewhere(test, rng, _resting(test) != moving, length)
+        if rows is None:
             return None
         column = getattr(test, channel)
         size = rng.uniform(0.2, 2.0, length) * np.ptp(column) * rng.choice([-1.0, 1.0])
-        return _changed(test, channel, places, column[places] + size)
+        return _changed(test, channel, rows, column[rows] + size)
 
     return spoil
 
@@ -227,28 +227,28 @@ def _stuck(test: Test, rng: np.random.Generator) -> Spoiled | None:
     d = test.displacement
     rising = np.convolve(np.diff(d, append=d[-1]) > 0.0, np.ones(21), "same") > 20.5
     moving = rising & ~_resting(test)
-    places = _somewhere(test, rng, moving, 6)
-    if places is None or np.ptp(d[places]) < 0.02 * np.ptp(d):
+    rows = _somewhere(test, rng, moving, 6)
+    if rows is None or np.ptp(d[rows]) < 0.02 * np.ptp(d):
         return None
-    return _changed(test, "displacement", places[1:], d[places[0]])
+    return _changed(test, "displacement", rows[1:], d[rows[0]])
 
 
 def _stuck_force(test: Test, rng: np.random.Generator) -> Spoiled | None:
     if test.time.size < 2000:
         return None
-    places = _somewhere(test, rng, _large(test.force) & _resting(test), 25)
-    return None if places is None else _changed(test, "force", places[1:], test.force[places[0]])
+    rows = _somewhere(test, rng, _large(test.force) & _resting(test), 25)
+    return None if rows is None else _changed(test, "force", rows[1:], test.force[rows[0]])
 
 
 def _clock(back: bool) -> Spoil:
     def spoil(test: Test, rng: np.random.Generator) -> Spoiled | None:
         gaps = np.diff(test.time)
         even = np.abs(gaps - np.median(gaps)) < 0.1 * np.median(gaps)
-        places = _somewhere(test, rng, even & np.roll(even, 20) & np.roll(even, -20), 1)
-        if places is None or test.time.size < 100 or not even.all():
+        rows = _somewhere(test, rng, even & np.roll(even, 20) & np.roll(even, -20), 1)
+        if rows is None or test.time.size < 100 or not even.all():
             return None
-        before = test.time[places - 1] if back else test.time[places] + 100.0
-        return _changed(test, "time", places, before)
+        before = test.time[rows - 1] if back else test.time[rows] + 100.0
+        return _changed(test, "time", rows, before)
 
     return spoil
 

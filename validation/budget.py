@@ -128,7 +128,7 @@ def _checked(pads: dict[str, Make], bonded: Sequence[str], name: str) -> Case:
 
 
 def checks(diagnosis: Diagnosis) -> Case:
-    """Of one answer."""
+    """Return the checks of one answer."""
     work, result = diagnosis.work, diagnosis.result
     density = work.search.density
     plain = work.search.modes[work.search.baseline][0]
@@ -142,13 +142,13 @@ def checks(diagnosis: Diagnosis) -> Case:
 
 
 def by_fit(experiment: Experiment, choices: Choices) -> dict[str, float]:
-    """What the most probable curve of ``qlvbayes fit`` leaves (N), and what least squares would."""
+    """Return what the best curve of ``qlvbayes fit`` leaves (N), and what least squares would."""
     trials = experiment.with_role("fit")
     plain, rng = build_posterior(experiment, choices, trials), np.random.default_rng(0)
-    places = least_squares_points(plain, experiment.floor, rng)
-    places.append(separated_start(experiment, choices, trials, rng)[1].mean)
+    points = least_squares_points(plain, experiment.floor, rng)
+    points.append(separated_start(experiment, choices, trials, rng)[1].mean)
     real = np.asarray(plain.record.blocks.real)
-    *least, rms = (rmse([compiled.response(plain, place)[1][real]]) for place in places)
+    *least, rms = (rmse([compiled.response(plain, point)[1][real]]) for point in points)
     return _compared(rms, min(rms, *least))
 
 
@@ -159,7 +159,7 @@ def rises(steps: Sequence[float]) -> list[float]:
 
 
 def _fitted(density: Density, found: Candidate) -> dict[str, float]:
-    """What a fit leaves of the block means (N), and what least squares would."""
+    """Return what a fit leaves of the block means (N), and what least squares would."""
     rms = _rms(density, found.point)
     return _compared(rms, least_squares(density, found.point, rms))
 
@@ -177,9 +177,9 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     whitener = density.whitener.with_independent_noise(_BEFORE_PRIORS * rms)
     white = Density(density.space, whitener, Discrepancy.none(whitener, density.discrepancy.peak))
     rough = rough_mode(density, hypothesis, point.theta)
-    places = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)
-    places += [rough.point.theta] if rough else []
-    modes = [find_mode(white, hypothesis, place) for place in places]
+    starts = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)
+    starts += [rough.point.theta] if rough else []
+    modes = [find_mode(white, hypothesis, start) for start in starts]
     return min([rms, *(_rms(density, mode.point) for mode in modes if mode)])
 
 

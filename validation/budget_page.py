@@ -10,7 +10,7 @@ from qlvbayes.evaluation.counting import Case
 
 MOST = 1.05
 """Times what least squares leaves."""
-_WORST = 12  # cases that are told
+_WORST = 12  # cases that are listed
 _FITS = ("plain", "answer", "fit")
 
 _PAGE = """# Does what is fitted follow the readings?

@@ -1,4 +1,4 @@
-"""What a set of fits says of intervals, errors and false alarms; plain numbers in, numbers out."""
+"""Compute from a set of fits the coverage of intervals, errors and false alarms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Calibration:
 
     @property
     def within(self) -> bool:
-        """Whether the share is between 85 % and 95 %."""
+        """Return whether the share is between 85 % and 95 %."""
         return LOW <= self.inside <= HIGH
 
 

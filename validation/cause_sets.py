@@ -1,4 +1,4 @@
-r"""How many causes must a set hold to contain what is there? Counts on registered blind studies.
+r"""Count how many causes a set must hold to contain what is there, on registered blind studies.
 
 `cause_sets.py RUN RUN ... -o docs/cause_sets.md` reads docs/wide_RUN.json. A set of causes is
 conformal by class (Vovk 2012, doi:10.1007/s10994-013-5355-6): it holds every cause whose certainty

@@ -1,4 +1,4 @@
-r"""Why a verdict is wrong: from numbers alone.
+r"""Find why a verdict is wrong, from numbers alone.
 
 Of a study there are three log posteriors, all by Laplace's evidence about modes: *truth*, of the
 likeliest true hypothesis at the best mode that was reached, by the search (in any form of its
@@ -12,7 +12,7 @@ to 1) are what counts. The first that applies:
 3. ``imitation``: something outside every list is hidden, and the verdict names what is not there,
    or says that nothing unlisted is;
 4. truth > answer + 3, or the answer is the true hypothesis itself: ``verdict`` where the truth's
-   own fit passes as noise, or something outside every list is hidden beside it: a veto, or the
+   own fit passes as noise, or something outside every list is hidden with it: a veto, or the
    rule for what is left, refused it; ``error budget`` where nothing but noise is left and it does
    not pass;
 5. ``undecided``: the truth is within 3 nats of the answer;
@@ -38,7 +38,7 @@ RIGHT = "right"
 
 @dataclass(frozen=True)
 class Compared:
-    """What the cause follows from.
+    """Numbers from which the cause follows.
 
     truth, seen, answer: log posteriors, None where the hypothesis cannot be tried; sound: whether
     what the truth's own fit leaves passes as noise; same: whether the answer is true; outsider:
@@ -56,7 +56,7 @@ class Compared:
 
     @property
     def cause(self) -> str:
-        """The first that applies."""
+        """Return the first cause that applies."""
         if self.truth is None:
             return "left out"
         if self.seen < self.truth - NATS and self.truth >= self.answer - NATS:
@@ -71,7 +71,7 @@ class Compared:
 
 
 def carrying_half(parts: Array) -> list[int]:
-    """Places of the fewest parts that carry half of their sum, the largest first.
+    """Return the indices of the fewest parts that carry half of their sum, the largest first.
 
     parts (n,): what each block mean adds to a difference of log likelihoods. None where their sum
     is not positive.
@@ -85,7 +85,7 @@ def carrying_half(parts: Array) -> list[int]:
 
 
 def one_by_one(precision: Array, residual: Array) -> tuple[Array, Array]:
-    """Of n residuals, each given those before it, over its sd; and the log of one over that sd.
+    """Return n residuals over their sds, each given those before, and the log of one over the sd.
 
     precision (n, n): of all together. With the residuals in the opposite order and its Cholesky
     factor L, L^T r are independent and of unit variance; the log density is the sum of

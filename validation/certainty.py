@@ -1,7 +1,7 @@
-"""Learns how often an effect with such evidence is there, from registered blind studies.
+"""Learn how often an effect with such evidence is there, from registered blind studies.
 
 `certainty.py RUN RUN ... -o docs/certainty.md` reads docs/wide_RUN.json, learns the weights of
-`qlvbayes/diagnosis/certainty.py`, writes them with their provenance to certainty.json beside it,
+`qlvbayes/diagnosis/certainty.py`, writes them with their provenance to certainty.json next to it,
 and a page with what they are worth on studies that they were not learnt from.
 """
 
@@ -158,7 +158,7 @@ def loss(certainties: Array, there: Array) -> float:
 
 
 def bins(certainties: Array, there: Array) -> list[tuple[float, float, int, int, float]]:
-    """Of each bin its ends, how many names, how many there, and the mean certainty."""
+    """Return of each bin its ends, how many names, how many there, and the mean certainty."""
     found = []
     for low, high in pairwise(EDGES):
         inside = (certainties >= low) & ((certainties < high) | (high == 1.0))

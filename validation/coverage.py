@@ -1,4 +1,4 @@
-"""How often the 90 % credible intervals hold the truth, on simulated pads; writes a page.
+"""Count how often the 90 % credible intervals hold the truth, on simulated pads; write a page.
 
 Interrupted, it goes on where it was: finished fits lie in build/validation.
 """

@@ -1,4 +1,4 @@
-"""What would a decision by certainty alone have said? Counts on registered blind studies.
+"""Count what a decision by certainty would have said in registered blind studies.
 
 `decisions.py RUN RUN ... -o docs/decisions.md` reads docs/wide_RUN.json. In place of the posterior
 probabilities and the vetoes, an effect is named from a certainty on, and those of lower certainty

@@ -1,4 +1,4 @@
-"""Does a proposed test bring what it predicts, and more than another of the same length? A page.
+"""Compare what a proposed test brings with what was expected and with other tests; write a page.
 
 `--register NAME --rounds N --seed S` writes validation/registered/design_NAME.json, to be committed
 before the run. `--run NAME` does what is missing, in an order that is fixed: interrupted, it goes
@@ -77,7 +77,7 @@ def _registration(options: argparse.Namespace) -> dict:
 
 
 def _digests() -> dict[str, str]:
-    """Of the package's code, and of the files with the cases and the rules of the count."""
+    """Return digests of the package's code, and of the files with the cases and their rules."""
     texts = [(Path(__file__).parent / name).read_bytes() for name in RULES]
     return {"code": code_digest(), "rules": hashlib.sha256(b"".join(texts)).hexdigest()[:12]}
 

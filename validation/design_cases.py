@@ -1,4 +1,4 @@
-"""Simulated pads on which a next test is proposed and done: what it promised, and what came."""
+"""Simulate pads on which a next test is proposed and done: bits expected and bits realised."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Lab:
         ).tests
 
     def done(self, design: Design, name: str, clock: float) -> Test:
-        """The proposed test, done after its pause."""
+        """Return the proposed test, done after its pause."""
         steps: list[Move | Hold] = []
         for stroke in design.strokes:
             steps += [Move(stroke.target, stroke.speed), Hold(stroke.hold)]
@@ -82,7 +82,7 @@ class Lab:
 
 
 def ready(tests: Sequence[Test], floor: NoiseFloor | None = None) -> Experiment:
-    """Prepared; floor: of the noise, where it is not to be measured in these tests."""
+    """Prepare tests; floor: of the noise, where it is not to be measured in these tests."""
     found = as_chosen(prepare(Pad("B", tuple(tests), PAD)), Choices())
     return found if floor is None else replace(found, floor=floor)
 
@@ -103,7 +103,7 @@ def believed(search: Search, found: Sequence[tuple[Hypothesis, float]]) -> Belie
 def plain(
     tests: Sequence[Test], floor: NoiseFloor | None = None
 ) -> tuple[Experiment, Belief, float]:
-    """The belief in the plain model alone, and its discrepancy's size."""
+    """Return the belief in the plain model alone, and its discrepancy's size."""
     experiment = ready(tests, floor)
     search = build_search(experiment, kinds=())
     search.evaluate(search.baseline)
@@ -112,10 +112,10 @@ def plain(
 
 
 def constants_case(index: int, seed: int) -> dict:
-    """Promised and realised bits for all constants, and sds, of some next tests of a pad.
+    """Return expected and realised bits for all constants, and sds, of some next tests of a pad.
 
     Realised twice: with the noise measured anew in all tests, as a user would see it, and with the
-    noise held at what the promise took it for.
+    noise held at what the expectation assumed. Keys of a case stay: `promised` is what is expected.
     """
     rng = np.random.default_rng([seed, index])
     constants: Constants = draw_constants(rng)
@@ -136,10 +136,10 @@ def constants_case(index: int, seed: int) -> dict:
     some = draw_designs(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
     options["random"] = some[int(rng.integers(len(some)))]
     products, _ = screen(belief, list(options.values()), rig, errors, scales.clock)
-    promised = bits_for_constants(belief, products, belief.base_names)
+    expected = bits_for_constants(belief, products, belief.base_names)
     after = products.sds(0, one.gradient)
     rows = []
-    place = one.names.index(worst)
+    row = one.names.index(worst)
     for k, (name, design) in enumerate(options.items()):
         tests = [*first, lab.done(design, name, scales.clock)]
         anew, then, _ = plain(tests)
@@ -149,14 +149,14 @@ def constants_case(index: int, seed: int) -> dict:
                 "test": name,
                 "words": design.words(PAD),
                 "minutes": design.minutes,
-                "promised": float(promised[k]),
+                "promised": float(expected[k]),
                 "realised": _volume(one) - _volume(new),
                 "held": _volume(one) - _volume(held),
                 "noise": anew.floor.total / floor.total,
-                "sd_now": float(np.linalg.norm(one.gradient[place])),
-                "sd_promised": float(after[k, place]),
-                "sd_realised": float(np.linalg.norm(new.gradient[place])),
-                "sd_held": float(np.linalg.norm(held.gradient[place])),
+                "sd_now": float(np.linalg.norm(one.gradient[row])),
+                "sd_promised": float(after[k, row]),
+                "sd_realised": float(np.linalg.norm(new.gradient[row])),
+                "sd_held": float(np.linalg.norm(held.gradient[row])),
             }
         )
     return {"index": index, "kind": "constants", "first": len(first), "worst": worst,
@@ -164,7 +164,7 @@ def constants_case(index: int, seed: int) -> dict:
 
 
 def _volume(one) -> float:  # type: ignore[no-untyped-def]
-    """Log2 of the volume of what is not known of the constants, in their own numbers.
+    """Return log2 of the volume of what is not known of the constants, in their own numbers.
 
     The fractions sum to one, so that one of them is left out.
     """
@@ -175,7 +175,7 @@ def _volume(one) -> float:  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """What a diagnosis left open of a pad: explanations with their probabilities, and the rig."""
+    """Explanations that a diagnosis left open, with their probabilities, and the rig."""
 
     experiment: Experiment
     known: list[tuple[Hypothesis, float]]
@@ -199,14 +199,14 @@ class Doubt:
         )  # fmt: skip
 
     def best(self, wish: Goal, seed: int) -> Option:
-        """The one test that is proposed."""
+        """Return the one test that is proposed."""
         return plan_series(
             self.belief, self.rig, self.errors, wish, minutes=MINUTES, tests=1,
             clock=self.experiment.scales.clock, seed=seed, count=SCREENED,
         ).tests[0]  # fmt: skip
 
-    def promised(self, designs: Sequence[Design]) -> list[list[float]]:
-        """Bits for the cause, at least and at most, of each."""
+    def expected(self, designs: Sequence[Design]) -> list[list[float]]:
+        """Return the bits expected for the cause, at least and at most, of each design."""
         clock = self.experiment.scales.clock
         products, _ = screen(self.belief, designs, self.rig, self.errors, clock)
         bounds = products.bits_for_cause(self.belief.probabilities, self.belief.groups)
@@ -214,10 +214,10 @@ class Doubt:
 
 
 def cause_case(index: int, seed: int) -> dict:
-    """Whether a proposed test, a random one as long and the standard one resolve a pad, rightly.
+    """Try whether a proposed test, a random one as long and the standard one resolve a pad.
 
     The pad has a drag that grows nearly as the speed; what is asked is which of the causes that the
-    diagnosis left is right, weighed again with the test more.
+    diagnosis left is right. Their probabilities are computed again with the additional test.
     """
     rng = np.random.default_rng([seed, 1000 + index])
     n, k = float(rng.uniform(0.8, 0.95)), float(rng.uniform(0.002, 0.005))
@@ -239,11 +239,11 @@ def cause_case(index: int, seed: int) -> dict:
     options = {"proposed": best, "standard": recovery.before(STANDARD)}
     if near:
         options["random"] = near[int(rng.integers(len(near)))]
-    promised = doubt.promised(list(options.values()))
-    before = _weighed(experiment, doubt.known)
+    expected = doubt.expected(list(options.values()))
+    before = _log_posteriors(experiment, doubt.known)
     case |= {"entropy": doubt.belief.entropy, "causes": doubt.belief.causes}
     case["rows"] = [
-        {"test": name, "words": one.words(PAD), "minutes": one.minutes, "promised": promised[j],
+        {"test": name, "words": one.words(PAD), "minutes": one.minutes, "promised": expected[j],
          "after": _after(lab, first, one, name, doubt, before)}
         for j, (name, one) in enumerate(options.items())
     ]  # fmt: skip
@@ -253,9 +253,9 @@ def cause_case(index: int, seed: int) -> dict:
 def _after(
     lab: Lab, first: Sequence[Test], design: Design, name: str, doubt: Doubt, before: np.ndarray
 ) -> dict[str, float]:
-    """The causes' probabilities, times what the test more adds to each explanation's evidence."""
+    """Return the causes' probabilities, reweighted by what the new test adds to each evidence."""
     clock = doubt.experiment.scales.clock
-    after = _weighed(ready([*first, lab.done(design, name, clock)]), doubt.known)
+    after = _log_posteriors(ready([*first, lab.done(design, name, clock)]), doubt.known)
     logs = np.log([p for _, p in doubt.known]) + after - before
     shares = np.exp(logs - logs.max())
     found: dict[str, float] = {}
@@ -265,8 +265,10 @@ def _after(
     return found
 
 
-def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) -> np.ndarray:
-    """Log posteriors of some hypotheses, up to a constant."""
+def _log_posteriors(
+    experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]
+) -> np.ndarray:
+    """Return the log posteriors of some hypotheses, up to a constant."""
     names = {effect for hypothesis, _ in known for effect in hypothesis.effects}
     own = {FAMILIES.family_of[name] for name in names}
     kinds = tuple(kind for kind in Choices().candidates if kind.name in own)
@@ -280,7 +282,7 @@ def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) 
 
 
 def outside_case(index: int, seed: int) -> dict:
-    """Whether a pad whose cause is in no list looks certain after the proposed test."""
+    """Try whether a pad whose cause is in no list looks certain after the proposed test."""
     rng = np.random.default_rng([seed, 2000 + index])
     constants, name = draw_constants(rng), UNLISTED[index % len(UNLISTED)]
     size = float(np.exp(rng.uniform(*np.log(SIZES))))

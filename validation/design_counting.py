@@ -1,4 +1,4 @@
-"""How the cases of `design_cases` are counted, and what is asked of them: fixed before a run."""
+"""Count the cases of `design_cases` and what is asked of them, by rules fixed before a run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-SLOPE = (0.8, 1.2)  # asked of realised over promised bits
+SLOPE = (0.8, 1.2)  # asked of realised over expected bits
 RATIO = 2.0  # asked of the proposed over the standard test's fall of the worst sd a minute
 RESOLVED = 0.8  # share of ambiguous pads that one proposed test should resolve rightly
 SURE = 0.9  # probability from which a cause counts as found
@@ -16,25 +16,25 @@ HIDDEN = "power_law_drag"  # in pads whose cause is asked
 
 
 def rows_of(cases: Sequence[dict], test: str | None = None) -> list[dict]:
-    """Tests of all cases, or those of one name."""
+    """Return the tests of all cases, or those of one name."""
     return [row for case in cases for row in case["rows"] if test in (None, row["test"])]
 
 
 def slope(rows: Sequence[dict], key: str) -> tuple[float, float]:
-    """Of realised (key) over promised bits, by least squares through zero, and its sd."""
+    """Return the slope of realised (key) over expected bits, through zero, and its sd."""
     x, y = (np.array([row[k] for row in rows]) for k in ("promised", key))
     found = float(x @ y / (x @ x))
     return found, float(np.sqrt(np.sum((y - found * x) ** 2) / (x.size - 1) / (x @ x)))
 
 
 def halvings(cases: Sequence[dict], test: str, key: str) -> np.ndarray:
-    """Of the worst constant's sd a minute, of each pad; key: sd after the test."""
+    """Return the halvings a minute of the worst constant's sd, by pad; key: sd after the test."""
     rows = rows_of(cases, test)
     return np.array([np.log2(r["sd_now"] / r[key]) / r["minutes"] for r in rows])
 
 
 def ratios(cases: Sequence[dict], key: str) -> np.ndarray:
-    """Of the proposed and the standard test's halvings of each pad; the median counts.
+    """Return the ratio of each pad's halvings, proposed over standard test; the median counts.
 
     Infinite where only the standard test did not lower the sd, 0 where neither did.
     """
@@ -44,12 +44,12 @@ def ratios(cases: Sequence[dict], key: str) -> np.ndarray:
 
 
 def judged(cases: Sequence[dict]) -> list[dict]:
-    """Pads that the diagnosis called ambiguous."""
+    """Return the pads that the diagnosis called ambiguous."""
     return [case for case in cases if "rows" in case]
 
 
 def verdict(row: dict) -> str:
-    """Which cause is found after a test, summed over base laws: right, wrong, or open.
+    """Return how the cause is found after a test, summed over base laws: right, wrong, or open.
 
     One that the diagnosis did not list is not found.
     """
@@ -59,20 +59,20 @@ def verdict(row: dict) -> str:
 
 
 def left_open(cases: Sequence[dict]) -> list[dict]:
-    """Pads with something unlisted of which the diagnosis says so."""
+    """Return the pads with something unlisted of which the diagnosis says so."""
     return [case for case in cases if case["before"] >= OPEN]
 
 
 def certain(cases: Sequence[dict]) -> list[dict]:
-    """Those of them that look certain after the proposed test."""
+    """Return the pads left open that look certain after the proposed test."""
     return [case for case in left_open(cases) if case["after"] < CERTAIN]
 
 
 def goals(constants: Sequence[dict], cause: Sequence[dict], outside: Sequence[dict]) -> list[tuple]:
-    """What is asked, what was found, and whether that is enough; None where there is no case."""
+    """Return what is asked, what was found, and whether that is enough (None without cases)."""
     found: list[tuple] = []
-    for key, words in (("realised", "measured anew"), ("held", "held at what the promise assumed")):
-        words = f"realised over promised bits {SLOPE[0]:g} to {SLOPE[1]:g}, noise {words}"
+    for key, words in (("realised", "measured anew"), ("held", "held at what was assumed")):
+        words = f"realised over expected bits {SLOPE[0]:g} to {SLOPE[1]:g}, noise {words}"
         if not constants:
             found.append((words, "", None))
             continue

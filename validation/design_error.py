@@ -1,4 +1,4 @@
-"""How far is the closed form, by which tests are proposed, from nested Monte Carlo? A page.
+"""Compare the closed form, by which tests are proposed, with nested Monte Carlo; write a page.
 
 Interrupted, it goes on where it was: finished pads lie in build/validation.
 """

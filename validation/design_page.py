@@ -21,7 +21,7 @@ from design_counting import (
 )
 from page import Origin
 
-_PAGE = """# Does the proposed test bring what it promises?
+_PAGE = """# Does the proposed test bring what is expected of it?
 
 Simulated pads, by differential equations that share no code with the model; correlated noise, 500
 rows a test. Seed, order, rules of the count and goals were committed before the run
@@ -43,10 +43,10 @@ rows a test. Seed, order, rules of the count and goals were committed before the
 {pads} pads: every other one with one test at 20 mm/s, the others with three at 1, 20 and 100 mm/s.
 The proposed test is the best of {screened} for the constant that is known worst, in bits per
 minute, within {minutes:g} minutes; the standard one is the paper's (1.6 mm at 20 mm/s, 30 s, back
-to 0.8 mm, 30 s); one is random. Every one was done and all tests were fitted together. *Promised*
+to 0.8 mm, 30 s); one is random. Every one was done and all tests were fitted together. *Expected*
 and *realised* bits are for all constants: the fall of the log2 volume of the posterior. *Anew*: the
-noise floor is measured in all tests, as a user would see it; *held*: it stays what the promise took
-it for. *Noise*: sd of the floor measured anew over that of the promise.
+noise floor is measured in all tests, as a user would see it; *held*: it stays what was
+assumed. *Noise*: sd of the floor measured anew over the assumed one.
 
 {slopes}
 
@@ -76,7 +76,7 @@ it for. *Noise*: sd of the floor measured anew over that of the promise.
 """
 
 
-def page(cases: Sequence[dict], total: int, name: str, promise: dict, origin: Origin) -> str:
+def page(cases: Sequence[dict], total: int, name: str, registered: dict, origin: Origin) -> str:
     """The whole page."""
     constants, cause, outside = (
         [case for case in cases if case["kind"] == kind]
@@ -86,7 +86,7 @@ def page(cases: Sequence[dict], total: int, name: str, promise: dict, origin: Or
     asked = [[words, value, met[yes]] for words, value, yes in goals(constants, cause, outside)]
     return _PAGE.format(
         name=name, command=origin.command, date=origin.date, commit=origin.commit,
-        machine=origin.machine, seed=promise["seed"], done=len(cases), total=total,
+        machine=origin.machine, seed=registered["seed"], done=len(cases), total=total,
         goals=_table(["asked", "found", ""], asked), pads=len(constants), screened=SCREENED,
         minutes=MINUTES, slopes=_slopes(constants), halvings=_halvings(constants),
         rows=_rows(constants), cause=_cause(cause), unlisted=_unlisted(outside), sure=SURE,
@@ -118,7 +118,7 @@ def _halvings(cases: Sequence[dict]) -> str:
     head = ["halvings of the worst sd a minute, median", "proposed", "standard", "random"]
     head += ["ratio of each pad's first two, median", "its quartiles"]
     table = []
-    kinds = {"sd_realised": "noise anew", "sd_held": "noise held", "sd_promised": "as promised"}
+    kinds = {"sd_realised": "noise anew", "sd_held": "noise held", "sd_promised": "as expected"}
     for key, words in kinds.items():
         names = ("proposed", "standard", "random")
         cells = [words, *(f"{np.median(halvings(cases, name, key)):.2f}" for name in names)]
@@ -129,8 +129,8 @@ def _halvings(cases: Sequence[dict]) -> str:
 
 
 def _rows(cases: Sequence[dict]) -> str:
-    head = ["pad", "tests", "worst constant", "test", "minutes", "bits promised", "realised anew"]
-    head += ["held", "noise", "sd now", "promised", "anew", "held"]
+    head = ["pad", "tests", "worst constant", "test", "minutes", "bits expected", "realised anew"]
+    head += ["held", "noise", "sd now", "expected", "anew", "held"]
     table = []
     for case in cases:
         for row in case["rows"]:
@@ -143,7 +143,7 @@ def _rows(cases: Sequence[dict]) -> str:
 
 
 def _cause(cases: Sequence[dict]) -> str:
-    """What became of the pads with a drag that grows nearly as the speed."""
+    """Report the pads with a drag that grows nearly as the speed."""
     some = judged(cases)
     rates = ", ".join(f"{rate:g}" for rate in RATES)
     listed = sum(HIDDEN in case["causes"] for case in some)
@@ -160,7 +160,7 @@ def _cause(cases: Sequence[dict]) -> str:
 
 def _causes(cases: Sequence[dict]) -> str:
     """A row a kind of test."""
-    head = ["test", "resolved rightly", "wrongly", "open", "bits promised, mean"]
+    head = ["test", "resolved rightly", "wrongly", "open", "bits expected, mean"]
     head += ["bits gained by the hidden cause, mean", "minutes, median"]
     table = []
     for name in ("proposed", "random", "standard"):
@@ -173,16 +173,16 @@ def _causes(cases: Sequence[dict]) -> str:
             for case, row in pairs
             if row["after"].get(HIDDEN, 0.0) > 0.0
         ]
-        promised = np.mean([row["promised"][0] for _, row in pairs])
+        expected = np.mean([row["promised"][0] for _, row in pairs])
         cells = [name, *(str(found.count(key)) for key in ("right", "wrong", "open"))]
-        cells += [f"{promised:.2f}", f"{np.mean(gains):.2f}" if gains else ""]
+        cells += [f"{expected:.2f}", f"{np.mean(gains):.2f}" if gains else ""]
         table.append([*cells, f"{np.median([row['minutes'] for _, row in pairs]):.1f}"])
     return _table(head, table)
 
 
 def _resolved(cases: Sequence[dict]) -> str:
     """A row a test."""
-    head = ["pad", "bits missing", "test", "minutes", "bits promised, at least and at most"]
+    head = ["pad", "bits missing", "test", "minutes", "bits expected, at least and at most"]
     head += ["hidden cause before", "after", "likeliest after"]
     table = []
     for case in cases:
@@ -206,7 +206,7 @@ def _unlisted(cases: Sequence[dict]) -> str:
         "of the peak force; the test proposed for all that is not known was done, and the whole "
         "diagnosis made again."
     )
-    head = ["pad", "hidden", "share of the peak", "test", "bits for the cause promised"]
+    head = ["pad", "hidden", "share of the peak", "test", "bits expected for the cause"]
     head += ["bits missing", "P(outside) before", "after", "verdict before", "after"]
     table = [
         [str(c["index"]), c["hidden"], f"{c['size']:.3f}", c["words"], f"{c['promised'][0]:.2f}",

@@ -1,4 +1,4 @@
-"""What survives abuse: damaged files given to every reader, and runs that are killed.
+"""Give damaged files to every reader and kill runs, and count what survives.
 
 `endurance.py inputs --count 100000` damages files of every layout and of the package's own kinds at
 random, and gives each to the reader, to `convert` and to the first look. An answer, or one plain

@@ -1,4 +1,4 @@
-"""What an effect is worth in other programs, and what a contact without memory costs.
+"""Measure what an effect is worth in other programs, and what a contact without memory costs.
 
 Two sections of docs/exports.md, each with its picture.
 
@@ -161,10 +161,10 @@ def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> n
     """By MuJoCo with the plugin, on a mass so large that the joint goes as it is sent."""
     import mujoco
 
-    model, place = _world(folder, name), 1e-3 * depth
+    model, position = _world(folder, name), 1e-3 * depth
     data, force = mujoco.MjData(model), []
-    travel = np.diff(place, prepend=place[0])
-    for h, way, end in zip(step.tolist(), travel.tolist(), place.tolist(), strict=True):
+    travel = np.diff(position, prepend=position[0])
+    for h, way, end in zip(step.tolist(), travel.tolist(), position.tolist(), strict=True):
         speed = way / h if h > 0.0 else 0.0
         if h > 0.0:
             model.opt.timestep, data.qpos[0], data.qvel[0] = h, end - way, speed
@@ -209,7 +209,7 @@ TARGETS: dict[str, tuple[Run, str]] = {
     "mujoco": (of_plugin, "mujoco"),
     "matlab": (of_octave, "octave-cli"),
 }
-"""What runs each export, and the program or package that it takes beside gcc."""
+"""Functions that run each export, with the program or package needed in addition to gcc."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +237,7 @@ class Trial:
         return 1e-3 * self.at_readings(self.depth), 1e-3 * self.speed
 
     def at_readings(self, found: np.ndarray) -> np.ndarray:
-        """Of values on the grid, those at the readings."""
+        """Return the values at the readings, of those on the grid."""
         return found[np.searchsorted(self.grid, self.time)]
 
 
@@ -257,12 +257,12 @@ def trials(pad: q.Specimen) -> list[Trial]:
 
 
 def command(*words: object) -> None:
-    """Of qlvbayes, in a process of its own."""
+    """Run a command of qlvbayes, in a process of its own."""
     subprocess.run([sys.executable, "-m", "qlvbayes", *map(str, words)], check=True)
 
 
 def named_effects(record: Path, pad: str, kept: Path, seed: int) -> list[str]:
-    """What the diagnosis names."""
+    """Return the effects that the diagnosis names."""
     if not (kept / "diagnosis" / pad / "diagnosis.json").is_file():
         command("diagnose", record, "-o", kept / "diagnosis", "--seed", seed)
     return json.loads((kept / "diagnosis" / pad / "diagnosis.json").read_text())["effects"]
@@ -276,12 +276,12 @@ def fitted(record: Path, pad: str, folder: Path, effects: list[str], seed: int) 
 
 
 def lacking(needed: str) -> bool:
-    """Whether this machine has neither a program nor a package of that name."""
+    """Return whether this machine has neither a program nor a package of that name."""
     return shutil.which(needed) is None and importlib.util.find_spec(needed) is None
 
 
 def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndarray]:
-    """What an export makes of each test's motion."""
+    """Return the force that an export gives for each test's motion."""
     files = q.export(out, pad, target)
     (name,) = {x.name.removesuffix(x.suffix) for x in files if x.suffix in (".h", ".fmu", ".m")} - {
         x.stem for x in files if x.stem.endswith("_draws")
@@ -292,7 +292,7 @@ def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """What the exports state of contacts, and where each is run.
+    """Errors of contacts as the exports state them, and where each is run.
 
     stated: by target the error file; run: sentences on the simulators; curves: forces of the
     fastest test by name.
@@ -317,7 +317,7 @@ class Cost:
         return found
 
     def rows(self) -> list[str]:
-        """Of the table, a cell each."""
+        """Return the rows of the table, one for each cell."""
         rows = []
         for i, cell in enumerate(self.stated["mujoco"]["cells"]):
             errors = [
@@ -325,17 +325,17 @@ class Cost:
                 for target, column in self.names.values()
             ]
             phase = {"unload": "unloading"}.get(cell["phase"], cell["phase"])
-            told = " | ".join(f"{x:.1%}" for x in errors)
-            rows.append(f"| {cell['test']} | {cell['role']} | {phase} | {told} |")
+            cells = " | ".join(f"{x:.1%}" for x in errors)
+            rows.append(f"| {cell['test']} | {cell['role']} | {phase} | {cells} |")
         return rows
 
     def whole(self) -> str:
-        """Of all cells."""
+        """Return the error over all cells."""
         found = [self.stated[t]["whole"][column]["rms"] for t, column in self.names.values()]
         return " | ".join(f"{x:.1%}" for x in found)
 
     def worst(self) -> float:
-        """Of the model with memory in a phase of a test that was not fitted."""
+        """Return the largest error of the model with memory in a phase of a test not fitted."""
         return max(
             cell["rms_over_peak"]["with memory"]
             for cell in self.stated["mujoco"]["cells"]
@@ -413,7 +413,7 @@ def contacts_picture(last: Trial, costs: Cost, header: np.ndarray) -> Figure:
 def picture(
     every: list[Trial], without: list[np.ndarray], with_: list[np.ndarray], noise: float
 ) -> Figure:
-    """What is left of the fastest test's force, and the error of each test."""
+    """Draw what is left of the fastest test's force, and the error of each test."""
     figure = Figure(figsize=(6.7, 3.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     last = every[-1]

@@ -1,4 +1,4 @@
-"""What was given and what came back, away from the paper's rig.
+"""Compare what was hidden with what is answered, away from the paper's rig.
 
 `--make FOLDER` simulates the pads; `--run FOLDER --package TREE -o FILE.json` lets the `qlvbayes`
 of a source tree answer on all of them; `--page BEFORE.json AFTER.json` prints both as a table.
@@ -56,15 +56,15 @@ def answer_all(folder: Path, package: Path, output: Path, only: str = "") -> Non
 
 
 def answer(file: Path, package: Path, exact: bool, options: Sequence[str]) -> dict:
-    """What `diagnose` says of one pad; of an exact record, what `fit` says."""
+    """Return what `diagnose` says of one pad; of an exact record, what `fit` says."""
     begun = time.perf_counter()
-    with tempfile.TemporaryDirectory() as place:
-        words = ["fit" if exact else "diagnose", str(file), "-o", place, *options]
+    with tempfile.TemporaryDirectory() as results:
+        words = ["fit" if exact else "diagnose", str(file), "-o", results, *options]
         command = [sys.executable, "-c", _MAIN, *words]
         environment = os.environ | {"PYTHONPATH": str(package)}
         try:
             ran = subprocess.run(
-                command, cwd=place, env=environment, capture_output=True, text=True,
+                command, cwd=results, env=environment, capture_output=True, text=True,
                 timeout=_LIMIT_S, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
@@ -73,18 +73,18 @@ def answer(file: Path, package: Path, exact: bool, options: Sequence[str]) -> di
         if ran.returncode:
             lines = ran.stderr.strip().splitlines()
             return found | {"error": lines[-1] if lines else ""}
-        return found | _read(Path(place) / "pad", exact)
+        return found | _read(Path(results) / "pad", exact)
 
 
 def _read(folder: Path, exact: bool) -> dict:
     if exact:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         return {"verdict": "fitted", "converged": summary["converged"], "effects": []}
-    told = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    diagnosis = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     keys = ("verdict", "effects", "group", "worst", "noise_N", "remainder", "base")
-    last = told["steps"][-1]
-    found = {key: told[key] for key in keys if key in told}
-    return found | {"rmse_N": last["rmse_N"], "ranking": told["ranking"][:3]}
+    last = diagnosis["steps"][-1]
+    found = {key: diagnosis[key] for key in keys if key in diagnosis}
+    return found | {"rmse_N": last["rmse_N"], "ranking": diagnosis["ranking"][:3]}
 
 
 def page(before: dict, after: dict) -> str:

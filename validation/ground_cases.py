@@ -19,7 +19,7 @@ from qlvbayes.simulate.programmes import PadProgramme, session, swing
 
 _PRONY = (0.3, 6.2, 0.2, 0.15)
 _PLAIN = Law("exponential", (0.5, 0.8), "prony:2", _PRONY)
-_USUAL = LoadCell(white=0.004, correlated=0.0055, time=0.5)
+_BASELINE_CELL = LoadCell(white=0.004, correlated=0.0055, time=0.5)
 _ALL_CORRELATED = LoadCell(correlated=0.008, time=0.5)
 _ROWS = 400
 _SIZE = 0.06  # of the peak force
@@ -43,7 +43,7 @@ class Ground:
     repeat: int
     protocol: str = "paper"
     law: Law = _PLAIN
-    cell: LoadCell = _USUAL
+    cell: LoadCell = _BASELINE_CELL
     hidden: tuple[str, ...] = ()
     continuous: bool = False
     exact: bool = False
@@ -55,7 +55,7 @@ class Ground:
 
     @property
     def name(self) -> str:
-        """Of its file."""
+        """Return the name of its file."""
         return f"{self.row.replace(' ', '_').replace(',', '')}-{self.repeat}"
 
 
@@ -63,7 +63,7 @@ def grounds() -> Iterator[Ground]:
     """Every pad of the table."""
     hertz = Law("hertz", (0.6,), "prony:2", _PRONY)
     power = Law("exponential", (0.5, 0.8), "power-law", (0.1, 0.03, 0.25))
-    long = replace(_USUAL, time=1.0)
+    long = replace(_BASELINE_CELL, time=1.0)
     for k in (1, 2):
         yield Ground("sine, nothing", k, "sine")
         yield Ground("sine, drag", k, "sine", hidden=("viscous_drag",))
@@ -81,7 +81,7 @@ def grounds() -> Iterator[Ground]:
     for k, pair in enumerate(_PAIRS, start=1):
         yield Ground("noise all correlated, two effects", k, cell=_ALL_CORRELATED, hidden=pair)
     for k in (1, 2):
-        yield Ground("machine in air", k, "air", _AIR, replace(_USUAL, encoder=0.01))
+        yield Ground("machine in air", k, "air", _AIR, replace(_BASELINE_CELL, encoder=0.01))
 
 
 def make(folder: Path) -> None:
@@ -144,9 +144,9 @@ def _write(
         errors.append(error[kept])
     forces = run(pad, plan, times)
     for (name, motion), t, f, e in zip(plan.motions.items(), times, forces, errors, strict=True):
-        place = ground.cell.position(motion.displacement(t))
+        position = ground.cell.position(motion.displacement(t))
         start = f"pad,{name},{motion.start_s:.4f}"
-        rows = zip(t.tolist(), place.tolist(), (f + e).tolist(), strict=True)
+        rows = zip(t.tolist(), position.tolist(), (f + e).tolist(), strict=True)
         lines += [f"{start},{a:.4f},{b:.9g},{c:.9g}" for a, b, c in rows]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""How often 90 % intervals hold a pad's constants where an effect is hidden that the fit lacks.
+"""Count how often 90 % intervals hold a pad's constants where the fit lacks a hidden effect.
 
 One test at 20 mm/s of the paper's three pads, an effect of 3 to 10 % of the peak force hidden in
 each, fitted by the plain model. Prints a line a fit, and the share over all constants.
@@ -25,7 +25,7 @@ STEPS = Settings(max_steps=2500)
 
 
 def held(name: str, effect: str, seed: int) -> list[bool]:
-    """Whether the interval of each constant of a pad holds its true value."""
+    """Return whether the interval of each constant of a pad holds its true value."""
     pad, rng = TABLE_1[name], np.random.default_rng([7, seed])
     hidden = draw_effect(effect, rng, PEAKS[name], 1.6, 30.0, rng.uniform(0.03, 0.1), pad)
     pads = {name: HiddenPad(pad, (hidden,))}

@@ -169,7 +169,7 @@ def _grown(experiment: Experiment, hypothesis: Hypothesis, seed: int) -> tuple[f
     """Return the lowest loss and the log posterior to which a search restricted to one way leads.
 
     It begins as any search does, from draws of the baseline's priors, and adds what the hypothesis
-    has besides, one law or effect at a time, the likeliest of them first.
+    has in addition, one law or effect at a time, the likeliest of them first.
     """
     search = build_search(experiment)
     search.seed = seed
@@ -220,7 +220,7 @@ def _twice(one: Search, two: Search) -> dict[str, Any]:
 
 
 def _error(search: Search, hypothesis: Hypothesis) -> float:
-    """Of a log evidence; nothing where that is not known."""
+    """Return the error of a log evidence; nothing where that is not known."""
     found = search.modes.get(hypothesis)
     return float(np.nan_to_num(found[0].error)) if found else 0.0
 
@@ -309,7 +309,7 @@ def _unseen(one: dict[str, Any], lower: float) -> str:
 
 
 def _counted(found: list[dict]) -> str:
-    """How often each check was made, failed, and led to a likelier mode."""
+    """Return how often each check was made, failed, and led to a likelier mode."""
     said = []
     for name in CHECKS:
         made, failed, higher = (
@@ -321,13 +321,13 @@ def _counted(found: list[dict]) -> str:
 
 def _agreeing(found: list[dict]) -> str:
     """In how many pads, and in how many of the hypotheses that count, two seeds agree."""
-    told = [one["twice"] for one in found if "twice" in one]
-    apart = np.array([value for one in told for value in one["apart"]])
-    errors = np.array([value for one in told for value in one["errors"]])
+    repeated = [one["twice"] for one in found if "twice" in one]
+    apart = np.array([value for one in repeated for value in one["apart"]])
+    errors = np.array([value for one in repeated for value in one["errors"]])
     alike = apart <= np.maximum(_SAME, 3.0 * errors)
-    same = sum(one["best"] for one in told)
+    same = sum(one["best"] for one in repeated)
     return (
-        f"Of {len(told)} pads {same} have the same likeliest hypothesis; of {apart.size} "
+        f"Of {len(repeated)} pads {same} have the same likeliest hypothesis; of {apart.size} "
         f"hypotheses within {_NEAR:g} of the best log posterior of either search "
         f"{int(alike.sum())} have the same one in both (to {_SAME:g}, or to three of its errors), "
         f"and {int(np.isinf(apart).sum())} were seen by one of the two only."

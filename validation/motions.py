@@ -1,4 +1,4 @@
-"""How near fitted motions stay to the true ones, over encoders, scatter, loggers and motions.
+"""Compare fitted motions with the true ones, over encoders, scatter, loggers and motions.
 
 python validation/motions.py [share]: of all combinations that share (default 1), drawn with a fixed
 seed. Printed are, for each kind of motion and in all: how many records; how many fitted motions lie

@@ -86,19 +86,19 @@ ground_after.json.
 What is wrong there, and the likely cause:
 
 - *Cycles and sines*: right now. Between these commits they were not: the floor lacked the noise's
-  correlated part, and the search, beside a discrepancy that could stand for the effect, ended at
+  correlated part, and the search, with a discrepancy that could stand for the effect, ended at
   modes 80 to 320 nats below the right one.
-- *Noise all correlated, one effect*: a soft frame (6 % of the peak) is one of a group, beside
+- *Noise all correlated, one effect*: a soft frame (6 % of the peak) is one of a group, with
   permanent_set and strain_dependent_strength: it biases the constants rather than the curve, of
   which 0.7 % of the peak is left.
-- *Two effects*: in the ambiguous pad viscous_drag is named, and contact_offset (0.89) beside
-  it cannot be told from force_offset.
+- *Two effects*: in the ambiguous pad viscous_drag is named, and contact_offset (0.89), added
+  to it, cannot be distinguished from force_offset.
 - *Exact record*: the failure once reported at 6804cf2 came with a record of another simulator; this
   one was fitted there too.
 - *Machine in air*: six jerk-limited moves of 5 mm, 10 um steps, readings 2.5 to 7.5 ms apart, a
   mass of 0.65 kg: 0.630 +- 0.005 kg is found, which takes 92 % of the error; 2.4 % of the peak
-  remains where the fastest move turns back. Nothing is pressed, so that no law can be told from
-  another and each is tried: 20 minutes on a busy machine.
+  remains where the fastest move turns back. Nothing is pressed, so that no law can be
+  distinguished from another, and each is tried: 20 minutes on a busy machine.
 """
 
 _LIMITS = """## Limits
@@ -119,7 +119,7 @@ _LIMITS = """## Limits
 
 @dataclass(frozen=True)
 class Origin:
-    """How a page came about."""
+    """Origin of a page: its command, date, commit and machine."""
 
     command: str
     date: str
@@ -128,7 +128,7 @@ class Origin:
 
     @classmethod
     def now(cls, command: str, root: Path) -> Origin:
-        """Of this moment, in the git working tree at ``root``."""
+        """Return the origin of a page made now, in the git working tree at ``root``."""
         date = datetime.now(UTC).strftime("%Y-%m-%d")
         git = ("git", "describe", "--always", "--exclude=*", "--dirty=, with uncommitted changes")
         found = subprocess.run(git, cwd=root, capture_output=True, text=True, check=False)
@@ -151,7 +151,7 @@ def write_page(path: Path, results: Mapping[Setting, Sequence[dict]], origin: Or
 
 
 def with_section(text: str, section: str) -> str:
-    """The page with a section of another script at its end, in place of an older one."""
+    """Return the page with a section of another script at its end, replacing an older one."""
     older = _section_of(text, section.splitlines()[0])
     rest = text.replace(older, "") if older else text
     return f"{rest.rstrip()}\n\n{section.strip()}\n"

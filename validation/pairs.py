@@ -1,4 +1,4 @@
-"""How often a comparison of two pads is right, on simulated pairs; writes a page.
+"""Count how often a comparison of two pads is right, on simulated pairs; write a page.
 
 Interrupted, it goes on where it was: finished pairs lie in build/validation.
 """

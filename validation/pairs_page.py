@@ -87,7 +87,7 @@ def pairs_page(pairs: Sequence[dict], origin: Origin) -> str:
 
 
 def _results(pairs: Sequence[dict]) -> str:
-    """What is asked, and what was found."""
+    """Report what is asked, and what was found."""
     share, error = pooled_coverage(pairs)
     equal = [pair["differ"] is True for pair in pairs if pair["kind"] == "equal"]
     alarms = _share(equal)

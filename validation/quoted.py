@@ -67,18 +67,18 @@ class Cell:
 
     @property
     def misses(self) -> bool:
-        """Whether the interval does not hold the truth."""
+        """Return whether the interval does not hold the truth."""
         return not self.low <= self.truth <= self.high
 
     def agrees(self, own: Constant) -> bool:
-        """With a fresh one, to what a chain leaves open."""
+        """Return whether it agrees with a fresh one, to what a chain leaves open."""
         fresh = (own.median, *own.hdi90)
         apart = np.abs(np.subtract(fresh, (self.median, self.low, self.high)))
         return bool(np.all(apart <= _OF_WIDTH * (self.high - self.low)))
 
 
 def cells(text: str) -> list[Cell]:
-    """Of the table of the three methods."""
+    """Return the cells of the table of the three methods."""
     found = []
     for row in _ROW.finditer(text):
         quoted = text[row.end() : text.index("\n", row.end())].split("|")[: len(METHODS)]
@@ -93,7 +93,7 @@ def cells(text: str) -> list[Cell]:
 
 
 def numbers_of(pattern: re.Pattern[str], text: str) -> list[float]:
-    """What a sentence quotes; 'none' is 0."""
+    """Return the numbers that a sentence quotes; 'none' is 0."""
     found = pattern.search(re.sub(r"\s+", " ", text))
     if found is None:
         raise ValueError(f"the sentence '{pattern.pattern}' is not there")

@@ -65,7 +65,7 @@ _NOISE = {
 
 @dataclass(frozen=True)
 class Kind:
-    """What a series of pads is fitted with: the noise model, and what is broken on purpose."""
+    """Noise model with which a series of pads is fitted, and what is broken on purpose."""
 
     noise: str
     broken: str = ""
@@ -190,7 +190,7 @@ def p_of_no_bias(fits: Sequence[dict]) -> float:
 
 
 def passes(fits: Sequence[dict]) -> bool:
-    """Whether ranks are uniform at 1 %: each constant's own, and all together without a bias.
+    """Return whether ranks are uniform at 1 %: each constant's own, and all without a bias.
 
     The level is divided among the tests (Bonferroni).
     """

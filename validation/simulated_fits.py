@@ -30,7 +30,7 @@ MOST_STEPS = 15_000  # fewer than the default, as a fit that needs more would ta
 
 @dataclass(frozen=True)
 class Setting:
-    """What is simulated: kind of noise, rows a test keeps, loading rates."""
+    """Setting of a simulation: kind of noise, rows a test keeps, loading rates."""
 
     noise: str
     rows: int | None

@@ -88,9 +88,9 @@ def _world(text: str, height: float, area: float) -> str:
         "<drake:mu_dynamic>0</drake:mu_dynamic>"
     )
 
-    def solid(width: float, thick: float, place: float, properties: str) -> str:
+    def solid(width: float, thick: float, middle: float, properties: str) -> str:
         return (
-            f'<collision name="c"><pose>0 0 {place} 0 0 0</pose>'
+            f'<collision name="c"><pose>0 0 {middle} 0 0 0</pose>'
             f"<geometry><box><size>{width} {width} {thick}</size></box></geometry>"
             f"<drake:proximity_properties>{properties}</drake:proximity_properties></collision>"
         )

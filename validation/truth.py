@@ -1,4 +1,4 @@
-"""What is hidden in a simulated pad, in the package's own words: hypotheses and their constants.
+"""Translate what is hidden in a simulated pad to the package's hypotheses and constants.
 
 Listed effects have the simulator's own constants. Of what the package has only nearly (`exact` is
 False) the constants are where a fit may begin.
@@ -55,7 +55,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Rig:
-    """Of the tests: gap (mm) under the platen at first, depth (mm), peak (N), duration (s)."""
+    """Scales of the tests: gap (mm) at first, depth (mm), peak (N), duration (s)."""
 
     gap: float
     depth: float
@@ -64,18 +64,18 @@ class Rig:
 
     @classmethod
     def of(cls, study: BlindStudy, experiment: Experiment) -> Rig:
-        """Of a simulated study, made ready for a diagnosis."""
+        """Return the scales of a simulated study, made ready for a diagnosis."""
         scales = experiment.scales
         return cls(study.rig.gap, scales.depth, scales.force, scales.clock)
 
 
 def is_modelled(names: Iterable[str]) -> bool:
-    """Whether every hidden effect has a counterpart in the package; outsiders have none."""
+    """Return whether every hidden effect has a counterpart in the package; outsiders have none."""
     return all(name in HIDDEN or name in _FORMS for name in names)
 
 
 def truths(law: Law, effects: Sequence[Effect], rig: Rig) -> list[Truth]:
-    """What is hidden of laws and listed effects or their forms, without the rig's gap and with it.
+    """Return the hidden laws and listed effects or forms, without the rig's gap and with it.
 
     Outsiders are left out: nothing stands for them.
     """
@@ -139,7 +139,7 @@ def _drift(p: dict[str, float], rig: Rig) -> _Own:
 
 
 def _ringing(p: dict[str, float], rig: Rig) -> _Own:
-    """Of jumps of the acceleration; those of the speed are most like it a quarter period later."""
+    """Return ringing of acceleration jumps; speed jumps are most like it a quarter period later."""
     turn = 2.0 * math.pi * p["frequency"]
     strength = p["amplitude"] * turn / _ACCELERATION
     shape = {"frequency": p["frequency"], "damping": 1.0 / (turn * p["decay"])}

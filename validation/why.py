@@ -1,4 +1,4 @@
-"""Why were the wrong verdicts of a registered run wrong? Writes a page.
+"""Find why the wrong verdicts of a registered run were wrong, and write a page.
 
 `why.py RUN` takes every study of docs/wide_RUN.json that could be seen and whose verdict was wrong,
 simulates it again, diagnoses it with the present code, fits what is really hidden from its true
@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 _PARTS = 2
 _REDRAWN = 5  # starts with the relaxation drawn anew,
 _MOVED = 4  # and with all numbers moved: ten with the truth itself
-_SHOWN = 3  # readings that are told
+_SHOWN = 3  # readings that are listed
 _OUTSIDE = ("outside", "outside_beside")
 _NOTHING_ELSE = ("adequate", "missing_effect", "ambiguous")
 """Verdicts that nothing unlisted is there."""
@@ -88,7 +88,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--part", type=int, choices=range(_PARTS), help="every second study")
     parser.add_argument("--finished", action="store_true", help="write the page, run nothing")
     parser.add_argument("--keep", action="store_true", help="others as they are on the page")
-    parser.add_argument("--before", type=Path, help="JSON beside the page of earlier code")
+    parser.add_argument("--before", type=Path, help="JSON next to the page of earlier code")
     parser.add_argument("-o", "--output", type=Path, help="page, by default docs/why_RUN.md")
     options = parser.parse_args()
     options.output = options.output or ROOT / "docs" / f"why_{options.run}.md"
@@ -145,7 +145,7 @@ def explained(run: str, population: Population, case: Case) -> Case:
 
 
 def caused(study: BlindStudy, diagnosis: Diagnosis, case: Case) -> Case:
-    """The cause and what it rests on."""
+    """Return the cause and what it rests on."""
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
     answer = diagnosis.work.selected.hypothesis
     said, said_log = _best(search, answer)
@@ -184,9 +184,9 @@ def caused(study: BlindStudy, diagnosis: Diagnosis, case: Case) -> Case:
 def from_truth(density: Density, truth: Truth) -> list[Mode]:
     """Modes from true constants, from some with the relaxation drawn anew, and from near by."""
     theta = truth.theta(density.space.parameters(truth.hypothesis))
-    places = around(density.space, truth.hypothesis, theta, redrawn=_REDRAWN, moved=_MOVED)
+    starts = around(density.space, truth.hypothesis, theta, redrawn=_REDRAWN, moved=_MOVED)
     found: list[Mode] = []
-    for one in places:
+    for one in starts:
         found += find_modes(density, truth.hypothesis, one, known=found)
     return distinct(found)
 
@@ -244,27 +244,27 @@ def _true_means(study: BlindStudy, density: Density) -> Array:
 def readings(
     experiment: Experiment, density: Density, mode: Mode, other: Mode | None
 ) -> dict[str, Any]:
-    """Which block means speak against a mode: beside another one, or else beside pure noise."""
+    """Find the block means that speak against a mode, compared with another or with noise alone."""
     real, blocks = density.space.real, density.space.record.blocks
     left = (np.asarray(blocks.force) - mode.point.predicted)[real]
     free, root = one_by_one(_precision(density, mode.size if other else 0.0), left)
     parts = 0.5 * (free**2 - 1.0)
     if other is not None:
         others = (np.asarray(blocks.force) - other.point.predicted)[real]
-        beside, scale = one_by_one(_precision(density, other.size), others)
-        parts = scale - 0.5 * beside**2 - (root - 0.5 * free**2)
-    places = carrying_half(parts)
+        compared, scale = one_by_one(_precision(density, other.size), others)
+        parts = scale - 0.5 * compared**2 - (root - 0.5 * free**2)
+    half = carrying_half(parts)
     tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
     middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[real]
-    told = [
+    largest = [
         {
             "test": experiment.trials[tests[k]].name,
             "phase": str(experiment.trials[tests[k]].phase_of(middle[[k]])[0]),
             "time_s": float(middle[k]), "nats": float(parts[k]), "residual_N": float(left[k]),
         }
-        for k in places[:_SHOWN]
+        for k in half[:_SHOWN]
     ]  # fmt: skip
-    return {"nats": float(parts.sum()), "half": len(places), "of": parts.size, "largest": told}
+    return {"nats": float(parts.sum()), "half": len(half), "of": parts.size, "largest": largest}
 
 
 def _precision(density: Density, size: float) -> Array:

@@ -17,7 +17,7 @@ _HEAD = """# Why verdicts of '{run}' were wrong
 
 Of the studies in [its page](wide_{run}.md) that could be seen, {wrong} verdicts were wrong. {done}
 of them were simulated and diagnosed again, and what is really hidden was fitted from its true
-constants, from others with the relaxation drawn anew and from places near by, ten starts in all.
+constants, from others with the relaxation drawn anew and from points near by, ten starts in all.
 
 | | |
 |---|---|
@@ -33,7 +33,7 @@ _WORDS = {RIGHT: "right now"}
 def why_page(
     run: str, found: Sequence[Case], wrong: int, origin: Origin, before: dict | None
 ) -> str:
-    """Markdown; before: what an earlier run of the same left beside its page."""
+    """Markdown; before: what an earlier run of the same left next to its page."""
     head = _HEAD.format(
         run=run, wrong=wrong, done=len(found), command=origin.command, date=origin.date,
         commit=origin.commit, machine=origin.machine, earlier=_earlier(found), meaning=_meaning(),
@@ -42,7 +42,7 @@ def why_page(
 
 
 def _earlier(found: Sequence[Case]) -> str:
-    """Which studies other code than the present one explained."""
+    """State which studies other code than the present one explained."""
     commits = Counter(case["commit"] for case in found if "commit" in case)
     return "".join(
         f"{n} of them by the code of commit {commit}.\n\n" for commit, n in commits.items()
@@ -68,7 +68,7 @@ def _counts(found: Sequence[Case], before: dict | None) -> str:
 
 
 def _table(columns: dict[str, dict[int, str]]) -> list[str]:
-    """How many studies have each cause, by column."""
+    """Count the studies that have each cause, by column."""
     lines = [f"| cause | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     counts = [Counter(own.values()) for own in columns.values()]
     for cause in (RIGHT, *CAUSES):

@@ -125,7 +125,7 @@ def _wrong(report: Report) -> str:
 
 
 def _unfinished(report: Report, registered: Registration) -> str:
-    """What is to be said of a run that is not finished; nothing of one that is."""
+    """Report that a run is not finished; nothing for one that is."""
     done = len(report.cases)
     if done == registered.studies:
         return ""

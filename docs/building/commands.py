@@ -13,7 +13,7 @@ class Option:
     """An argument or option of a command: how it is written, what it says, its default."""
 
     written: str
-    told: str
+    help: str
     default: str
 
 
@@ -22,7 +22,7 @@ class Command:
     """A command: its name, its help and its options."""
 
     name: str
-    told: str
+    help: str
     arguments: list[Option]
     options: list[Option]
 
@@ -50,11 +50,11 @@ def _plain(text: str) -> str:
 
 
 def _option(parameter: Any) -> Option:
-    told = _plain(parameter.help or "")
+    words = _plain(parameter.help or "")
     if parameter.param_type_name == "argument":
-        return Option(parameter.name.upper(), told, "")
+        return Option(parameter.name.upper(), words, "")
     written = ", ".join((*parameter.opts, *parameter.secondary_opts))
     default = parameter.default
     plain = isinstance(default, (str, int, float, Path)) and not isinstance(default, bool)
     shown = "required" if parameter.required else str(default) if plain else ""
-    return Option(written, told, shown)
+    return Option(written, words, shown)

@@ -36,7 +36,7 @@ def phases(platen: Platen) -> list[tuple[float, float]]:
 
 
 def draw(ax: Axes, pad: HiddenPad, effect: HiddenPad, platen: Platen) -> None:
-    """The force that the effect adds, in per cent of the peak, and the force itself behind it."""
+    """Draw the force that the effect adds, in per cent of the peak, before the force itself."""
     spans, peak = phases(platen), 0.0
     curves = []
     for k, (begin, end) in enumerate(spans):
@@ -49,9 +49,9 @@ def draw(ax: Axes, pad: HiddenPad, effect: HiddenPad, platen: Platen) -> None:
         peak = max(peak, float(plain.max()))
         curves.append((k + even, plain, with_it - plain))
     most = max(float(np.abs(added).max()) for *_, added in curves)
-    for place, plain, added in curves:
-        ax.fill_between(place, 0.0, plain / peak * 100.0 * most / peak, color="0.9", lw=0)
-        ax.plot(place, 100.0 * added / peak, color=BLUE, lw=1.2)
+    for x, plain, added in curves:
+        ax.fill_between(x, 0.0, plain / peak * 100.0 * most / peak, color="0.9", lw=0)
+        ax.plot(x, 100.0 * added / peak, color=BLUE, lw=1.2)
     for edge in range(1, len(spans)):
         ax.axvline(edge, color="0.8", lw=0.5, zorder=0)
     ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)

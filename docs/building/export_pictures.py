@@ -1,4 +1,4 @@
-"""Takes the pictures of the pages on exports and on files of machines anew.
+"""Take the pictures of the pages on exports and on files of machines anew.
 
 python docs/building/export_pictures.py RESULTS [FOLDER], RESULTS as `make demo` leaves it. It needs
 gcc: the exported header is compiled and run along a test that was not fitted.
@@ -46,8 +46,8 @@ def of_header(results: Path, time: np.ndarray, depth: np.ndarray) -> np.ndarray:
         command = ["gcc", "-std=c99", "-O2", include, str(source), "-o", str(program), "-lm"]
         subprocess.run(command, check=True)
         rows = "".join(f"{t:.9g} {d:.9g}\n" for t, d in zip(time, depth, strict=True))
-        told = subprocess.run([program], input=rows, capture_output=True, text=True, check=True)
-    return np.array(told.stdout.split(), dtype=float)
+        output = subprocess.run([program], input=rows, capture_output=True, text=True, check=True)
+    return np.array(output.stdout.split(), dtype=float)
 
 
 def of_joint(results: Path, depth: np.ndarray, speed: np.ndarray) -> np.ndarray:
@@ -79,7 +79,7 @@ def exports(results: Path) -> Figure:
 
 
 def main() -> None:
-    """Both pictures."""
+    """Draw both pictures."""
     results = Path(sys.argv[1])
     folder = Path(sys.argv[2]) if len(sys.argv) > 2 else ROOT / "docs" / "pictures"
     exports(results).savefig(folder / "exports.png", dpi=200)

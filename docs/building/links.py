@@ -27,7 +27,7 @@ def _link(match: re.Match[str]) -> str:
 
 
 def page_of(target: str) -> str | None:
-    """Where a file of the repository stands on the site; None where it does not."""
+    """Return the page of the site that shows a file of the repository; None where there is none."""
     if target in HOMES:
         return HOMES[target]
     if target.startswith("docs/"):

@@ -1,4 +1,4 @@
-"""The names that the package offers, and on which page of the API each stands."""
+"""List the names that the package offers, with the page of the API on which each stands."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SECTIONS = {
     "other": (),
 }
 LAST = "other"
-# parts of the package that offer names of their own, beside the figures
+# parts of the package that offer names of their own, in addition to the figures
 PARTS = (
     "effects",
     "evaluation.recovery",
@@ -40,12 +40,12 @@ class Public:
     name: str
     path: str
     section: str
-    told: str
+    summary: str
     directive: str
 
 
 def public_names() -> list[Public]:
-    """Everything that ``qlvbayes`` and its parts offer by name, in alphabetical order."""
+    """Return everything that ``qlvbayes`` and its parts offer by name, in alphabetical order."""
     found: dict[str, Any] = {}
     for module in (import_module("qlvbayes"), *(import_module(f"qlvbayes.{p}") for p in PARTS)):
         found |= {name: getattr(module, name) for name in module.__all__}
@@ -57,13 +57,13 @@ def public_names() -> list[Public]:
 def _public(name: str, value: Any) -> Public:
     path = _path(name, value)
     part = path.split(".")[1]
-    place = next((key for key, parts in SECTIONS.items() if part in parts), LAST)
+    page = next((key for key, parts in SECTIONS.items() if part in parts), LAST)
     kind = "class" if inspect.isclass(value) else "function" if callable(value) else "data"
-    return Public(name, path, place, _told(path, value), f"auto{kind}")
+    return Public(name, path, page, _summary(path, value), f"auto{kind}")
 
 
 def _path(name: str, value: Any) -> str:
-    """Where it is defined; constants carry no such note."""
+    """Return the full name of a value; constants carry no note of where they are defined."""
     if hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
     ours = [m for m in list(sys.modules) if m.startswith("qlvbayes.") and name in _own(m)]
@@ -72,12 +72,12 @@ def _path(name: str, value: Any) -> str:
 
 
 def _own(module: str) -> dict[str, Any]:
-    """Annotated names of a module: constants that it defines itself."""
+    """Return the annotated names of a module: constants that it defines itself."""
     return getattr(sys.modules[module], "__annotations__", {})
 
 
-def _told(path: str, value: Any) -> str:
-    """First line of a docstring; of a constant, that of the string beneath it."""
+def _summary(path: str, value: Any) -> str:
+    """Return the first line of a docstring; for a constant, that of the string beneath it."""
     if hasattr(value, "__qualname__"):
         return (inspect.getdoc(value) or "").partition("\n")[0]
     from sphinx.pycode import ModuleAnalyzer
@@ -87,12 +87,12 @@ def _told(path: str, value: Any) -> str:
 
 
 def section(name: str) -> list[Public]:
-    """Public names of one page of the API."""
+    """Return the public names of one page of the API."""
     return [public for public in public_names() if public.section == name]
 
 
 def figures() -> list[Public]:
-    """What ``qlvbayes.plots`` offers by name."""
+    """Return everything that ``qlvbayes.plots`` offers by name."""
     from qlvbayes import plots
 
     return [_public(name, getattr(plots, name)) for name in sorted(plots.__all__)]

@@ -1,4 +1,4 @@
-"""A notebook, with the outputs that it holds, as a page of Markdown and its pictures."""
+"""Convert a notebook, with the outputs that it holds, to a page of Markdown and its pictures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nbconvert import MarkdownExporter
 
 
 def converted(path: Path) -> tuple[str, dict[str, bytes]]:
-    """Text, and pictures by name; nothing is executed."""
+    """Return the text, and the pictures by name; nothing is executed."""
     notebook = nbformat.read(path, as_version=4)
     resources = {"unique_key": path.stem, "output_files_dir": f"{path.stem}_files"}
     text, found = MarkdownExporter().from_notebook_node(notebook, resources=resources)
@@ -18,7 +18,7 @@ def converted(path: Path) -> tuple[str, dict[str, bytes]]:
 
 
 def _read_by_sphinx(text: str) -> str:
-    """Cells in IPython's own language; a picture is told by the text above it."""
+    """Mark cells as IPython; the text above describes a picture."""
     return text.replace("```python\n", "```ipython3\n").replace(
         "![png](", "![drawn by the cell above]("
     )

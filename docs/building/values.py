@@ -1,4 +1,4 @@
-"""What pages quote from the code; a name that the code no longer has stops the build."""
+"""Fill pages with values from the code; a name that the code no longer has stops the build."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MATH = re.compile(r"^\.\. math::[ \t]*(.*\n?(?:(?:[ \t]+\S.*|[ \t]*)(?:\n|$))*)
 
 
 def filled(template: str) -> str:
-    """A template with the code's values. Raises jinja2.UndefinedError on an unknown name."""
+    """Fill a template with the code's values. Raises jinja2.UndefinedError on an unknown name."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -27,7 +27,7 @@ def filled(template: str) -> str:
 
 
 def context() -> dict[str, Any]:
-    """Every name that a page may use."""
+    """Return every name that a page may use."""
     from qlvbayes.diagnosis.settings import DiagnosisSettings
     from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, by_family
     from qlvbayes.io.units import PAD
@@ -42,7 +42,7 @@ def context() -> dict[str, Any]:
         "outside": OUTSIDE,
         "families": by_family,
         "unit": PAD.of,
-        "told": inspect.getdoc,
+        "doc_of": inspect.getdoc,
         "lower_levels": levels,
         "commands": commands,
         "public": public_names,
@@ -53,12 +53,12 @@ def context() -> dict[str, Any]:
 
 
 def pad_figures(command: str) -> str:
-    """The figures that a command leaves in the folder of each pad, as code."""
+    """Return the figures that a command leaves in the folder of each pad, as code."""
     return ", ".join(f"`{one.name}`" for one in figures_of(command))
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:
-    """With the fields of a part by themselves, as ``breadth.beam``."""
+    """Return the settings with the fields of a part by themselves, as ``breadth.beam``."""
     found: dict[str, Any] = {}
     for name, value in settings.items():
         inner = _flat(value) if isinstance(value, dict) else {}
@@ -67,20 +67,20 @@ def _flat(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def constant(module: str, name: str) -> Any:
-    """A module's constant, by name."""
+    """Return a module's constant, by name."""
     return getattr(importlib.import_module(module), name)
 
 
-def docstring(place: str) -> str:
-    """The words of ``module`` or ``module:function``, the first line left out, as Markdown."""
-    module, _, name = place.partition(":")
+def docstring(path: str) -> str:
+    """Return a docstring of ``module`` or ``module:function`` after its first line, in Markdown."""
+    module, _, name = path.partition(":")
     found = importlib.import_module(module)
     text = inspect.getdoc(getattr(found, name) if name else found) or ""
     return in_dollars(text.partition("\n")[2].strip())
 
 
 def in_dollars(text: str) -> str:
-    """Text whose ``.. math::`` blocks stand between double dollars."""
+    """Put the ``.. math::`` blocks of a text between double dollars."""
 
     def dollars(match: re.Match[str]) -> str:
         first, _, rest = match[1].partition("\n")
@@ -91,7 +91,7 @@ def in_dollars(text: str) -> str:
 
 
 def levels() -> list[str]:
-    """What effects act on, from the inside out."""
+    """Return what effects act on, from the inside out."""
     from qlvbayes.effects.effect import Level
 
     return [level.name.lower() for level in Level]

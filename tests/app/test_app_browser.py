@@ -342,9 +342,9 @@ def test_a_search_is_ended_early_with_what_it_knows(visit):
     expect(page.get_by_text("Verdict:")).to_be_visible()
     expect(job).to_contain_text("done after")
     expect(job.get_by_role("button", name=re.compile("enough|Summing"))).to_have_count(0)
-    told = now(page, "entry.diagnosis")
+    result = now(page, "entry.diagnosis")
     shown = {one["effect"]: one["probability"] for one in now(page, "entry.ranking")}
-    assert {one["effect"]: one["inclusion"] for one in told["ranking"]} == shown
+    assert {one["effect"]: one["inclusion"] for one in result["ranking"]} == shown
     assert visit.said == []
 
 

@@ -1,4 +1,4 @@
-"""What is dropped onto the bench: files of any kind, and sessions saved before."""
+"""Check what is dropped onto the bench: files of any kind, and sessions saved before."""
 
 import json
 import shlex
@@ -67,17 +67,17 @@ def test_unknown_columns_are_asked_for_and_then_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"force": ""}, "no column is said to be the force"),
         ({"force": "Zeit"}, "said to be two things"),
         ({"force_unit": "lb"}, "unit of force"),
     ],
 )
-def test_answers_that_are_none_are_told(tmp_path, change, told):
+def test_answers_that_are_none_are_told(tmp_path, change, message):
     file = tmp_path / "unclear.csv"
     file.write_text(UNCLEAR)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_in(tmp_path / "session", [file], {**ANSWERS, **change})
 
 
@@ -165,7 +165,7 @@ def test_a_stranger_s_session_can_add_no_other_option_to_the_command(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("answers", "told"),
+    ("answers", "message"),
     [
         ({}, "test 1 has no pad"),
         ({"pad0": "A", "pad2": "A"}, "test 2 has no pad"),
@@ -175,25 +175,25 @@ def test_a_stranger_s_session_can_add_no_other_option_to_the_command(tmp_path):
         ({"pad0": "A", "pad1": "B"}, "names 2 pads; the number of files is 1, that of tests 3"),
     ],
 )
-def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, answers, told):
-    with pytest.raises(InputError, match=told):
+def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, answers, message):
+    with pytest.raises(InputError, match=message):
         read_in(tmp_path / "session", [specimens], {"specimens": "several", **answers})
     assert not (tmp_path / "session" / "data.csv").exists()
 
 
 @pytest.mark.parametrize(
-    ("pattern", "told"),
+    ("pattern", "message"),
     [
         ("(A", "'(A' is no pattern"),
         ("x", "'x' finds nothing in the name 'aaa"),
         ("(a+)+$", "takes too long"),
     ],
 )
-def test_a_pattern_of_no_use_is_told_in_a_line(pattern, told, monkeypatch):
+def test_a_pattern_of_no_use_is_told_in_a_line(pattern, message, monkeypatch):
     monkeypatch.setattr("qlvbayes.app.specimens._PATIENCE", 0.5)  # s
     with pytest.raises(InputError) as refused:
         pads_by(["a" * 40 + "!"], pattern)
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 

@@ -1,4 +1,4 @@
-"""What a job's process tells the server while it works, and what it takes for the same model."""
+"""Check what a job's process reports to the server, and which models it takes for the same."""
 
 import time
 from dataclasses import asdict
@@ -26,15 +26,15 @@ STANDING = SearchProgress(
 
 
 @pytest.fixture
-def told():
+def reporter():
     lines = []
     watcher = ProgressReporter(SimpleNamespace(send=lines.append))
     yield watcher, lines
     watcher.end()
 
 
-def test_a_chain_tells_how_far_it_is_and_what_is_left(told):
-    watcher, lines = told
+def test_a_chain_tells_how_far_it_is_and_what_is_left(reporter):
+    watcher, lines = reporter
     with watcher.sampling("pad B: emcee") as progress:
         progress(200, 100)  # more is found to be done
         while not any(line["done"] for line in lines):
@@ -44,17 +44,17 @@ def test_a_chain_tells_how_far_it_is_and_what_is_left(told):
     assert line["left_s"] == 0.0
 
 
-def test_a_step_tells_what_it_does(told):
-    watcher, lines = told
-    with watcher.doing("pad B") as tell:
-        tell("elastic laws")
+def test_a_step_tells_what_it_does(reporter):
+    watcher, lines = reporter
+    with watcher.doing("pad B") as report:
+        report("elastic laws")
         while not any(line["text"] == "pad B: elastic laws" for line in lines):
             time.sleep(0.05)
 
 
-def test_a_search_tells_the_probabilities_so_far(told):
-    """Those of a law are summed over the other law beside it."""
-    watcher, lines = told
+def test_a_search_tells_the_probabilities_so_far(reporter):
+    """The probabilities of a law are summed over the other law of each pair."""
+    watcher, lines = reporter
     base = {("hertz", "prony:2"): 0.6, ("hertz", "fung"): 0.3, ("linear", "fung"): 0.1}
     inclusion = {"friction": 0.2, "viscous_drag": 0.7}
     decision = Decision("ambiguous", (), (), inclusion, base, 0.0, 0)
@@ -74,9 +74,9 @@ def test_a_search_tells_the_probabilities_so_far(told):
         assert given == pytest.approx(shares)
 
 
-def test_a_search_that_has_told_enough_ends_once(told):
-    """At its next step, whose probabilities are told first; what sums it up is not ended too."""
-    watcher, lines = told
+def test_a_search_that_has_told_enough_ends_once(reporter):
+    """It ends at its next step, whose probabilities are reported first; the summing up goes on."""
+    watcher, lines = reporter
     watcher.searched("B", STANDING)
     watcher.enough()
     with pytest.raises(StopSearch):
@@ -94,10 +94,10 @@ def test_a_job_samples_the_model_on_the_bench():
 
 
 def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
-    """As the commands do, and what its steps were told themselves."""
-    told = {}
+    """It notes settings as the commands do, and passes the same to its steps."""
+    passed = {}
     for step in ("diagnose_into", "fit_into", "check_into"):
-        monkeypatch.setattr(job, step, lambda *_, step=step, **given: told.update({step: given}))
+        monkeypatch.setattr(job, step, lambda *_, step=step, **given: passed.update({step: given}))
     monkeypatch.setattr(job, "load", lambda path: None)
     spec = {"data": str(DATA), "out": str(tmp_path), "pads": ["B"], "models": {}}
     spec |= {"all_tests": True, "effects_file": None}
@@ -108,7 +108,7 @@ def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
         "evidence": "laplace",
         "thresholds": asdict(DiagnosisSettings()),
     }
-    assert told["diagnose_into"]["thresholds"] == DiagnosisSettings()
+    assert passed["diagnose_into"]["thresholds"] == DiagnosisSettings()
     sampler = asdict(Settings())
     assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
-    assert told["fit_into"]["settings"] == Settings()
+    assert passed["fit_into"]["settings"] == Settings()

@@ -199,11 +199,11 @@ def test_what_is_not_there_is_told(served, opened):
 def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
     file = tmp_path / "broken.csv"
     file.write_text(BROKEN)
-    with pytest.raises(q.InputError) as told:
+    with pytest.raises(q.InputError) as refused:
         q.read_study(file)
     session = served.upload(("broken.csv", BROKEN.encode()))
     error = served.until(session, "failed")["error"]
-    assert error["text"] == str(told.value).replace(str(file), "broken.csv")
+    assert error["text"] == str(refused.value).replace(str(file), "broken.csv")
     assert (error["file"], error["line"]) == ("broken.csv", 4)
 
 
@@ -218,10 +218,14 @@ def test_answers_that_cannot_be_used_are_told_and_the_questions_stay(served):
     assert len(names) == 3
     pads = served.post(f"{path}/specimens", {"pad_from": "^."})["pads"]
     assert pads == [name[0] for name in names]
-    for pattern, told in (("(", "is no pattern"), ("none", "finds nothing"), (7, "no pattern is")):
+    for pattern, message in (
+        ("(", "is no pattern"),
+        ("none", "finds nothing"),
+        (7, "no pattern is"),
+    ):
         answer = served.client.post(f"{path}/specimens", json={"pad_from": pattern})
         assert answer.status_code == 422
-        assert told in answer.json()["error"]["text"]
+        assert message in answer.json()["error"]["text"]
     several = {"specimens": "several", "pad0": "A", "pad1": "B", "pad2": "a/b"}
     answer = served.client.post(f"{path}/answers", json={"answers": several})
     assert answer.status_code == 422

@@ -82,7 +82,7 @@ def test_no_near_constants_fit_better(bench, dragged):
 
 
 def test_a_signature_is_the_effects_force(bench, first):
-    """What it promises is what adding the effect brings, as a drag is linear in its size."""
+    """Adding the effect brings what the signature shows, as a drag is linear in its size."""
     found = bench.signature(first, "viscous_drag")
     assert found.amplitude == "viscous_drag.eta"
     assert found.unit == "N s/mm"
@@ -131,7 +131,7 @@ def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(ben
 
 
 @pytest.mark.parametrize(
-    ("model", "told"),
+    ("model", "message"),
     [
         (q.ByHand(elastic="steel"), "no elastic law 'steel'"),
         (q.ByHand(relaxation="never"), "no relaxation 'never'"),
@@ -140,8 +140,8 @@ def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(ben
         (q.ByHand(values={"m": float("nan")}), "m is no number"),
     ],
 )
-def test_what_is_no_model_is_refused(bench, model, told):
-    with pytest.raises(InputError, match=told):
+def test_what_is_no_model_is_refused(bench, model, message):
+    with pytest.raises(InputError, match=message):
         bench.look(model)
 
 

@@ -170,21 +170,21 @@ def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
     assert (moved.law, moved.relaxing) == ("hertz", "prony:2")
     assert (moved.priors, moved.fixed) == (said[1:], ("c[0]=0.3", "friction.f=0.1"))
     assert _on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
-    usual = Base("exponential", "prony:2", 0.99)
-    assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=usual)) == mine
+    baseline = Base("exponential", "prony:2", 0.99)
+    assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=baseline)) == mine
 
 
 def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
-    """What it found, and nothing else; what is asked for reaches what looks for it."""
+    """The output is the result and nothing else; the options reach the diagnosis."""
     found = DiagnosisResult.read(study[0] / "diagnosis.json")
     asked = {}
 
-    def told(folder, pad, choices, **others):
+    def diagnosed(folder, pad, choices, **others):
         folder.mkdir(parents=True, exist_ok=True)  # it may be there, locked for this run
         found.write(folder / "diagnosis.json")
         asked.update(others, folder=folder, pad=pad.name, choices=choices)
 
-    monkeypatch.setattr("qlvbayes.pipeline.diagnosing.diagnose_into", told)
+    monkeypatch.setattr("qlvbayes.pipeline.diagnosing.diagnose_into", diagnosed)
     words = ("--elastic", "hertz", "--tolerance", "2%", "--seed", "5", "--json")
     status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
     assert (status, err) == (0, "")

@@ -1,4 +1,4 @@
-"""What goes wrong ends in one plain line and leaves nothing half done; what stops, resumes."""
+"""Check that errors end in one plain line, nothing is left half done, and stopped runs resume."""
 
 import errno
 import json
@@ -281,7 +281,7 @@ def _stopped(words, file, number):
 
 
 def test_the_list_of_commands_imports_none_of_them():
-    """What is read from their sources is what running them shows."""
+    """The list read from the sources equals the one that running the commands shows."""
     line = [sys.executable, "-X", "importtime", "-m", "qlvbayes", "--help"]
     shown = subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment())
     full = CliRunner().invoke(application(), ["--help"], prog_name="python -m qlvbayes")

@@ -66,17 +66,17 @@ def test_a_file_prescribes_the_force_of_every_pad(pads, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("--program", "rump 1 mm in 1 s"), "'rump' is not understood"),
         (("--program", "nowhere.csv"), "nowhere.csv: "),
         (("--program", PROGRAM, "--pad", "Z"), "no fit of pad 'Z'; name of A, B"),
     ],
 )
-def test_bad_input_is_one_line(pads, arguments, told):
+def test_bad_input_is_one_line(pads, arguments, message):
     before = {path: path.stat().st_mtime_ns for path in pads.rglob("*")}
     status, out, err = call("predict", pads, *arguments)
     assert (status, out) == (2, "")
-    assert told in err
+    assert message in err
     assert err.count("\n") == 1
     assert {path: path.stat().st_mtime_ns for path in pads.rglob("*")} == before

@@ -1,4 +1,4 @@
-"""Two pads set against each other: known differences, equals, and what cannot be told."""
+"""Check comparisons of two pads: known differences, equals, and what stays open."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What an engineer reads from a model, against closed forms and dense quadrature."""
+"""Check the quantities that an engineer reads from a model by closed forms and quadrature."""
 
 import equinox as eqx
 import jax

@@ -1,9 +1,9 @@
-"""Where several effects explain the tests alike, the constants allow for each of them."""
+"""Check that the constants allow for each effect where several explain the tests alike."""
 
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
-from support.hidden_pads import FEW, hidden_pad, said_otherwise
+from support.hidden_pads import FEW, hidden_pad, with_changes
 
 from qlvbayes.diagnosis.checks.outcome import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -57,8 +57,8 @@ def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(eithe
 
 @pytest.mark.slow
 def test_one_of_the_group_is_there_by_the_posterior(either):
-    told = either.result
-    held = [r.inclusion for r in told.ranking if r.effect in told.group]
+    result = either.result
+    held = [r.inclusion for r in result.ranking if r.effect in result.group]
     assert sum(held) >= DiagnosisSettings().covered
     assert max(held) < DiagnosisSettings().named
 
@@ -67,10 +67,10 @@ def test_one_of_the_group_is_there_by_the_posterior(either):
 def test_constants_are_those_of_the_base_law_and_less_sure(either):
     last = either.result.stages[-1].parameters
     assert set(either.result.constants) == {name for name in last if "." not in name}
-    told = either.result.alternatives[0].probability
+    weight = either.result.alternatives[0].probability
     for name, found in either.result.constants.items():
         # of one hypothesis alone, the share of its weight is the least that its variance keeps
-        assert found.sd >= last[name].sd * np.sqrt(told) * 0.99
+        assert found.sd >= last[name].sd * np.sqrt(weight) * 0.99
 
 
 @pytest.mark.slow
@@ -89,8 +89,8 @@ def test_what_is_not_ruled_out_is_told_beside_the_name(either):
         (one.probability for one in listed), reverse=True
     )
     assert sum(one.probability for one in listed) <= 1.0 + 1e-9
-    beside = said_otherwise(either, verdict="missing_effect", effects=("viscous_drag",), group=())
-    said = " ".join(beside.paragraphs()).partition("do not rule out")[2]
+    named = with_changes(either, verdict="missing_effect", effects=("viscous_drag",), group=())
+    said = " ".join(named.paragraphs()).partition("do not rule out")[2]
     for one in listed:
         if one.effects not in ((), ("viscous_drag",)):
             assert f"{' and '.join(one.effects)} (" in said
@@ -99,10 +99,10 @@ def test_what_is_not_ruled_out_is_told_beside_the_name(either):
 @pytest.mark.slow
 def test_sets_beyond_those_listed_are_told_together(either):
     first, *_ = either.result.not_ruled_out
-    beside = said_otherwise(either, verdict="missing_effect", group=(), effects=("friction",))
-    alone = said_otherwise(beside, not_ruled_out=(changed(first, probability=0.83),))
+    named = with_changes(either, verdict="missing_effect", group=(), effects=("friction",))
+    alone = with_changes(named, not_ruled_out=(changed(first, probability=0.83),))
     assert "or others (17 % together)" in " ".join(alone.paragraphs())
-    certain = said_otherwise(beside, not_ruled_out=(changed(first, probability=1.0),))
+    certain = with_changes(named, not_ruled_out=(changed(first, probability=1.0),))
     assert "others" not in " ".join(certain.paragraphs())
 
 
@@ -113,11 +113,11 @@ def left(either):
 
 @pytest.mark.slow
 def test_draws_of_the_hypotheses_are_as_many_as_they_are_likely(either, left):
-    told = either.result.alternatives
+    listed = either.result.alternatives
     assert [(one.base, one.effects) for one in left.hypotheses] == [
-        (one.base, one.effects) for one in told
+        (one.base, one.effects) for one in listed
     ]
-    total = sum(one.probability for one in told)
+    total = sum(one.probability for one in listed)
     for one in left.hypotheses:
         assert abs(len(one.constants["m"]) - 400 * one.probability / total) <= 1.0
 
@@ -129,10 +129,13 @@ def test_draws_have_the_moments_and_the_bounds_of_the_diagnosis(either, left):
     one = next(h for h in drawn.hypotheses if (h.base, h.effects) == (last.base, last.effects))
     count = len(one.constants["m"])
     for name in ("m", "b", "v[1]"):
-        values, told = np.array(one.constants[name]), last.parameters[name]
-        # four sds of what so many draws say; the told sd is that of a slope
-        assert abs(values.mean() - told.mean) < 4.0 * told.sd / np.sqrt(count) + 0.1 * told.sd
-        assert values.std() == pytest.approx(told.sd, rel=0.1)
+        values, reported = np.array(one.constants[name]), last.parameters[name]
+        # four sds of what so many draws say; the reported sd is that of a slope
+        assert (
+            abs(values.mean() - reported.mean)
+            < 4.0 * reported.sd / np.sqrt(count) + 0.1 * reported.sd
+        )
+        assert values.std() == pytest.approx(reported.sd, rel=0.1)
     for one in left.hypotheses:
         shares = np.sum([one.constants[f"c[{k}]"] for k in range(3)], axis=0)
         assert np.allclose(shares, 1.0)

@@ -92,12 +92,12 @@ def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_la
         theta[list(leaf.theta)] = np.ravel(leaf.prior.unconstrain(np.asarray(value)))
     point = search.density.at(hypothesis, theta)
     moved = search.candidates_from(hypothesis, [Mode(point, 0.0, 0.0, False, 1)])
-    weighed = (
+    candidate = (
         moved[0]
         if moved
         else replace(search.candidates[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1))
     )
-    found = list(exchanged_starts(space, weighed, ["extra_relaxation_mode"]))
+    found = list(exchanged_starts(space, candidate, ["extra_relaxation_mode"]))
     assert [start.hypothesis for start in found] == [search.baseline] * 3
     losses = [find_mode(search.density, search.baseline, start.theta).loss for start in found]
     assert min(losses) == pytest.approx(plain.mode.loss, abs=0.1)

@@ -192,7 +192,7 @@ def within(*weights):
 
 
 def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
-    """Neither form alone has 0.9, the effect has; the likelier form is told."""
+    """Neither form alone has 0.9, the effect has; the likelier form is reported."""
     weights = within(
         weight("coulomb", 0.5),
         weight("friction", 0.2),

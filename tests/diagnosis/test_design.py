@@ -99,10 +99,10 @@ def test_the_promise_is_kept(present):
     experiment, density, found = present
     again = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0, wait=HOUR)
     rig = Rig.from_tests(experiment)
-    (promise,) = expected_evidence(experiment, rig, equal_belief(density, found), [again], 0.0)
+    (expected,) = expected_evidence(experiment, rig, equal_belief(density, found), [again], 0.0)
     first, later = ramps(0, ("one",)), experiment.scales.clock + HOUR
     gains = []
     for seed in range(1, AGAIN + 1):
         *_, points = fitted(first + ramps(seed, ("again",), later))
         gains.append(gain(points) - gain(found))
-    assert 0.5 * promise < np.mean(gains) < 2.0 * promise
+    assert 0.5 * expected < np.mean(gains) < 2.0 * expected

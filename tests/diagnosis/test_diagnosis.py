@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
-from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract, said_otherwise
+from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract, with_changes
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.checks.adequacy import adequacy
@@ -134,9 +134,9 @@ def test_the_words_say_verdict_place_and_size(drag, plain):
 
 @pytest.mark.slow
 def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
-    told = plain.result.ranking
-    ranking = [changed(r, inclusion=0.3) if r.effect == "none" else r for r in told]
-    doubtful = said_otherwise(plain, ranking=tuple(ranking))
+    entries = plain.result.ranking
+    ranking = [changed(r, inclusion=0.3) if r.effect == "none" else r for r in entries]
+    doubtful = with_changes(plain, ranking=tuple(ranking))
     assert "although something may be missing" in doubtful.paragraphs()[0]
 
 
@@ -145,7 +145,7 @@ def test_an_error_that_rose_is_not_said_to_fall(drag):
     first, *others = drag.result.stages
     nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
     assert "falls from" in drag.text()
-    assert "falls from" not in said_otherwise(drag, stages=(nearer, *others)).text()
+    assert "falls from" not in with_changes(drag, stages=(nearer, *others)).text()
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
 @pytest.mark.slow
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
     bias = ParameterBias("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
-    said = "\n".join(said_otherwise(plain, biases=(bias,)).paragraphs())
+    said = "\n".join(with_changes(plain, biases=(bias,)).paragraphs())
     assert f"b would be {words}" in said
 
 
@@ -251,16 +251,16 @@ def _plain_point(experiment, work):
 
 @pytest.mark.slow
 def test_left_out_is_predicted_from_the_others_only(drag):
-    """What a test's own readings are has no part in what is predicted of it."""
+    """A test's own readings have no part in its prediction."""
     work = drag.work
-    search, told = work.search, work.selected
-    expected = held_out(search.density, work.samples, told).by_part[0]
+    search, selected = work.search, work.selected
+    expected = held_out(search.density, work.samples, selected).by_part[0]
     trials = work.experiment.trials
     other = replace(trials[0], test=replace(trials[0].test, force=trials[0].test.force + 0.5))
     shifted = replace(work.experiment, trials=(other, *trials[1:]))
     moved = build_search(shifted, kinds=(type(search.density.space.effects["viscous_drag"]),))
     found = held_out(
-        moved.density, Samples.from_experiment(shifted, moved.density.space), told
+        moved.density, Samples.from_experiment(shifted, moved.density.space), selected
     ).by_part[0]
     assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
@@ -272,20 +272,20 @@ def test_samples_are_predicted_as_by_the_model_itself(drag):
     Their grids differ; each is within a quarter of an encoder step of the motion.
     """
     work = drag.work
-    told, samples = work.selected, work.samples
-    model, _ = told.point.own.posterior.with_constants(jnp.asarray(told.point.constants))
-    predicted = samples.predict(told.hypothesis, told.point.constants[None])
+    selected, samples = work.selected, work.samples
+    model, _ = selected.point.own.posterior.with_constants(jnp.asarray(selected.point.constants))
+    predicted = samples.predict(selected.hypothesis, selected.point.constants[None])
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
         record = single_samples(work.experiment, trial, rows)
         expected = np.asarray(record.average(model.force(record.motion)))
         stiffness = float(model.elastic.stiffness(np.max(trial.test.displacement)))
-        promised = 0.25 * trial.trajectory.resolution * stiffness
-        assert promised < 0.1 * work.experiment.floor.total
-        np.testing.assert_allclose(predicted[k][0], expected, atol=promised)
+        bound = 0.25 * trial.trajectory.resolution * stiffness
+        assert bound < 0.1 * work.experiment.floor.total
+        np.testing.assert_allclose(predicted[k][0], expected, atol=bound)
 
 
 def test_of_one_test_alone_phases_are_left_out():
-    """What is told as left out is never the error of the fit."""
+    """The error reported for parts left out is never the error of the fit."""
     found = diagnose(measured(rates=(20.0,)), kinds=FEW)
     work = found.work
     left_out = held_out(work.search.density, work.samples, work.selected)

@@ -1,4 +1,4 @@
-"""An effect of no size beside a model, and one that is hidden."""
+"""Check effects of no size added to a model, and one that is hidden."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.priors.natural import Positive
 from qlvbayes.simulate import HIDDEN, full_retraction_protocol
 
-USUAL = Hypothesis("exponential", "prony:2")
+BASELINE = Hypothesis("exponential", "prony:2")
 RATES = (1.0, 20.0, 100.0)
 
 
@@ -32,10 +32,10 @@ def plain():
 
 @pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
 def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
-    """Where a record begins above zero too; what adds points to the grid is 1e-5 off at most."""
-    point, space = plain.modes[USUAL][0].point, plain.density.space
+    """It is also above zero displacement; effects that refine the grid are 1e-5 off at most."""
+    point, space = plain.modes[BASELINE][0].point, plain.density.space
     assert np.asarray(space.record.motion.displacement)[:, 0].max() > 0.0
-    hypothesis = USUAL.plus(kind.name)
+    hypothesis = BASELINE.plus(kind.name)
     own = space.parameters(hypothesis)
     start = shapes(space, point, own, kind.name)[-1]
     found = space.forces(hypothesis, own.constants(start[None]))[0]
@@ -47,8 +47,8 @@ def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
 @pytest.mark.parametrize("share", [1e-3, 1.0])
 def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share):
     """Z_s = int L_s pi <= max L_s, at every size; also where constants are next to nothing."""
-    density, point = plain.density, plain.modes[USUAL][0].point
-    hypothesis = USUAL.plus(kind.name)
+    density, point = plain.density, plain.modes[BASELINE][0].point
+    hypothesis = BASELINE.plus(kind.name)
     own = density.space.parameters(hypothesis)
     start = shapes(density.space, point, own, kind.name)[0]
     amplitude = amplitude_of(own, kind.name)
@@ -65,7 +65,7 @@ def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share)
 
 
 def test_hidden_adhesion_is_found():
-    """Where the gap it leaves could be taken for an offset of the force."""
+    """It is found although the gap it leaves could be taken for an offset of the force."""
     hidden = HIDDEN["adhesion"](strength=0.03)
     kinds = tuple(map(find, ("adhesion", "force_offset", "contact_offset")))
     search = build_search(

@@ -1,4 +1,4 @@
-"""What a diagnosis left as a mixture: predictions averaged over hypotheses, by probability."""
+"""Check predictions averaged over the hypotheses that a diagnosis left, by probability."""
 
 from dataclasses import replace
 
@@ -112,9 +112,9 @@ def test_the_fit_alone_is_to_be_had(folder):
     assert status == 0
     assert "averaged" not in err
     assert read_json(folder / "B" / "prediction.json")["averaged"] == []
-    told = call("predict", folder, "--program", PROGRAM, "--hypotheses", "some")
-    assert told[0] == 2
-    assert "use one of averaged, fitted" in told[2]
+    answer = call("predict", folder, "--program", PROGRAM, "--hypotheses", "some")
+    assert answer[0] == 2
+    assert "use one of averaged, fitted" in answer[2]
 
 
 def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):

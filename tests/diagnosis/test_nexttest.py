@@ -1,4 +1,4 @@
-"""What further tests would tell: closed forms, Monte Carlo, and tests that a rig can do."""
+"""Check what further tests would show, by closed forms, Monte Carlo and tests that a rig can do."""
 
 import json
 from dataclasses import replace
@@ -60,7 +60,7 @@ def bits(belief, errors, names=("m", "b"), designs=(PRESS,)):
 
 
 def products(*parts):
-    """Of whitened forces and slopes, one (1 + F, n) an explanation."""
+    """Return the products of whitened forces and slopes, one (1 + F, n) an explanation."""
     rows = np.concatenate([np.atleast_2d(part) for part in parts])
     return Products((rows @ rows.T)[None], tuple(len(np.atleast_2d(p)) - 1 for p in parts))
 
@@ -210,24 +210,24 @@ def test_laws_of_one_cause_are_one_answer():
     two = Belief.from_explanations(
         [*one.explanations, replace(law([0.001], 1.0, force=0.2), cause="leak")]
     )
-    told = nested_bits(two, [PRESS], RIG, ERRORS, ())
-    assert told.cause == pytest.approx(two.entropy, abs=0.01)
+    nested = nested_bits(two, [PRESS], RIG, ERRORS, ())
+    assert nested.cause == pytest.approx(two.entropy, abs=0.01)
     assert two.entropy == pytest.approx(1.0)
 
 
 def test_a_cause_counts_by_all_its_laws_and_forms():
     """Four percent on each of two laws are a cause; so are the forms of one family together."""
-    usual, other = LawPair("exponential", "prony:2"), LawPair("hertz", "prony:2")
+    baseline, other = LawPair("exponential", "prony:2"), LawPair("hertz", "prony:2")
     families = Families.from_kinds(EVERY)
     found = probable_alternatives(
         [
-            Alternative(usual, ("viscous_drag",), 0.5),
+            Alternative(baseline, ("viscous_drag",), 0.5),
             Alternative(other, ("viscous_drag",), 0.1),
-            Alternative(usual, ("friction", "viscous_drag"), 0.06),
-            Alternative(usual, ("pressure_friction", "viscous_drag"), 0.1),
-            Alternative(usual, ("friction",), 0.04),
+            Alternative(baseline, ("friction", "viscous_drag"), 0.06),
+            Alternative(baseline, ("pressure_friction", "viscous_drag"), 0.1),
+            Alternative(baseline, ("friction",), 0.04),
             Alternative(other, ("friction",), 0.04),
-            Alternative(usual, ("force_drift",), 0.04),
+            Alternative(baseline, ("force_drift",), 0.04),
         ],
         families,
     )
@@ -261,16 +261,16 @@ def test_marginals_of_a_linear_law_are_exact():
     belief = Belief.from_explanations([law([0.02, 0.01], 0.6), law([0.02], 0.4, force=0.01)])
     found, _ = screen(belief, [PRESS], RIG, ERRORS, 0.0)
     expected = bits_for_constants(belief, found, ("a0",))[0]
-    told = nested_bits(belief, [PRESS], RIG, ERRORS, ("a0",))
-    assert told.constants == pytest.approx(expected, abs=1e-6)
+    nested = nested_bits(belief, [PRESS], RIG, ERRORS, ("a0",))
+    assert nested.constants == pytest.approx(expected, abs=1e-6)
     low, high = (x[0] for x in found.bits_for_cause(belief.probabilities))
-    assert low - 0.02 < told.cause < high + 0.02
+    assert low - 0.02 < nested.cause < high + 0.02
 
 
 def test_bits_of_a_bent_law_are_those_of_plain_nested_monte_carlo():
     """One constant, force as z^3: the inner average over 20 000 draws of the prior."""
     belief = Belief.from_explanations([law([0.01], power=3.0)])
-    told = nested_bits(belief, [PRESS], RIG, ERRORS, ("a0",), outer=200, inner=40)
+    nested = nested_bits(belief, [PRESS], RIG, ERRORS, ("a0",), outer=200, inner=40)
     trial = WhitenedTests(belief, [PRESS], RIG, ERRORS, 0.0)
     rng = np.random.default_rng(1)
     one = belief.explanations[0]
@@ -282,15 +282,15 @@ def test_bits_of_a_bent_law_are_those_of_plain_nested_monte_carlo():
     y = z[:, 0] ** 3 * np.linalg.norm(shape) + noise @ axis
     logs = -0.5 * (y[:, None] - prior[:, 0] ** 3 * np.linalg.norm(shape)) ** 2
     gains = -0.5 * (noise @ axis) ** 2 - logsumexp(logs, axis=1) + np.log(20_000)
-    error = np.hypot(gains.std() / np.sqrt(400) / np.log(2.0), told.constants_error)
-    assert told.constants == pytest.approx(gains.mean() / np.log(2.0), abs=4.0 * error)
+    error = np.hypot(gains.std() / np.sqrt(400) / np.log(2.0), nested.constants_error)
+    assert nested.constants == pytest.approx(gains.mean() / np.log(2.0), abs=4.0 * error)
 
 
 def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
     """Constants known to 3 % bend the forces little."""
-    told = nested_bits(pad, [PRESS], RIG, ERRORS, ("m", "b"))
-    assert told.constants == pytest.approx(bits(pad, ERRORS)[0], rel=0.2)
-    assert told.cause == 0.0
+    nested = nested_bits(pad, [PRESS], RIG, ERRORS, ("m", "b"))
+    assert nested.constants == pytest.approx(bits(pad, ERRORS)[0], rel=0.2)
+    assert nested.cause == 0.0
 
 
 # noise and what the model misses
@@ -304,7 +304,7 @@ def test_more_noise_tells_less(pad):
 
 
 def test_what_the_model_misses_makes_a_test_less_sure():
-    """0.1 N beside two explanations 0.01 N apart leave them as they were."""
+    """0.1 N of noise and two explanations 0.01 N apart leave them as they were."""
     belief = Belief.from_explanations([law([0.001]), law([0.001], force=0.01)])
     clear, _ = screen(belief, [PRESS], RIG, ERRORS, 0.0)
     doubtful, _ = screen(belief, [PRESS], RIG, replace(ERRORS, missed=0.1), 0.0)
@@ -384,8 +384,8 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
     assert [one.design for one in first.tests] != [one.design for one in other.tests]
     assert len(first.tests) == 3
     assert first.minutes <= 4.0
-    told = bits_for_constants(pad, first.after, ("m",))[0]
-    assert told == pytest.approx(sum(one.constants for one in first.tests))
+    total = bits_for_constants(pad, first.after, ("m",))[0]
+    assert total == pytest.approx(sum(one.constants for one in first.tests))
     # each test adds less than the ones before it, a minute
     rates = [one.constants / one.design.minutes for one in first.tests]
     assert rates == sorted(rates, reverse=True)

@@ -11,16 +11,18 @@ from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 LAWS = (("x",), ("p",))
-USUAL = Hypothesis("x", "p")
+BASELINE = Hypothesis("x", "p")
 # two families with forms, one without, and one that names nothing
 FAMILIES = Families(
     {"a": "a", "a2": "a", "a3": "a", "b": "b", "b2": "b", "c": "c", "w": "w"}, frozenset({"w"})
 )
 
 
-def prior(effects, candidates=FAMILIES, usual=USUAL, settings=None):
+def prior(effects, candidates=FAMILIES, baseline=BASELINE, settings=None):
     hypothesis = Hypothesis("x", "p", frozenset(effects))
-    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or DiagnosisSettings()))
+    return math.exp(
+        log_prior(hypothesis, baseline, LAWS, candidates, settings or DiagnosisSettings())
+    )
 
 
 def sets(names):
@@ -32,7 +34,7 @@ def test_prior_sums_to_one_over_all_sets_and_laws():
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
     total = sum(
-        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), USUAL, laws, families, settings))
+        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), BASELINE, laws, families, settings))
         for e in laws[0]
         for r in laws[1]
         for some in sets(effects)
@@ -64,10 +66,10 @@ def test_a_familys_members_share_its_probability(effects, probability):
 
 
 def test_what_the_user_put_in_takes_its_family():
-    usual = Hypothesis("x", "p", frozenset({"a2"}))
-    assert prior({"a2"}, usual=usual) == pytest.approx(1 / 2)
-    assert prior({"a2", "c"}, usual=usual) == pytest.approx(1 / 4 / 3)
-    assert prior({"a2", "a"}, usual=usual) == 0.0
+    baseline = Hypothesis("x", "p", frozenset({"a2"}))
+    assert prior({"a2"}, baseline=baseline) == pytest.approx(1 / 2)
+    assert prior({"a2", "c"}, baseline=baseline) == pytest.approx(1 / 4 / 3)
+    assert prior({"a2", "a"}, baseline=baseline) == 0.0
 
 
 def test_forms_have_all_where_the_listed_law_is_no_candidate():

@@ -91,10 +91,10 @@ def test_what_is_surely_below_the_tolerance_everywhere_is_small():
 
 def test_the_largest_cell_is_told_with_its_size_and_place():
     large = left(0.01, test="B-9", phase="hold")
-    told = remaining(left(0.005), large, left(0.5, shown=False)).record
-    assert (told.test, told.phase) == ("B-9", "hold")
-    assert told.share_of_peak == pytest.approx(0.008 / 2.0)
-    assert told.small
+    cell = remaining(left(0.005), large, left(0.5, shown=False)).record
+    assert (cell.test, cell.phase) == ("B-9", "hold")
+    assert cell.share_of_peak == pytest.approx(0.008 / 2.0)
+    assert cell.small
 
 
 def test_effects_are_weighed_with_the_same_tolerance():

@@ -21,7 +21,7 @@ def test_a_sample_of_ten_times_the_sd_counts_a_hundredth():
 
 
 def test_weighted_least_squares_has_the_least_error():
-    """Of a constant force the inverse-variance mean is best, so its error is the least."""
+    """The inverse-variance mean of a constant force is best, so its error is the least."""
     rng = np.random.default_rng(0)
     sds = np.geomspace(0.1, 3.0, 50)
     force = 2.0 + sds * rng.standard_normal(50)

@@ -28,7 +28,7 @@ from qlvbayes.simulate.loadcell import LoadCell
 from qlvbayes.simulate.programmes import session
 
 RATES = (0.1, 1.0, 20.0, 100.0)
-USUAL = Hypothesis("exponential", "prony:2")
+BASELINE = Hypothesis("exponential", "prony:2")
 
 
 def tabled(table):
@@ -40,7 +40,7 @@ def tabled(table):
             return table[hypothesis]
 
     return Tabled(
-        None, DiagnosisSettings(), USUAL, Families({}), modes={key: [noise] for key in table}
+        None, DiagnosisSettings(), BASELINE, Families({}), modes={key: [noise] for key in table}
     )
 
 
@@ -64,7 +64,7 @@ def drag():
 @pytest.mark.slow
 def test_hidden_drag_is_found_on_the_right_law(drag):
     found = decided(drag)
-    assert drag.best == USUAL.plus("viscous_drag")
+    assert drag.best == BASELINE.plus("viscous_drag")
     assert found.effects == ("viscous_drag",)
     assert found.base["exponential", "prony:2"] > 0.5
 
@@ -90,7 +90,7 @@ def test_nothing_is_missing_where_nothing_is_hidden():
     run_search(search)
     found = decided(search)
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
-    assert search.best == USUAL
+    assert search.best == BASELINE
 
 
 def test_a_form_put_into_the_model_takes_the_place_of_its_family():
@@ -103,16 +103,16 @@ def test_a_form_put_into_the_model_takes_the_place_of_its_family():
 
 
 def test_the_likeliest_that_come_near_are_expanded():
-    drag, both = USUAL.plus("viscous_drag"), USUAL.plus("viscous_drag").plus("inertia")
+    drag, both = BASELINE.plus("viscous_drag"), BASELINE.plus("viscous_drag").plus("inertia")
     near, far = replace(drag, elastic="hertz"), replace(drag, elastic="linear")
-    search = tabled({drag: -100.0, both: -101.0, near: -104.0, USUAL: -106.0, far: -500.0})
+    search = tabled({drag: -100.0, both: -101.0, near: -104.0, BASELINE: -106.0, far: -500.0})
     assert search.beam == [drag, both]
     search.settings = DiagnosisSettings(breadth=Breadth(beam=9))
-    assert search.beam == [drag, both, near, USUAL]
+    assert search.beam == [drag, both, near, BASELINE]
 
 
 def test_neighbours_are_one_law_or_one_effect_away():
-    drag, best = build_search(hidden_pad(rates=RATES[:2]), kinds=FEW), USUAL.plus("viscous_drag")
+    drag, best = build_search(hidden_pad(rates=RATES[:2]), kinds=FEW), BASELINE.plus("viscous_drag")
     drag.modes[best] = [SimpleNamespace(mode=SimpleNamespace(size=0.0))]
     some = drag.neighbours(best)
     assert best not in some
@@ -129,15 +129,20 @@ def test_neighbours_are_one_law_or_one_effect_away():
 
 def test_effects_are_replaced_by_those_that_explained_most_elsewhere():
     """Friction came first, and neither thixotropy nor drift is worth adding to it."""
-    friction, thixotropy = USUAL.plus("friction"), USUAL.plus("thixotropy")
-    known = {USUAL: -200.0, friction: -150.0, thixotropy: -160.0, USUAL.plus("inertia"): -199.0}
+    friction, thixotropy = BASELINE.plus("friction"), BASELINE.plus("thixotropy")
+    known = {
+        BASELINE: -200.0,
+        friction: -150.0,
+        thixotropy: -160.0,
+        BASELINE.plus("inertia"): -199.0,
+    }
     search = tabled(known | {friction.plus("force_drift"): -149.0})
     names = ("friction", "thixotropy", "inertia", "force_drift")
     search.families = Families({name: name for name in names})
     search.settings = DiagnosisSettings(breadth=Breadth(substitutes=1))
     assert search.substitutions(friction.plus("force_drift")) == [
-        USUAL.plus("thixotropy").plus("friction"),
-        USUAL.plus("thixotropy").plus("force_drift"),
+        BASELINE.plus("thixotropy").plus("friction"),
+        BASELINE.plus("thixotropy").plus("force_drift"),
     ]
 
 
@@ -177,10 +182,10 @@ class Shifted(Scaled):
 def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
     """A factor of all forces is the stiffness once more: the best fit is the plain model's."""
     search = build_search(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
-    search.evaluate(USUAL)
-    plain = search.modes[USUAL][0]
-    search.evaluate(USUAL.plus(kind.name))
-    found = search.modes[USUAL.plus(kind.name)][0]
+    search.evaluate(BASELINE)
+    plain = search.modes[BASELINE][0]
+    search.evaluate(BASELINE.plus(kind.name))
+    found = search.modes[BASELINE.plus(kind.name)][0]
     assert found.mode.converged
     assert found.point.residual @ found.point.residual == pytest.approx(
         plain.point.residual @ plain.point.residual, rel=0.02
@@ -214,7 +219,7 @@ def rubbing():
 @pytest.mark.slow
 def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):
     search = rubbing
-    plain, more = search.candidates[USUAL], USUAL.plus("friction")
+    plain, more = search.candidates[BASELINE], BASELINE.plus("friction")
     assert plain.mode.size > 0.0
     search.evaluate(more)
     best = search.candidates[more].mode

@@ -1,4 +1,4 @@
-"""What no list holds: what is left is told, with its size, and nothing is named for sure alone."""
+"""Check that unlisted structure is reported with its size, and that none is named for sure."""
 
 import numpy as np
 import pytest
@@ -59,11 +59,11 @@ def test_its_size_and_place_are_told(clipped):
     left = clipped.result.remainder
     assert not left.small
     said = " ".join(clipped.paragraphs())
-    told = {
+    sentences = {
         "unexplained": "No effect is named",
         "partly_explained": "no effect of the list explains",
     }
-    assert told[clipped.result.verdict] in said
+    assert sentences[clipped.result.verdict] in said
     assert left.test in said
     assert "of the peak force" in said
 

@@ -27,7 +27,7 @@ def recovered():
 
 
 def off(recovered):
-    """Whether all intervals together hold the truth too often or too seldom."""
+    """Return whether all intervals together hold the truth too often or too seldom."""
     inside = np.concatenate([found.inside.ravel() for found in recovered])
     error = math.sqrt(LEVEL * (1.0 - LEVEL) / inside.size)
     return bool(abs(inside.mean() - LEVEL) > ERRORS * error)

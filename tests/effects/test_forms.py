@@ -89,7 +89,7 @@ class Blunt(PressureFriction):
 
 
 class Homeless(PressureFriction):
-    """Of a family that is not listed."""
+    """Form of a family that is not listed."""
 
     generalises: ClassVar[str] = "rust"
 

@@ -128,7 +128,7 @@ def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
 
 
 def test_noise_that_changes_changes_the_noise_alone():
-    """Of the same study with and without: forces differ by the noise times the factor less one."""
+    """Forces of a study with and without it differ by the noise times the factor less one."""
     wanted = {"protocol": "three_tests", "logger": "thinned", "history": "rested"}
     wanted |= {"record": "changing_noise"}
     own_population = Population(0, disturbed=True)
@@ -193,7 +193,7 @@ def test_unequal_holds_change_rests_alone(protocol):
 
 
 def test_a_held_force_stays_while_the_platen_goes_on():
-    """Of the tests whose path is found: solved finer along that path, and again by its rest."""
+    """The force of a path that is found is solved finer along that path, and again by its rest."""
     wanted = {"protocol": "paper", "logger": "uniform"}
     wanted |= {"record": "held_force", "history": "rested", "kind": "none"}
     population = Population(0, disturbed=True)
@@ -339,7 +339,7 @@ LATEST = [
 
 @pytest.mark.parametrize("name", LATEST)
 def test_an_outsider_has_the_size_asked_for_and_follows_from_its_seed(name):
-    """Of tests like a study's: 0.5 %, 5 % and 15 % of the peak force, within a tenth."""
+    """Sizes of 0.5, 5 and 15 % of the peak force are met within a tenth in a study's tests."""
     motions = [
         Platen(full_retraction_protocol(rate), start_s=300.0 * k, number=k)
         for k, rate in enumerate((1.0, 20.0))
@@ -426,9 +426,9 @@ def test_named_is_exactly_what_is_hidden():
     assert not is_named(case(verdict="ambiguous", effects=("friction",)))
     assert is_named(case("none", (), "adequate"))
     assert is_named(case("outside", ("slip",), "unexplained"))
-    beside = ("slip", "friction")
-    assert is_named(case("outside_beside", beside, "partly_explained", ("friction",)))
-    assert not is_named(case("outside_beside", beside, "unexplained"))
+    hidden = ("slip", "friction")
+    assert is_named(case("outside_beside", hidden, "partly_explained", ("friction",)))
+    assert not is_named(case("outside_beside", hidden, "unexplained"))
 
 
 def test_a_group_is_the_verdicts_own_and_small():
@@ -465,20 +465,20 @@ def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
 
 
 def test_a_mode_that_the_base_law_lacks_is_neither_wanted_nor_wrong():
-    def told(true, base, *effects):
+    def on_laws(true, base, *effects):
         laws = {"strata": {"relaxation": true}, "base": {"relaxation": base}}
         return case("none", (), effects=effects) | laws
 
     mode = "extra_relaxation_mode"
-    assert is_named(told("prony:3", "prony:2", mode))
-    assert not is_named(told("prony:3", "prony:2", mode, "friction"))
-    assert not is_named(told("prony:2", "prony:2", mode))
-    assert not is_named(told("prony:3", "fung", mode))
-    assert not is_named(told("fung", "prony:2", mode))
+    assert is_named(on_laws("prony:3", "prony:2", mode))
+    assert not is_named(on_laws("prony:3", "prony:2", mode, "friction"))
+    assert not is_named(on_laws("prony:2", "prony:2", mode))
+    assert not is_named(on_laws("prony:3", "fung", mode))
+    assert not is_named(on_laws("fung", "prony:2", mode))
 
 
 def test_bounds_are_those_of_clopper_and_pearson():
-    """Of no hit in n, p with (1 - p)^n = 0.05; of all hits, its mirror."""
+    """Without a hit in n the bound is p with (1 - p)^n = 0.05; with all hits it is its mirror."""
     assert upper(Rate(0, 30)) == pytest.approx(1.0 - 0.05 ** (1 / 30))
     assert lower(Rate(30, 30)) == pytest.approx(0.05 ** (1 / 30))
     assert lower(Rate(0, 30)) == 0.0
@@ -517,7 +517,7 @@ def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
 
 
 def test_a_stated_probability_is_right_where_the_effect_is_hidden():
-    """The rig's own gap is neither wanted nor wrong; what a veto refused is told apart."""
+    """The rig's own gap is neither wanted nor wrong; a refused one is counted apart."""
     base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
     probabilities = {"none": 0.0, "friction": 0.97, "inertia": 0.93, "contact_offset": 0.99}
     single = case("single", ("friction",), "missing_effect", ["friction"]) | base

@@ -240,7 +240,7 @@ def test_long_phases_are_looked_at_in_part():
 
 @pytest.fixture(scope="module")
 def p_values():
-    """Of all cells of simulated studies, with the constants and the noise that made them."""
+    """Return p-values of all cells of simulated studies, with the true constants and noise."""
     studies = [
         simulate_study({"B": TRUTH}, (1.0, 20.0), NOISES["correlated"], seed, 400)
         for seed in range(16)

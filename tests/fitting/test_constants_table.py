@@ -1,4 +1,4 @@
-"""Table 1 beside what was fitted, as CSV and LaTeX."""
+"""Check Table 1 next to what was fitted, as CSV and LaTeX."""
 
 from pathlib import Path
 

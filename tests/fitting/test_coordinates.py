@@ -21,7 +21,7 @@ SHARE = 1e-3  # of its force: sd of the one good reading
 
 
 def posterior(elastic="exponential", relaxation="prony"):
-    """Of one test whose noise drowns it, but for the last reading of the hold."""
+    """Return the posterior of one test drowned in noise, but for the last reading of the hold."""
     choices = Choices(law=elastic, relaxation=relaxation)
     built = build_posterior(experiment(), choices, experiment().with_role("fit"))
     blocks = built.record.blocks
@@ -41,7 +41,7 @@ def good_block(record):
 
 
 def normal(about):
-    """Of the prior's spread about its mean."""
+    """Return a normal of the prior's spread about its mean."""
     draws = draw_priors(about, 500, np.random.default_rng(1))
     return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
 

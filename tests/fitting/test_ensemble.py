@@ -67,7 +67,7 @@ def rates(uninformed):
 
 
 def prior_quantiles(rates, name, shares):
-    """What the prior says."""
+    """Return quantiles of the prior."""
     if name == "m":
         return np.exp(norm.ppf(shares, 0.0, 0.5))
     if name == "b":
@@ -116,7 +116,7 @@ def test_a_seed_repeats(uninformed, start):
 
 
 class Killed(BaseException):
-    """What ends a run in the middle."""
+    """Exception that ends a run in the middle."""
 
 
 def stop_at(step):
@@ -178,8 +178,8 @@ def test_a_chain_of_another_run_is_not_resumed(uninformed, start, tmp_path):
     other = replace(settings, seed=9)
     store = ChainStore(tmp_path, key_of(uninformed, other))
     assert list(store.load()) == []
-    beside = sample(uninformed, start, other, store)
-    np.testing.assert_array_equal(beside.theta, sample(uninformed, start, other).theta)
+    stored = sample(uninformed, start, other, store)
+    np.testing.assert_array_equal(stored.theta, sample(uninformed, start, other).theta)
     assert len(list(store.load())) == 3
     remove_chain(tmp_path)
     assert not tmp_path.exists()

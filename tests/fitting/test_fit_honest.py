@@ -20,7 +20,7 @@ REAL = ROOT.parent / "shared" / "real" / "muscle_ramps.csv"
 
 @pytest.mark.slow
 def test_with_an_effect_hidden_the_curve_is_not_visibly_worse_than_least_squares():
-    """What it is worse by is below the noise."""
+    """The difference is below the noise."""
     experiment = prepare(read_measurements(ROOT / "data" / "hidden.csv").pads[0])
     fit, squares = both_errors(experiment, Choices())
     assert fit < np.hypot(squares, experiment.floor.total)

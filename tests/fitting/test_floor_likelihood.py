@@ -89,15 +89,15 @@ def residuals(seed, sd=0.02):
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.5])
 def test_each_size_is_a_normal_density_of_all_tests_together(size, factor):
     own = likelihood(f"noise.remainder={size}", f"noise.factor={factor}")
-    noise, beside = dense()
+    noise, discrepancy = dense()
     whole, flat = residuals(1)
-    expected = log_normal(flat, factor**2 * noise + size**2 * beside)
+    expected = log_normal(flat, factor**2 * noise + size**2 * discrepancy)
     assert float(own.log_likelihood(whole)) == pytest.approx(expected, rel=1e-8)
 
 
 def test_sizes_and_scales_are_summed_with_their_priors():
     own = likelihood()
-    noise, beside = dense()
+    noise, discrepancy = dense()
     whole, flat = residuals(2)
     constants = np.asarray(own.constants)
     factors, sizes = np.unique(constants[:, FACTOR]), np.unique(constants[:, SIZE])
@@ -106,7 +106,7 @@ def test_sizes_and_scales_are_summed_with_their_priors():
     falling = 1.0 / (1.0 + shares / TOLERANCE)
     prior = np.concatenate([[0.5], 0.5 * falling / falling.sum()])
     every = [
-        log_normal(flat, f**2 * noise + s**2 * beside) + np.log(p / factors.size)
+        log_normal(flat, f**2 * noise + s**2 * discrepancy) + np.log(p / factors.size)
         for f in factors
         for s, p in zip(sizes, prior, strict=True)
     ]
@@ -164,7 +164,7 @@ def test_draws_of_what_is_summed_over_follow_its_posterior():
 
 
 def posterior_of(own):
-    """Of the two tests, with this likelihood."""
+    """Return the posterior of the two tests, with this likelihood."""
     trials, _ = two_tests()
     model, noise = Choices().build(experiment().scales)
     return Posterior(model, noise, experiment().record(trials), own)
@@ -188,8 +188,8 @@ def _real():
 
 def test_each_block_is_conditional_on_the_blocks_before_it():
     found, flat, _ = judged()
-    noise, beside = dense()
-    matrix = 1.2**2 * noise + 0.02**2 * beside
+    noise, discrepancy = dense()
+    matrix = 1.2**2 * noise + 0.02**2 * discrepancy
     (logs,) = found.log_likelihoods()
     for k in (1, 2, 40, flat.size):
         heads = log_normal(flat[:k], matrix[:k, :k])
@@ -199,9 +199,9 @@ def test_each_block_is_conditional_on_the_blocks_before_it():
 def test_replicates_hold_what_is_missed_and_new_noise():
     count = 4000
     found, flat, predicted = judged(count)
-    noise, beside = 1.2**2 * dense()[0], 0.02**2 * dense()[1]
-    gain = beside @ np.linalg.inv(noise + beside)
-    sd = np.sqrt(np.diag(beside - gain @ beside + noise))
+    noise, discrepancy = 1.2**2 * dense()[0], 0.02**2 * dense()[1]
+    gain = discrepancy @ np.linalg.inv(noise + discrepancy)
+    sd = np.sqrt(np.diag(discrepancy - gain @ discrepancy + noise))
     z = (found.replicates(np.random.default_rng(0)) - predicted - gain @ flat) / sd
     # means of 4000 standard normals, and their squares, of 340 blocks each
     assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
@@ -272,7 +272,7 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
 
 
 def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
-    """Of least squares beside it, the step squared and the covariance less what the curve has."""
+    """Compared with least squares: the step squared, and the covariance less that of the curve."""
     rng, size = np.random.default_rng(5), 0.02
     trials, blocks = two_tests()
     made = Discrepancy.from_blocks(experiment(), trials, blocks)
@@ -284,18 +284,18 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     gradient, prior = np.array([0.3, -0.2, 0.0]), np.diag([4.0, 1e8, 0.0])
     fit = FitResponse(slopes, np.where(blocks.real, whole, 0.0))
     spread = Spread.about(made, fit, Terms(0.0, gradient, prior))
-    rows, (noise, beside) = made.whitener.flattened(slopes), dense()
+    rows, (noise, discrepancy) = made.whitener.flattened(slopes), dense()
     basis = np.linalg.qr(rows.T)[0]
-    rest = np.eye(len(beside)) - basis @ basis.T
+    rest = np.eye(len(discrepancy)) - basis @ basis.T
     timing = np.diag(np.concatenate(made.whitener.timing))
     ties = basis @ basis.T @ timing @ rest
-    rough = UNDECIDED.rough * np.eye(len(beside))  # says nothing of one block by another
-    apart = noise - ties - ties.T + size**2 * (rest @ (beside - rough) @ rest + rough)
+    rough = UNDECIDED.rough * np.eye(len(discrepancy))  # says nothing of one block by another
+    apart = noise - ties - ties.T + size**2 * (rest @ (discrepancy - rough) @ rest + rough)
     whole, followed = (
         np.linalg.inv(rows @ np.linalg.solve(one, rows.T) + prior + np.eye(3))
-        for one in (noise + size**2 * beside, apart)
+        for one in (noise + size**2 * discrepancy, apart)
     )
-    step = whole @ (rows @ np.linalg.solve(noise + size**2 * beside, flat) - gradient)
+    step = whole @ (rows @ np.linalg.solve(noise + size**2 * discrepancy, flat) - gradient)
     step /= max(1.0, np.abs(step).max())
     values, axes = np.linalg.eigh(whole + np.outer(step, step) - followed)
     expected = (axes * np.maximum(values, 0.0)) @ axes.T

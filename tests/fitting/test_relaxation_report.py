@@ -1,4 +1,4 @@
-"""What a relaxation report states is what the readings of each held test say."""
+"""Check that a relaxation report states what the readings of each held test say."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is told is a record, and its file gives the same record back."""
+"""Check that every result is a record, and that its file gives the same record back."""
 
 import importlib
 import json

@@ -124,7 +124,7 @@ def test_arviz_summary_agrees_with_ours(tree):
 
 
 def test_pointwise_log_likelihood_sums_to_the_joint_one(tree):
-    """That of the pair of factor and remainder which the draw has."""
+    """The joint one is that of the draw's pair of factor and remainder."""
     found = fitted()
     floor, blocks = found.posterior.floor, found.posterior.record.blocks
     pointwise = tree["log_likelihood"]["force"].values
@@ -164,7 +164,7 @@ def test_posterior_predictive_covers_what_was_observed(tree):
 
 
 def test_posterior_predictive_noise_is_the_models(tree):
-    """Of the right model draws have the noise's variance; neighbours share its slow part."""
+    """Draws of the right model have the noise's variance; neighbours share its slow part."""
     found = fitted()
     rows = found.constants.reshape(-1, found.constants.shape[-1])[:200]
     predicted = compiled.in_batches(compiled.predictions, found.posterior, rows)[:, 0]

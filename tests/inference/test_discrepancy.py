@@ -79,10 +79,10 @@ def left_by_the_plain_model(experiment):
     """The plain model alone at its mode, and what it leaves of every sample (N)."""
     search = build_search(experiment, kinds=())
     search.evaluate(search.baseline)
-    told = search.modes[search.baseline][0]
+    candidate = search.modes[search.baseline][0]
     samples = Samples.from_experiment(experiment, search.density.space)
-    residuals = samples.residuals(told.hypothesis, told.point.constants)
-    return DiagnosisWork(experiment, search, samples, (told,), ()), residuals
+    residuals = samples.residuals(candidate.hypothesis, candidate.point.constants)
+    return DiagnosisWork(experiment, search, samples, (candidate,), ()), residuals
 
 
 def test_where_nothing_is_left_the_discrepancy_is_nothing():
@@ -95,7 +95,7 @@ def test_where_nothing_is_left_the_discrepancy_is_nothing():
 
 
 def chi_square(work, errors):
-    """Of errors at all samples (N), by the covariance of the noise: about 1 of noise."""
+    """Return chi^2 of errors at all samples (N) by the noise's covariance: about 1 for noise."""
     floor, total = work.experiment.floor, 0.0
     for trial, rows, error in zip(work.samples.trials, work.samples.rows, errors, strict=True):
         apart = np.abs(np.subtract.outer(trial.test.time[rows], trial.test.time[rows]))

@@ -68,7 +68,7 @@ def unfollowed(point, kept=(0, 1, 2, 3, 4, 5)):
 
 
 def mean_covariance(floor, blocks):
-    """Of the noise of one test, over the floors that its dwells leave open."""
+    """Return the mean covariance of a test's noise over the floors that its dwells leave open."""
     floors, weights = floor.likely()
     return np.tensordot(weights, [covariance(one, blocks, PEAK) for one in floors], axes=1)
 
@@ -266,7 +266,7 @@ def test_evidence_between_two_bounds_agrees_with_quadrature(low, high):
 
 
 def test_a_step_between_bounds_ends_at_the_lowest_place_there():
-    """Of 200 quadratics; damped, it promises less."""
+    """It does for 200 quadratics; a damped step predicts a smaller fall."""
     rng = np.random.default_rng(8)
     for _ in range(200):
         jacobian, goal = rng.standard_normal((9, 4)), rng.standard_normal(9)

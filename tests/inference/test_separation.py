@@ -22,7 +22,7 @@ def smooth_features():
 
 
 def whitener(noise, timing=None):
-    """Of noise and what is not known of moments (n,), both variances."""
+    """Return the whitener of noise and of uncertain moments (n,), both variances."""
     half = COUNT // 2
     everything = np.ones(half, dtype=bool)
     timing = np.zeros(COUNT) if timing is None else timing
@@ -85,7 +85,7 @@ def estimate(found, separation, jacobian, size, data):
 
 
 def test_beside_a_large_discrepancy_the_curve_is_that_of_least_squares():
-    """Where it is not separated the curve may lie elsewhere: its error is larger."""
+    """If it is not separated the curve may lie elsewhere: its error is larger."""
     rng = np.random.default_rng(4)
     jacobian = np.array([X**k for k in range(3)])
     timing = np.where(np.arange(COUNT) % 20 == 10, 0.3**2, 0.0)  # three readings next to kinks

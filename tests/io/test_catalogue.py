@@ -1,4 +1,4 @@
-"""What users choose by name: each path leads to the class of that name."""
+"""Check that each path of what users choose by name leads to the class of that name."""
 
 import pytest
 

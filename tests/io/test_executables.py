@@ -1,4 +1,4 @@
-"""What was compiled once is not compiled again, in this process or in the next."""
+"""Check that nothing is compiled twice, in this process or in the next."""
 
 import re
 from pathlib import Path
@@ -99,7 +99,7 @@ def test_options_that_this_xla_does_not_know_are_left_out(monkeypatch):
 
 
 def test_an_executable_depends_on_all_source_that_its_function_may_call_on():
-    """What the laws and effects import of the package is part of the key that it is kept under."""
+    """Modules of the package that laws and effects import are part of its key."""
     root = Path(qlvbayes.__file__).parent
     within = [root / name for name in pieces.MADE_OF]
     files = [file for path in within for file in ([path] if path.is_file() else path.rglob("*.py"))]

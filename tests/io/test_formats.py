@@ -81,7 +81,7 @@ def test_what_was_pressed_comes_back(fixture, tmp_path):
         known = np.interp(test.time, TEST.time, TEST.way)
         known_load = np.interp(test.time, TEST.time, TEST.load)
         offset = np.median(way - known)
-        # the zero may differ from the truth by what is told, the shape by the file's digits
+        # the zero may differ from the truth by what is stated, the shape by the file's digits
         assert abs(offset) < 4.0 * test.contact.sd * TO_MM.get(found.units.displacement, 1.0) or (
             found.units.force == "nN" and abs(offset) < 4.0 * test.contact.sd
         )

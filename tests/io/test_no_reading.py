@@ -1,4 +1,4 @@
-"""What is no reading, or no number: refused or left out and counted, never a verdict or a crash."""
+"""Check that what is no reading or number is refused, or left out and counted."""
 
 import math
 import random
@@ -160,7 +160,7 @@ def test_a_field_too_long_to_be_read_is_refused(tmp_path):
 
 
 def refusal(read, file):
-    """What an InputError says; any other error ends the test."""
+    """Return the text of an InputError; any other error ends the test."""
     try:
         read(file)
     except InputError as error:

@@ -74,7 +74,7 @@ def rise(power, seed, *, speed=2.0, rate=200.0, noise=0.003):
 @pytest.mark.parametrize("noise", [0.003, 0.03])
 @pytest.mark.parametrize("power", [1.0, 1.5, 2.0, 2.5])
 def test_contact_is_found_within_its_error_for_every_power(power, noise):
-    """Of 20 tests 18 are meant to lie within 90 %; fewer than 15 have a chance of 1 %."""
+    """In 90 % intervals 18 of 20 tests are expected; fewer than 15 have a chance of 1 %."""
     hits = 0
     for seed in range(20):
         way, load = rise(power, seed, noise=noise)
@@ -271,7 +271,7 @@ def test_no_pattern_is_suggested_where_no_folder_could_be_so_named():
 
 
 def rheometer(intervals=1):
-    """Two intervals begin with the same names; cells of text beside the numbers."""
+    """Two intervals begin with the same names; cells of text are next to the numbers."""
     head = (
         "Interval data:\tPoint No.\tTime\tShear Strain\tShear Stress\tStatus\n"
         "\n\t\t[s]\t[%]\t[Pa]\t\n"
@@ -331,8 +331,8 @@ def side(name, rates, hold, quickest=0.5):
 
 def test_times_that_a_test_does_not_hold_are_told():
     long, short = side("long", (1.0, 0.03), 180.0), side("short", (2.0, 0.3), 7.0)
-    (told,) = unheld_times([long, short])
-    assert told == "1/v[2] of long is 33 s, and short was held for 7 s"
+    (notice,) = unheld_times([long, short])
+    assert notice == "1/v[2] of long is 33 s, and short was held for 7 s"
     assert not unheld_times([side("a", (1.0, 0.3), 180.0), short])  # both hold all times
     assert not unheld_times([long, side("b", (1.0, 0.03), 170.0)])
     quick = side("quick", (100.0, 0.3), 7.0, quickest=0.05)
@@ -375,11 +375,11 @@ def pulled():
 
 
 def test_a_part_of_a_test_is_used_and_told():
-    pad, told = cut(pulled(), ["pull:0..18mm"])
+    pad, notices = cut(pulled(), ["pull:0..18mm"])
     (test,) = pad.tests
     assert test.displacement[-1] == pytest.approx(18.0)
     assert test.time[0] == 0.0
-    assert told == (
+    assert notices == (
         "pad strip: of test pull 181 rows are used, as said by pull:0..18mm, and 219 left out",
     )
     (late,) = cut(pulled(), ["strip/pull:5..9 s"])[0].tests
@@ -418,9 +418,9 @@ def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
 
 def test_a_share_with_an_upper_bound_alone_is_told_in_exports(tmp_path):
     pad = exported(tmp_path)
-    told = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
+    bounded = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
             for x in pad.intervals]  # fmt: skip
-    for one in (card(replace(pad, intervals=tuple(told)), JsonFile),):
+    for one in (card(replace(pad, intervals=tuple(bounded)), JsonFile),):
         assert any("long-term modulus is NOT DETERMINED: c[0], 1e-07 to 0.0003" in x for x in one)
     assert not any("NOT DETERMINED" in line for line in card(pad, JsonFile))
 

@@ -294,11 +294,11 @@ def test_slopes_where_growth_cancels_decay_are_those_beside_it():
     point = constants_of(model)
     size = 1e-5
     for k in (1, 6):
-        beside = [
+        near = [
             force(with_constants(model, point.at[k].add(sign * size)), time, depth)
             for sign in (1, -1)
         ]
-        assert np.allclose(slopes(point)[:, k], (beside[0] - beside[1]) / (2 * size), atol=1e-9)
+        assert np.allclose(slopes(point)[:, k], (near[0] - near[1]) / (2 * size), atol=1e-9)
 
 
 def numbers(low, high, size):

@@ -9,7 +9,7 @@ DEPTH, NOISE = 1.5, 0.004  # mm, N
 
 
 def integral(u):
-    """Of g = c0 + (1 - c0)(1 + u/tau)^(-alpha) from 0 to u."""
+    """Integrate g = c0 + (1 - c0)(1 + u/tau)^(-alpha) from 0 to u."""
     u = np.maximum(u, 0.0)
     return C0 * u + (1.0 - C0) * TAU * ((1.0 + u / TAU) ** (1.0 - ALPHA) - 1.0) / (1.0 - ALPHA)
 

@@ -66,7 +66,7 @@ def test_the_box_spectrum_is_malkins_at_beta_1():
 
 
 def test_a_spectrum_uniform_in_time_is_another_law():
-    """What FEBio calls relaxation-Fung: it relaxes at the slow end."""
+    """FEBio calls it relaxation-Fung: it relaxes at the slow end."""
     t = np.array([0.1, 1.0])
     box = np.asarray(Fung(0.2, 0.01, 10.0).curve(jnp.asarray(t)))
     assert np.all(malkin(0.2, 0.01, 10.0, 0.0, t) > box + 0.05)

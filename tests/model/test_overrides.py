@@ -1,4 +1,4 @@
-"""What the user says of single constants: understood, or refused with a remedy."""
+"""Check that statements on single constants are understood, or refused with a remedy."""
 
 import dataclasses
 import json

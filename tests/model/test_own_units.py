@@ -41,18 +41,18 @@ def written(tmp_path, length, force):
 
 @pytest.mark.parametrize(("length", "force"), [("um", "nN"), ("nm", "uN"), ("m", "mN")])
 def test_motion_roles_and_noise_do_not_depend_on_units(tmp_path, length, force):
-    usual, other = (
+    baseline, other = (
         prepare(read_measurements(written(tmp_path, *names)).pads[0])
         for names in (("mm", "N"), (length, force))
     )
     assert other.units == unit_system(length, force)
-    assert [trial.role for trial in other.trials] == [trial.role for trial in usual.trials]
-    kinds = [[[p.kind for p in t.phases] for t in found.trials] for found in (usual, other)]
+    assert [trial.role for trial in other.trials] == [trial.role for trial in baseline.trials]
+    kinds = [[[p.kind for p in t.phases] for t in found.trials] for found in (baseline, other)]
     assert kinds[0] == kinds[1]
-    rates = np.array([[t.rate for t in found.trials] for found in (usual, other)])
+    rates = np.array([[t.rate for t in found.trials] for found in (baseline, other)])
     np.testing.assert_allclose(rates[1], LENGTHS[length] * rates[0], rtol=1e-6)
     for noise in ("white", "ou"):
-        ours, theirs = getattr(usual.floor, noise), getattr(other.floor, noise)
+        ours, theirs = getattr(baseline.floor, noise), getattr(other.floor, noise)
         assert theirs == pytest.approx(FORCES[force] * ours, rel=1e-4)
 
 

@@ -1,4 +1,4 @@
-"""Bad readings are found, told and left out; whatever the other channel shows stays."""
+"""Check that bad readings are found, reported and left out; the other channel stays."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -298,13 +298,13 @@ def test_the_command_refuses_them_in_one_line(tmp_path):
 def test_the_notice_names_test_time_and_count():
     bad = spoiled(pressed(), "displacement", [HOLD, HOLD + 500], 0.0)
     spike = spoiled(pressed(name="2"), "force", [HOLD], 9.99)
-    (told,) = prepare(Pad("P", (bad, spike), PAD)).notices
-    assert told.startswith(
+    (notice,) = prepare(Pad("P", (bad, spike), PAD)).notices
+    assert notice.startswith(
         "pad P: test 1mm/s: two readings of displacement at 10 and 15 s (0 mm amid 1.6 mm); "
         "test 2: one reading of force at 10 s (9.99 N amid "
     )
-    assert "three readings are left out" in told
-    assert "--keep-all-readings" in told
+    assert "three readings are left out" in notice
+    assert "--keep-all-readings" in notice
     assert left_out_notice("P", [("1", None)], PAD) == ()
 
 

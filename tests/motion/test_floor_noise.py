@@ -81,7 +81,7 @@ def test_averages_have_the_covariance_of_their_readings(smooth, tau):
 
 
 def test_the_combined_p_value_is_uniform_under_chance():
-    """Of independent cells; the worst one and all together are nearly independent too."""
+    """Cells are independent; the worst one and all together are nearly independent too."""
     from scipy.stats import chi2
 
     rng = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""What has not relaxed in a pause goes on in the next test."""
+"""Check that relaxation unfinished in a pause goes on in the next test."""
 
 import json
 from dataclasses import fields, replace

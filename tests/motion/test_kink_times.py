@@ -81,7 +81,7 @@ def test_jitter_is_measured(jitter):
 
 
 def test_stamps_rounded_to_milliseconds():
-    """Of 7.3 ms: the rounding errors are even over a millisecond."""
+    """The rounding errors of steps of 7.3 ms are even over a millisecond."""
     t = 7.3e-3 * np.arange(2000)
     assert clock_error(np.round(t, 3)) == pytest.approx(1e-3 / np.sqrt(12.0), rel=0.25)
 

@@ -71,7 +71,7 @@ def prepared(*tests, **chosen):
 
 
 def same(one, two):
-    """Whether all arrays of two records are equal."""
+    """Return whether all arrays of two records are equal."""
     pairs = zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True)
     return all(np.array_equal(a, b) for a, b in pairs)
 
@@ -166,11 +166,11 @@ def test_a_bad_reading_of_what_is_left_is_still_found():
     test = disturbed()
     force, way = test.force.copy(), test.displacement.copy()
     force[200], way[300] = 9.99, 0.0  # at 4 s, and at 6 s in what is left out
-    told = prepared(replace(test, force=force, displacement=way), leave_out=[KNOCK]).notices
-    assert "the force of 100 readings is left out (5 to 7 s), as said by --leave-out" in told[0]
-    assert "one reading of displacement at 6 s (0 mm amid 1.6 mm)" in told[1]
-    assert "one reading of force at 4 s" in told[1]
-    assert "two readings are left out" in told[1]
+    found = prepared(replace(test, force=force, displacement=way), leave_out=[KNOCK]).notices
+    assert "the force of 100 readings is left out (5 to 7 s), as said by --leave-out" in found[0]
+    assert "one reading of displacement at 6 s (0 mm amid 1.6 mm)" in found[1]
+    assert "one reading of force at 4 s" in found[1]
+    assert "two readings are left out" in found[1]
 
 
 def test_the_floor_of_equal_cycles_does_without_the_first():
@@ -215,8 +215,8 @@ def test_a_part_is_a_time_a_displacement_or_a_phase(text, spans):
         with pytest.raises(InputError, match="is no part of a test; write --leave-out 'TEST:30"):
             prepared(pressed(), leave_out=[text])
         return
-    (told,) = prepared(pressed(), leave_out=[text]).notices
-    assert f"({spans}), as said by --leave-out {text};" in told
+    (notice,) = prepared(pressed(), leave_out=[text]).notices
+    assert f"({spans}), as said by --leave-out {text};" in notice
 
 
 def test_what_leaves_nothing_or_leaves_nothing_out_is_refused():

@@ -39,11 +39,11 @@ from qlvbayes.simulate import (
 B = TABLE_1["B"]
 CORRELATED = NOISES["correlated"]  # 0.006 N white and 0.008 N of a memory of 0.5 s: 0.01 N
 ROWS = 400
-USUAL = creep_protocol(1.0)
+BASELINE = creep_protocol(1.0)
 
 
 def creep(
-    program=USUAL,
+    program=BASELINE,
     noise=CORRELATED,
     seed=0,
     constants=B,
@@ -119,7 +119,7 @@ def test_a_weight_put_on_at_once_jumps_along_the_elastic_curve():
         displacement_under(B, time, -force)
 
 
-# told from others
+# distinguished from others
 
 
 @pytest.mark.slow
@@ -177,7 +177,7 @@ def test_the_motion_does_not_swing_between_sparse_readings():
     inside = time <= test.time[-1]
     path = prepared(replace(test, control="force")).trials[0].trajectory
     error = np.abs(path.displacement(time[inside]) - truth[inside])
-    # a line between readings is beside creep by what it bends: 1 % of the way between, and a step
+    # a line between readings is off creep by what it bends: 1 % of the way between, and a step
     way = np.abs(np.diff(np.interp(test.time, time, truth))).max()
     assert error.max() < 0.02 * way + 2e-3
 
@@ -193,7 +193,7 @@ def test_the_noise_shows_whatever_the_controller_follows(closed_loop):
 
 
 def test_of_an_exact_force_the_displacement_tells_the_noise():
-    """A sensor of 5 um beside a weight: stiffness times that."""
+    """A sensor of 5 um with a weight: stiffness times that."""
     test = creep(noise=NOISES["none"], rows=2000)
     rng = np.random.default_rng(0)
     shaken = replace(

@@ -138,7 +138,7 @@ def test_the_stated_error_of_the_displacement_is_honest(motion, interval, jitter
 
 
 def test_the_stated_error_over_many_records():
-    """Of sines whose encoder's zero lies anywhere: the ratio to the true error, within 1.5."""
+    """Its ratio to the true error is within 1.5, for sines whose encoder's zero lies anywhere."""
     motion = sine(1.0, 4)
     t = sampled(motion, 0.02)
     x = motion.at(t)[0]

@@ -102,7 +102,7 @@ def test_thinned_records():
 
 @pytest.mark.parametrize("readings", [28, 40, 70])
 def test_a_quick_relaxation_that_few_readings_show_is_no_noise(readings):
-    """Of a relaxation time of 0.16 s in a dwell of 30 s, with the first reading after 0.05 s."""
+    """It takes 0.16 s in a dwell of 30 s, and is first read after 0.05 s."""
     spread = np.geomspace(50, 29_990, readings).astype(int)
     white, ou, _, total = draws(8, 15, rows=np.concatenate([spread, 30_000 + spread])).T
     assert np.all(total < 1.5 * np.hypot(WHITE, OU))
@@ -310,7 +310,7 @@ def test_equal_cycles_without_noise_have_next_to_none():
 
 @pytest.mark.parametrize("pressed", [1, 2, 50])
 def test_strokes_of_which_next_to_nothing_is_pressed_do_no_harm(pressed):
-    """Of every way back only so many readings are above a tenth of the peak."""
+    """On every way back only so many readings are above a tenth of the peak."""
     records, phases = cycles(np.random.default_rng(27), 0.004, 0.006, 0.5, hertz=20.0)
     for record in records:
         for one in phases[0][1::2]:
@@ -329,7 +329,7 @@ def test_few_or_unequal_cycles_show_no_noise_by_what_does_not_repeat(different):
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (1e-4, 0.006, 1.0)])
 @pytest.mark.few(1)
 def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
-    """How fast it wanders, exactly; how far, only as far as a stroke is long."""
+    """The speed of its wandering is exact; its size is known only as far as a stroke is long."""
     rng = np.random.default_rng(21)
     found = [measure(*cycles(rng, white, ou, tau, turns=3, tests=7)) for _ in range(6)]
     assert not any(one.testable for one in found)

@@ -215,7 +215,7 @@ def test_blocks_say_as_much_as_every_sample(record, kind, rate):
     """Sds grow by less than a tenth, and nothing but chance moves the means.
 
     The record has no noise, so what moves the means here is the reduction alone (blocks, two nodes,
-    a coarser grid), beside the encoder's steps, which both have.
+    a coarser grid), with the encoder's steps, which both have.
     """
     shift, spread = estimate(NOISE[kind], record(rate), blocks=True)
     full_shift, full_spread = estimate(NOISE[kind], record(rate), blocks=False)

@@ -19,7 +19,7 @@ def pressed(force_of, depth=1.6, points=400, back=True):
 
 @given(m=st.floats(0.1, 10.0), b=st.floats(0.05, 2.5), sign=st.sampled_from([1.0, -1.0]))
 def test_lies_between_the_slopes_at_both_ends_of_the_last_quarter(m, b, sign):
-    """Of an exponential pad, pressed or (as some cells count) pulled."""
+    """The stiffness is that of an exponential pad, pressed or (as some cells count) pulled."""
     test = pressed(lambda d: sign * m / b * np.expm1(b * d))
     low, high = m * np.exp(b * 0.75 * 1.6), m * np.exp(b * 1.6)
     assert low < largest_stiffness([test]) < high

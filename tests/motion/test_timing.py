@@ -1,4 +1,4 @@
-"""What is not known of moments: readings next to kinks of the motion, and uncertain clocks."""
+"""Check the uncertainty of moments: readings next to kinks of the motion, and uncertain clocks."""
 
 from dataclasses import replace
 

@@ -92,7 +92,7 @@ def test_an_item_that_kills_every_worker_is_named(engine):
 
 
 def content(path):
-    """What a file says: HDF5 leaves bytes between its numbers as it found them in memory."""
+    """Return the content of a file: HDF5 leaves bytes of memory between its numbers."""
     if path.suffix == ".nc":
         with h5py.File(path) as file:
             names = []
@@ -108,9 +108,9 @@ def test_a_fit_is_that_of_one_process(dask, tmp_path):
     file = with_tests(tmp_path / "some.csv", "B-20", "C-20")
     for place, words in (("one", ()), ("two", ("--cluster", dask.address))):
         out = tmp_path / place
-        status, told, err = call("fit", file, "-o", out, *QUICK, *words, drawn=True)
+        status, output, err = call("fit", file, "-o", out, *QUICK, *words, drawn=True)
         assert (status, err) == (0, "")
-        assert f"results in {out}" in told
+        assert f"results in {out}" in output
     one, two = (
         {
             path.relative_to(tmp_path / place).as_posix(): content(path)

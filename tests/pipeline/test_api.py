@@ -30,7 +30,7 @@ def study(tmp_path_factory):
 
 
 def test_nothing_hides_a_module():
-    """What ``import a.b.c`` loads is ``a.b.c`` thereafter, once all names are taken out too."""
+    """A module loaded by ``import a.b.c`` stays ``a.b.c``, also once all names are taken out."""
     modules = {name: importlib.import_module(name) for name in MODULES}
     for name in q.__all__:
         getattr(q, name)
@@ -111,7 +111,7 @@ def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, s
     assert not pad.fit(q.Choices(), method="least-squares").choices.bonded
 
 
-def told(function):
+def documented(function):
     """Names in the section Parameters of a docstring (numpydoc)."""
     text = inspect.getdoc(function).partition("Parameters\n----------\n")[2]
     lines = itertools.takewhile(lambda line: not line.startswith("---"), text.splitlines())
@@ -120,7 +120,7 @@ def told(function):
 
 
 def public_functions():
-    """Those at the top and in the parts, and the verbs of what they return."""
+    """Yield the functions at the top and in the parts, and the methods of what they return."""
     for module in (q, *PARTS):
         for name in module.__all__:
             if inspect.isfunction(value := getattr(module, name)):
@@ -136,4 +136,4 @@ def test_public_functions_name_their_parameters():
     assert {"compare", "read_study", "check_effect", "Specimen.fit", "Fit.predict"} <= set(found)
     for name, function in found.items():
         wanted = [name for name in inspect.signature(function).parameters if name != "self"]
-        assert told(function) == wanted, name
+        assert documented(function) == wanted, name

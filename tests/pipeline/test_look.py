@@ -132,7 +132,7 @@ def test_a_change_with_depth_needs_holds_at_two_depths(tmp_path, depth, answer):
 
 @pytest.mark.parametrize(("second", "answer"), [(1.0, "hardly"), (1.1, "hardly"), (1.6, "yes")])
 def test_softening_and_a_set_are_told_apart_by_growing_depths(tmp_path, second, answer):
-    """Of one test, whose second load goes as deep as its first or deeper; two tests show more."""
+    """One test's second load goes as deep as its first or deeper; two tests show more."""
     strokes = ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (second, 1.0, 1.0), (0.0, 1.0, 1.0))
     look, experiment = seen(tmp_path, {"a": pressed(*strokes)})
     found = answers(look)["stress_softening"]
@@ -189,10 +189,10 @@ def test_what_is_said_not_to_show_is_what_the_diagnosis_does_not_look_for(tmp_pa
         protocol = protocol_of(experiment, bonded=bonded)
         look = look_at(experiment, bonded=bonded)
         refused = {name for one in look.shown if one.answer == "no" for name in one.effects}
-        told = {name for one in look.shown for name in one.effects}
+        named = {name for one in look.shown for name in one.effects}
         blind = {kind.name for kind in EFFECTS if kind.blind(protocol)}
         assert refused == (blind if bonded else blind - {"interface_slip"})  # no matter of tests
-        assert told <= {kind.name for kind in EFFECTS}
+        assert named <= {kind.name for kind in EFFECTS}
     assert len(pairs) == 8
 
 

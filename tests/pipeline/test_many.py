@@ -180,22 +180,22 @@ def alone(folder, tmp_path_factory):
 
 
 def test_a_folder_is_fitted_and_the_bad_file_named_at_the_end(alone):
-    out, (status, told, err) = alone
+    out, (status, output, err) = alone
     assert status == 2
     assert "broken.csv, line 3: displacement_mm is not a number ('x')" in err
     assert err.endswith("qlvbayes: 1 of 3 failed; 2 are done\n")
     assert "Traceback" not in err
-    assert [told.index(f"pad {name}: constants, by least-squares") for name in "AB"] == sorted(
-        told.index(f"pad {name}: constants, by least-squares") for name in "AB"
+    assert [output.index(f"pad {name}: constants, by least-squares") for name in "AB"] == sorted(
+        output.index(f"pad {name}: constants, by least-squares") for name in "AB"
     )
     assert (out / "constants.csv").read_text().count(",m,") == 2
 
 
 def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
     out, expected = alone
-    status, told, err = call("fit", folder, "-o", tmp_path, *QUICK, "--jobs", "2", drawn=True)
+    status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--jobs", "2", drawn=True)
     assert (status, err) == (expected[0], expected[2])
-    assert told.replace(str(tmp_path), "OUT") == expected[1].replace(str(out), "OUT")
+    assert output.replace(str(tmp_path), "OUT") == expected[1].replace(str(out), "OUT")
     assert files(tmp_path) == files(out)
 
 
@@ -207,9 +207,9 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
         assert status == (2 if "broken" in err else 0)
         assert not (tmp_path / "constants.csv").exists()
     assert call("check", tmp_path, "--shard", "1/1", drawn=True)[0] == 0
-    status, told, err = call("gather", tmp_path, drawn=True)
+    status, output, err = call("gather", tmp_path, drawn=True)
     assert status == 2
-    assert f"2 pads in {tmp_path}, report in" in told
+    assert f"2 pads in {tmp_path}, report in" in output
     assert err == (
         f"qlvbayes: broken.csv: {folder}/broken.csv, line 3: displacement_mm is not a number "
         "('x'); write a number or delete the row\nqlvbayes: 1 of 3 failed; 2 are done\n"
@@ -221,8 +221,8 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
 
 
 def test_a_part_without_pads_is_no_error(folder, tmp_path):
-    status, told, err = call("fit", folder, "-o", tmp_path, *QUICK, "--shard", "9/9")
-    assert (status, told, err) == (0, "there are no pads in this part\n", "")
+    status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--shard", "9/9")
+    assert (status, output, err) == (0, "there are no pads in this part\n", "")
     assert not list(tmp_path.iterdir())
 
 

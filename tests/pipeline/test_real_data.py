@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are 
 
 
 def noted(err):
-    """Whether nothing but notices was said."""
+    """Return whether nothing but notices was printed."""
     return all(line.startswith("notice: pad ") for line in err.splitlines())
 
 

@@ -77,7 +77,7 @@ def ranking(best):
 
 
 def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **changes):
-    """What a diagnosis says, by hand, with as many steps as effects were added."""
+    """Return a result written by hand, with as many steps as effects were added."""
     tests = [f"test-{k}" for k in range(count)]
     steps = [added[:k] for k in range(len(added) + 1)]
     failing = [(tests[0], "ramp"), (tests[-1], "hold")] if added else []

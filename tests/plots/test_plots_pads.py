@@ -1,4 +1,4 @@
-"""Figures of pads beside each other, and of one pad's posterior and programme."""
+"""Check figures of pads next to each other, and of one pad's posterior and programme."""
 
 from dataclasses import replace
 from functools import cache

@@ -130,8 +130,8 @@ def test_alike_rates_fall_in_order_once_in_r_factorial(modes):
 
 
 def test_probability_of_order_against_closed_forms():
-    beside = Ordered((LogNormal(1.0, 0.3), LogNormal(0.5, 0.4)))
-    assert beside.log_normaliser == pytest.approx(stats.norm.logcdf(0.5 / 0.5), abs=1e-5)
+    pair = Ordered((LogNormal(1.0, 0.3), LogNormal(0.5, 0.4)))
+    assert pair.log_normaliser == pytest.approx(stats.norm.logcdf(0.5 / 0.5), abs=1e-5)
     middle = Ordered((RATE, 2.0, RATE))
     below = stats.norm.cdf((np.log(2.0) - 0.3) / 1.4)
     assert middle.log_normaliser == pytest.approx(np.log(below * (1.0 - below)), abs=1e-6)
@@ -158,7 +158,7 @@ def test_a_log_normal_has_no_density_at_zero():
 
 
 def test_ordered_draws_have_the_moments_of_the_density():
-    """Of two alike normals the larger has mean mu + sd/sqrt(pi): here in the logarithm."""
+    """The larger of two like normals has mean mu + sd/sqrt(pi): here in the logarithm."""
     prior = Ordered((RATE, RATE))
     rng = np.random.default_rng(3)
     logs = np.log([prior.draw(rng) for _ in range(4000)])

@@ -17,7 +17,7 @@ TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text()
 
 
 def example(name):
-    """What an example that stands alone defines by that name."""
+    """Return what an example that stands alone defines by that name."""
     blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
     found = {}
     exec(next(block for block in blocks if f"def {name}(" in block), found)

@@ -79,7 +79,7 @@ def test_every_public_name_has_a_docstring(building):
     names = building("public").public_names()
     found = {public.name for public in names}
     assert found >= {*PUBLIC, *effects.__all__, *laws.__all__, *priors.__all__}
-    assert not [public.name for public in names if not public.told]
+    assert not [public.name for public in names if not public.summary]
 
 
 def test_every_public_name_stands_on_one_page_of_the_api(site, building):
@@ -94,7 +94,7 @@ def test_every_figure_stands_on_the_page_of_figures(site, building):
         n for n in plots.__all__ if n.startswith("plot_")
     }
     ids = read(site / "api" / "plots.html").ids
-    assert not [public.name for public in figures if public.path not in ids or not public.told]
+    assert not [public.name for public in figures if public.path not in ids or not public.summary]
 
 
 def test_every_effect_stands_on_the_page_of_effects(site):
@@ -111,7 +111,7 @@ def test_every_command_stands_on_the_page_of_commands(site, building):
     commands = building("commands").commands()
     assert {"fit", "check", "diagnose", "study"} <= {command.name for command in commands}
     for command in commands:
-        assert command.told
+        assert command.help
         assert f"qlvbayes {command.name}" in text
 
 

@@ -82,7 +82,7 @@ def test_a_fresh_run_prints_what_is_stored(executed, path):
 
 
 def are_close(old, new):
-    """Whether two printed numbers are the same but for sampling and rounding."""
+    """Return whether two printed numbers are the same but for sampling and rounding."""
     one, two = float(old), float(new)
     digit = 10.0 ** -len(old.partition("e")[0].partition(".")[2])
     both = max(abs(one), abs(two))

@@ -1,4 +1,4 @@
-"""What an installation gets: the wheel's content, the version's one value, completion of words."""
+"""Check an installation: the wheel's content, the version's one value, completion of words."""
 
 import os
 import re
@@ -79,7 +79,7 @@ def test_all_is_what_a_user_may_want_and_not_what_developers_need():
 
 
 def completed(shell, *words):
-    """What the program answers to a shell that asks how a line goes on."""
+    """Return the program's answer to a shell that asks how a line goes on."""
     line = " ".join(["qlvbayes", *words])
     asked = {
         "bash": {"COMP_WORDS": line, "COMP_CWORD": str(len(words))},

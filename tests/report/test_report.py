@@ -464,7 +464,7 @@ def collect_runs(folder):
 
 
 class Listener(Watcher):
-    """Keeps what it is told."""
+    """Watcher that keeps its notices."""
 
     def __init__(self):
         self.notices = []

@@ -434,11 +434,11 @@ def test_the_command_tells_what_it_hides_unless_there_is_an_answer(tmp_path):
     assert "# hidden: viscous_drag (eta = 0.003)" in open_lines
     assert not any(word in " ".join(heading) for word in ("drag", "friction", "--hide", "m ="))
     assert [x for x in open_lines if x[0] != "#"] == [x for x in secret_lines if x[0] != "#"]
-    told = json.loads(answer.read_text())
-    assert told["effects"][0] == {"effect": "viscous_drag", "parameters": {"eta": 0.003}}
-    assert told["effects"][1]["effect"] == "friction"
-    assert told["constants"]["B"]["m"] == B.m
-    assert told["seed"] == 0
+    content = json.loads(answer.read_text())
+    assert content["effects"][0] == {"effect": "viscous_drag", "parameters": {"eta": 0.003}}
+    assert content["effects"][1]["effect"] == "friction"
+    assert content["constants"]["B"]["m"] == B.m
+    assert content["seed"] == 0
 
 
 @pytest.mark.parametrize(

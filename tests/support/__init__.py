@@ -1,1 +1,1 @@
-"""What several test files need: motions, pads, results, pages."""
+"""Offer what several test files need: motions, pads, results, pages."""

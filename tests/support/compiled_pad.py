@@ -49,7 +49,7 @@ int main(void)
 
 
 class CompiledPad:
-    """``files``: of the target; ``flags``: beside the strict ones."""
+    """``files``: of the target; ``flags``: in addition to the strict ones."""
 
     def __init__(self, folder, files, name="pad_B", flags=CHECKED):
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What the end-to-end tests share: the command, pad B and its fits, and the files' contract."""
+"""Offer what end-to-end tests share: the command, pad B and its fits, and the files' contract."""
 
 import contextlib
 import functools
@@ -49,7 +49,7 @@ def true_value(name):
 
 
 def environment():
-    """Where stdout is buffered, as it is for users."""
+    """Return an environment in which stdout is buffered, as it is for users."""
     return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 
 
@@ -114,7 +114,7 @@ def fitted(choices=Choices(), method="emcee", settings=Settings(), pad="B"):  # 
 
 
 def read_json(path):
-    """What a JSON file says; NaN and infinities are no JSON."""
+    """Read a JSON file; NaN and infinities are no JSON."""
 
     def refuse(token):
         raise ValueError(f"{token} is not JSON")

@@ -150,7 +150,7 @@ def exported(tmp_path, choices=Choices(), draws=16, **options):  # noqa: B008
 
 
 def missed(pressed, force):
-    """What a file says of a force: rms and largest over the test's peak, and rms in holds.
+    """Return the errors of a force: rms and largest over the test's peak, and rms in holds.
 
     Test by test and phase by phase, each counting alike.
     """

@@ -35,7 +35,7 @@ def hidden_pad(
     return prepare(measured(record_study(pads, programs, NOISES["correlated"], seed, _ROWS), "B"))
 
 
-def said_otherwise(found: Diagnosis, **changes) -> Diagnosis:
+def with_changes(found: Diagnosis, **changes) -> Diagnosis:
     """The same diagnosis with other things said of it."""
     return Diagnosis(replace(found.result, **changes), found.work)
 

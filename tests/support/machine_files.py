@@ -456,7 +456,7 @@ def two_clocks(test):
 
 
 def two_clocks_tidy(test):
-    """A tidy header, and beside it the force's own clock: taken for tidy, the force would lag."""
+    """A tidy header, and next to it the force's own clock: taken for tidy, the force would lag."""
     way = np.interp(test.time - LAG, test.time, test.way)
     rows = np.column_stack([test.time - LAG, way, -test.load * 1e3, 1e3 * test.time])
     head = "# rig 2\ntime_s,displacement_mm,force_mN,time_force_ms\n"

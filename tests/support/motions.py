@@ -47,7 +47,7 @@ def clear_of(motion, t, samples, step):
 
 @dataclass(frozen=True)
 class Wave:
-    """Sums of sines: amplitude, frequency and phase (rad) of each, beside a constant."""
+    """Sums of sines: amplitude, frequency and phase (rad) of each, and a constant."""
 
     terms: tuple[tuple[float, float, float], ...]
     offset: float

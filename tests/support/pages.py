@@ -1,4 +1,4 @@
-"""What stands on a figure's page, and whether it can be read."""
+"""Find what stands on a figure's page, and whether it can be read."""
 
 from itertools import combinations
 
@@ -48,7 +48,7 @@ def collisions(figure, slack=1.5):
 
 
 def keeps_the_page(figure, width):
-    """Whether the figure is so many mm wide and nothing leaves it."""
+    """Return whether the figure is so many mm wide and nothing leaves it."""
     ink = figure.get_tightbbox(drawn(figure)).extents
     page = figure.bbox_inches.extents
     inside = np.all(ink[:2] >= page[:2]) and np.all(ink[2:] <= page[2:])

@@ -74,7 +74,7 @@ def written(folder, variables, attrs=(), **options):
 
 
 def from_truth(constants, experiment, seed=0):
-    """Where the truth lies in the posterior about its top, in its sds."""
+    """Return the distance of the truth from the posterior's mean about its top, in sds."""
     posterior = build_posterior(experiment, Choices(), experiment.trials)
     top = starting_point(posterior, experiment.floor, np.random.default_rng(seed))
     theta = top.normal.draw(2000, np.random.default_rng(seed))

@@ -135,7 +135,7 @@ HALF = {"block_means": 21, "of": 956, "test": "fast", "phase": "ramp", "time_s":
 
 
 def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
-    """Of an ambiguous verdict, ``named`` is the group."""
+    """Return a diagnosis; for an ambiguous verdict, ``named`` is the group."""
     effects = list(named) if verdict != "adequate" else []
     group = effects if verdict == "ambiguous" else []
     if group:

@@ -48,7 +48,7 @@ def geom(text):
 
 @pytest.mark.parametrize("target", ["mujoco", "drake", "isaac"])
 def test_the_model_with_memory_is_within_two_per_cent_and_no_contact_is(files, target):
-    """Of the peak of every test, in every phase, those included that were not fitted."""
+    """Errors are shares of the peak of every test and phase, those not fitted included."""
     found = errors(files, target)
     assert found["against"] == "measured"
     assert found["why_not_measured"] is None
@@ -60,7 +60,7 @@ def test_the_model_with_memory_is_within_two_per_cent_and_no_contact_is(files, t
 
 
 def test_an_error_is_that_of_the_readings_themselves(files):
-    """Of a hold, where nothing moves: stiffness times depth less the force of the file."""
+    """The error in a hold, where nothing moves, is stiffness times depth less the file's force."""
     found = errors(files, "isaac")
     stiffness = found["numbers"]["stiffness (N/m)"]
     read = pd.read_csv(PADS, comment="#").query("test == 'B-100'")

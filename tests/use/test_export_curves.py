@@ -93,7 +93,7 @@ def test_storage_and_loss_are_the_transforms_of_relaxation(pad):
 
 
 def test_a_cycle_loses_what_its_loop_encloses(tmp_path):
-    """Of small sines about first contact, the model's own force over the last cycle."""
+    """The loss is that of the model's force over the last cycle of small sines about contact."""
     pad = exported(tmp_path, Choices(bonded=True))
     _, dynamic = tables(pad)
     row, amplitude, cycles = 30, 1e-4, 20

@@ -62,7 +62,7 @@ def test_it_is_a_valid_fmu(unit):
 
 
 def late(values):
-    """What an importer sets that knows the input at the beginning of each step."""
+    """Return what an importer sets that knows the input at the beginning of each step."""
     return np.concatenate([values[:1], values[:-1]])
 
 

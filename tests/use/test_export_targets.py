@@ -451,9 +451,9 @@ def test_a_folder_without_fits_and_a_broken_summary(tmp_path):
 
 def test_the_intervals_are_the_summarys(tmp_path):
     write_fit(tmp_path)
-    told = {"unit": "x", "median": 7.0, "hdi90": [6.0, 8.0]}
+    interval = {"unit": "x", "median": 7.0, "hdi90": [6.0, 8.0]}
     names = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
-    summary = {"parameters": dict.fromkeys(names, told)}
+    summary = {"parameters": dict.fromkeys(names, interval)}
     (tmp_path / "B" / "summary.json").write_text(json.dumps(summary))
     status, _, _ = call("export", tmp_path, "--pad", "B", "--to", "c")
     assert status == 0

@@ -56,7 +56,7 @@ def test_units_are_those_of_the_fit():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("raamp 1 mm at 3 mm/s", "'raamp' is not understood in 'raamp 1 mm at 3 mm/s'; begin with"),
         ("ramp 1 furlong in 2 s", "'furlong' .* use mm, um, nm, m, N, mN, uN or nN"),
@@ -74,8 +74,8 @@ def test_units_are_those_of_the_fit():
         (" , ", "is empty"),
     ],
 )
-def test_what_is_not_understood_is_named(text, told):
-    with pytest.raises(InputError, match=told):
+def test_what_is_not_understood_is_named(text, message):
+    with pytest.raises(InputError, match=message):
         parse(text, PAD)
 
 
@@ -91,7 +91,7 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("time_s,displacement_mm\n0,0\n1,x\n", "line 3: displacement_mm is not a number"),
         ("time_s,displacement_mm\n0,0\n1\n", "line 3: displacement_mm is not a number"),
@@ -103,10 +103,10 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
         ("", "empty"),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused(text, told, tmp_path):
+def test_a_table_that_cannot_be_used_is_refused(text, message, tmp_path):
     path = tmp_path / "my.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=f"my.csv.*{told}"):
+    with pytest.raises(InputError, match=f"my.csv.*{message}"):
         read_table(path, PAD)
 
 
@@ -160,7 +160,7 @@ WITH_DRAG = saved(**{"viscous_drag.eta": 0.05})
 
 
 @pytest.mark.parametrize(
-    ("program", "told"),
+    ("program", "expected"),
     [
         ("ramp 1.6 mm at 20 mm/s, hold 30 s", ()),
         ("ramp 2.5 mm at 20 mm/s", ("depth reaches 2.5 mm, beyond the 1.6",)),
@@ -170,10 +170,10 @@ WITH_DRAG = saved(**{"viscous_drag.eta": 0.05})
         ("force 1 N in 0.1 s, hold 100 s", ("depth reaches 2", "holds for 100 s")),
     ],
 )
-def test_leaving_the_tested_range_is_told(program, told):
+def test_leaving_the_tested_range_is_told(program, expected):
     found = predict_program(saved(), program, draws=20)
-    assert len(found.warnings) == len(told)
-    for warning, words in zip(found.warnings, told, strict=True):
+    assert len(found.warnings) == len(expected)
+    for warning, words in zip(found.warnings, expected, strict=True):
         assert words in warning
 
 

@@ -1,4 +1,4 @@
-"""What a decision by certainty alone would have said of a study."""
+"""Check what a decision by certainty alone would have said of a study."""
 
 import pytest
 from decisions import confirmed, decided

@@ -53,7 +53,7 @@ def test_every_other_export_has_the_headers_force(outs, every, headers, target):
 
 
 def test_the_model_with_memory_is_within_two_per_cent_where_no_contact_is(outs, every):
-    """Of the peak of held-out tests, in every phase; simulators are run where they are."""
+    """Errors are shares of the peak of held-out tests, by phase; installed simulators are run."""
     found = cost(outs[1], "C", every)
     assert found.worst() < 0.02
     for target, column in found.names.values():

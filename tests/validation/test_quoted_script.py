@@ -52,7 +52,7 @@ def test_an_interval_agrees_to_what_a_chain_leaves_open(shift, agrees):
 
 
 def rates(name):
-    """Of a run of the wide population, as counted."""
+    """Return the rates of a run of the wide population, as counted."""
     return json.loads((ROOT / "docs" / f"wide_{name}.json").read_text(encoding="utf-8"))["rates"]
 
 
@@ -80,7 +80,7 @@ def test_every_rate_of_the_page_on_reliability_is_that_of_its_run():
         "two effects: both named": "double_named",
         "another form: its family's name": "form_kin",
         "something outside the list, alone: left open": "outside_open",
-        "a listed effect beside something outside: named": "beside_named",
+        "a listed effect with something outside: named": "beside_named",
     }
     for words, key in columns.items():
         found = [cell.partition(" (")[0] for cell in rows[words].split(" | ")]
@@ -101,9 +101,9 @@ def test_superseded_runs_are_in_the_archive_with_the_figures_of_the_table():
         for name, seed, finished, registered, quoted in rows:
             run = read(f"{files[name]}.json")
             assert (run["seed"], run["studies"]) == (int(seed), int(finished))
-            promise = re.search(rf"`{files[name]}`, `(registered/\w+.json)`", EARLIER)[1]
-            assert read(promise)["seed"] == int(seed)
-            assert read(promise)["studies"] == int(registered)
+            registration = re.search(rf"`{files[name]}`, `(registered/\w+.json)`", EARLIER)[1]
+            assert read(registration)["seed"] == int(seed)
+            assert read(registration)["studies"] == int(registered)
             seen, right, wrong, *_ = quoted.split(" | ")
             assert right == counted(run["rates"]["right"])
             assert wrong == counted(run["rates"]["wrong"])

@@ -205,7 +205,7 @@ def test_the_rigs_gap_is_true_beside_all_but_another_contact():
 
 
 def test_true_constants_come_back_from_the_free_numbers():
-    """Of a study with a hidden form: what theta stands for is what was hidden, within bounds."""
+    """For a study with a hidden form theta stands for what was hidden, within bounds."""
     study = make_study(Registration.read("bounds").population, 283)
     experiment = prepare(study.pad)
     density = build_search(experiment).density
