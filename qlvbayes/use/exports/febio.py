@@ -8,7 +8,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 from qlvbayes.use.exports.card import card, in_comment, template
-from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure, terms
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
@@ -58,6 +58,6 @@ class FEBio(AbstractTarget):
             poisson=POISSON,
             stays=stays,
             relaxation=kind,
-            modes=list(zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)),
+            modes=terms(pad),
         )
         return {f"{pad.identifier}.feb": text.encode()}
