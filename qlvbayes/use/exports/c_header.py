@@ -182,7 +182,8 @@ class C(Language):
                 [*step, "return force;"],
             ),
         )
-        text = [f"/* {piece.name}: {in_comment([' '.join(piece.said.split())])[0]} */", *struct, ""]
+        formula = in_comment([" ".join(piece.formula.split())])[0]
+        text = [f"/* {piece.name}: {formula} */", *struct, ""]
         for head, body in heads:
             names = ("k", "displacement") if body is begin else ("k", *LINE, "followed")
             unused = [f"(void){x};" for x in names if not _stands_in(x, " ".join(body))]

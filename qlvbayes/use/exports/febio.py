@@ -33,7 +33,7 @@ class FEBio(AbstractTarget):
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """Return the content of ``pad_B.feb``, whose material goes into a model."""
         young = moduli(pad, specimen).young
-        law, said = pad.relaxation, card(pad, type(self), structure(pad))
+        law = pad.relaxation
         if isinstance(law, Fung):
             ends = sorted((float(law.tau1), float(law.tau2)))
             width = float(law.c) * math.log(ends[1] / ends[0])
@@ -53,7 +53,7 @@ class FEBio(AbstractTarget):
         text = template(
             "pad.feb.j2",
             name=pad.identifier,
-            card=in_comment(said),
+            card=in_comment(card(pad, type(self), structure(pad))),
             young=young,
             poisson=POISSON,
             stays=stays,

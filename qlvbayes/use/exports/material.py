@@ -25,7 +25,7 @@ CANNOT = (
     ONE_DRAW,
 )
 STRUCTURE = (
-    "the shape: shares g and times carry over to a material only for a homogeneous specimen; a "
+    "the shape: shares g and times apply to a material only for a homogeneous specimen; a "
     "fluid-filled pad is a structure, whose fluid takes part in what relaxes"
 )
 

@@ -98,7 +98,7 @@ class M(Language):
         given = f"k, state, {', '.join(LINE)}, followed"
         text = [
             f"function state = begin_{piece.name}_(k, displacement)",
-            f"  % {piece.name}: {' '.join(piece.said.split())}",
+            f"  % {piece.name}: {' '.join(piece.formula.split())}",
             *(f"  {line}" for line in begin),
             *(["  state = struct();"] if not begin else []),
             "end",

@@ -1,4 +1,4 @@
-"""Bulk data entries of a viscoelastic material for Nastran and its kin."""
+"""Bulk data entries of a viscoelastic material for Nastran and compatible solvers."""
 
 from __future__ import annotations
 
