@@ -46,7 +46,7 @@ def export_command(
     c: a C99 header; fmu: an FMI 2.0 unit; matlab; mujoco, drake, isaac: a contact, with its error
     against the measured forces; abaqus, ansys, febio, comsol, ls-dyna, nastran, radioss: a
     material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
-    date, what was tested, the 90 % intervals, and what it cannot carry.
+    date, what was tested, the 90 % intervals, and what it cannot represent.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.use.exports.write import export, find

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.card import card, commented
-from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.use.exports.material import POISSON, AbstractDeck, Moduli, terms
 from qlvbayes.use.exports.pad import ExportedPad
-from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 
-class Abaqus(AbstractTarget):
+class Abaqus(AbstractDeck):
     r"""``*VISCOELASTIC, TIME=PRONY`` on constants of the fast limit.
 
     .. math:: G(t) = G_0 (1 - \sum_i g_i (1 - e^{-t/\tau_i})), \qquad g_i = c_i, \tau_i = 1/v_i
@@ -19,12 +17,10 @@ class Abaqus(AbstractTarget):
 
     name = "abaqus"
     what = "*ELASTIC or *HYPERELASTIC with *VISCOELASTIC, TIME=PRONY (N, mm, s, MPa)"
-    cannot = CANNOT
+    mark = "**"
 
-    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.inp``."""
-        modulus = moduli(pad, specimen)
-        head = commented(card(pad, type(self), structure(pad)), "**")
+    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
+        """Return the lines of ``pad_B.inp``."""
         lines = [f"*MATERIAL, NAME={pad.identifier.upper()}"]
         if type(pad.elastic).name == "linear":
             lines += ["*ELASTIC, MODULI=INSTANTANEOUS", f"{modulus.young!r}, {POISSON}"]
@@ -33,6 +29,5 @@ class Abaqus(AbstractTarget):
             lines += ["*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS"]
             lines += [f"{modulus.shear / 2.0!r}, {2.0 / modulus.bulk!r}"]
         lines += ["*VISCOELASTIC, TIME=PRONY", "** g, k, tau"]
-        rows = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
-        lines += [f"{g!r}, 0.0, {tau!r}" for g, tau in rows]
-        return {f"{pad.identifier}.inp": (head + "\n".join(lines) + "\n").encode()}
+        lines += [f"{g!r}, 0.0, {tau!r}" for g, tau in terms(pad)]
+        return {".inp": lines}

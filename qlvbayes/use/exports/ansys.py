@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.card import card, commented
-from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.use.exports.material import POISSON, AbstractDeck, Moduli, terms
 from qlvbayes.use.exports.pad import ExportedPad
-from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 _CONSTANTS = 6  # that one TBDATA takes
 _MATERIAL = 1  # its number
 
 
-class Ansys(AbstractTarget):
+class Ansys(AbstractDeck):
     r"""``TB,PRONY`` of the shear modulus; the elastic constants are those of the fast limit.
 
     .. math:: G(t) = G_0 (\alpha_\infty + \sum_i \alpha_i e^{-t/\tau_i}), \qquad \alpha_i = c_i
@@ -21,21 +19,18 @@ class Ansys(AbstractTarget):
 
     name = "ansys"
     what = "MP,EX and TB,PRONY,1,1,N,SHEAR with TBDATA (N, mm, s, MPa)"
-    cannot = CANNOT
+    mark = "!"
 
-    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.mac``."""
-        modulus = moduli(pad, specimen)
-        head = commented(card(pad, type(self), structure(pad)), "!")
-        pairs = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
-        terms = [repr(x) for pair in pairs for x in pair]
+    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
+        """Return the lines of ``pad_B.mac``."""
+        numbers = [repr(x) for term in terms(pad) for x in term]
         lines = [
             f"MP,EX,{_MATERIAL},{modulus.young!r}",
             f"MP,PRXY,{_MATERIAL},{POISSON}",
             f"TB,PRONY,{_MATERIAL},1,{pad.times.size},SHEAR",
         ]
         lines += [
-            f"TBDATA,{first + 1},{','.join(terms[first : first + _CONSTANTS])}"
-            for first in range(0, len(terms), _CONSTANTS)
+            f"TBDATA,{first + 1},{','.join(numbers[first : first + _CONSTANTS])}"
+            for first in range(0, len(numbers), _CONSTANTS)
         ]
-        return {f"{pad.identifier}.mac": (head + "\n".join(lines) + "\n").encode()}
+        return {".mac": lines}

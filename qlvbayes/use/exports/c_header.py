@@ -102,100 +102,72 @@ def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
 
 
 class C(Language):
-    """C99 in the pad's own type of number."""
+    """C99 in the pad's own type of number: a variant for float has no double in it."""
 
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
 
     def library(self, name: str) -> str:
-        """Return a macro, of the function for float or for double."""
         return f"{self.prefix.upper()}_{name.upper()}"
 
     def number(self, value: float) -> str:
-        """Return a literal with a cast, so that a float variant has no double in it."""
         return f"{self.prefix.upper()}_R({value!r})"
 
     def constant(self, name: str) -> str:
-        """Return a member of the struct."""
         return f"k->{name}"
 
     def own(self, name: str) -> str:
-        """Return a name with the pad's before it."""
         return f"{self.prefix}_{name}"
 
     def either(self, condition: str, yes: str, no: str) -> str:
-        """Return a choice of two values, of which only one is evaluated."""
         return f"({condition} ? {yes} : {no})"
 
-    def function(
-        self,
-        name: str,
-        summary: str,
-        arguments: list[str],
-        body: list[str],
-        result: str,
-    ) -> str:
-        """Return a static inline function."""
-        real = f"{self.prefix}_real"
-        written = " ".join([*body, result])
-        typed = [
-            f"const {self.prefix}_constants *k" if x == "k" else f"{real} {x}" for x in arguments
-        ]
-        lines = [f"    (void){x};" for x in arguments if not _stands_in(x, written)]
-        lines += [f"    {line}" for line in body]
-        head = f"static inline {real} {name}({', '.join(typed)})"
-        return "\n".join([f"/* {summary} */", head, "{", *lines, f"    return {result};", "}", ""])
+    def function(self, one: ElasticFunction, body: list[str], result: str) -> str:
+        real, written = f"{self.prefix}_real", " ".join([*body, result])
+        typed = [f"const {self.prefix}_constants *k", *(f"{real} {x}" for x in one.arguments)]
+        lines = [f"    (void){x};" for x in ("k", *one.arguments) if not _stands_in(x, written)]
+        lines += [f"    {line}" for line in (*body, f"return {result};")]
+        head = f"static inline {real} {self.own(one.name)}({', '.join(typed)})"
+        return "\n".join([f"/* {one.summary} */", head, "{", *lines, "}", ""])
 
     def truth(self, value: bool) -> str:
-        """Return a number."""
         return str(int(value))
 
     def opposite(self, condition: str) -> str:
-        """Return the negation, by an exclamation mark."""
         return f"(!{condition})"
 
     top = "s->top"
 
     def within(self, way: str, member: str) -> str:
-        """Return the member of the state that lies there."""
         return f"{way}.{member.removeprefix('s->')}"
 
     def memory(self, index: int) -> str:
-        """Return an element of an array."""
         return f"s->m[{index}]"
 
     def beneath(self, index: int, count: int) -> str:
-        """Return a member of the layer's own struct."""
         return "s->below" if count == 1 else f"s->below[{index}]"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """Return a constant."""
         kind = "int" if truth else f"{self.prefix}_real"
         return f"const {kind} {name} = {text};"
 
     def remember(self, index: int, text: str) -> str:
-        """Return an assignment to an element of an array."""
         return f"s->m[{index}] = {text};"
 
     def declared(self, below: str, name: str) -> str:
-        """Return a struct."""
         return f"{self.prefix}_{below}_state {name};"
 
     def copy(self, below: str, name: str, location: str) -> str:
-        """Return the whole struct."""
         return f"{self.prefix}_{below}_state {name} = {location};"
 
     def begin(self, below: str, location: str, displacement: str) -> str:
-        """Return a call that writes into the struct."""
         return f"{self.prefix}_begin_{below}(k, &{location}, {displacement});"
 
     def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
-        """Return a call that changes the struct, and names its force."""
         call = f"{self.prefix}_step_{below}(k, &{location}, {', '.join(line)});"
         return call if name is None else f"const {self.prefix}_real {name} = {call}"
 
     def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
-        """Return a struct and two functions."""
         p, state = self.prefix, f"{self.prefix}_{piece.name}_state"
         count = "" if piece.beneath == 1 else f"[{piece.beneath}]"
         members = [f"    {p}_{below}_state below{count};"]
@@ -210,7 +182,8 @@ class C(Language):
                 [*step, "return force;"],
             ),
         )
-        text = [f"/* {piece.name}: {in_comment([' '.join(piece.said.split())])[0]} */", *struct, ""]
+        formula = in_comment([" ".join(piece.formula.split())])[0]
+        text = [f"/* {piece.name}: {formula} */", *struct, ""]
         for head, body in heads:
             names = ("k", "displacement") if body is begin else ("k", *LINE, "followed")
             unused = [f"(void){x};" for x in names if not _stands_in(x, " ".join(body))]
@@ -218,7 +191,6 @@ class C(Language):
         return "\n".join(text)
 
     def late(self, piece: ExportedLayer, below: str) -> str:
-        """Return the code of a template."""
         names = {"p": self.prefix, "P": self.prefix.upper(), "delay": piece.constants[0]}
         return template("late.h.j2", piece=piece, below=below, most=LINES, **names)
 

@@ -28,14 +28,14 @@ ONE_DRAW = "the posterior: one draw only, with the intervals above"
 
 
 def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = ()) -> list[str]:
-    """Return the lines, without comment signs; ``extra``: what else does not go along."""
+    """Return the lines, without comment signs; ``extra``: what else is not represented."""
     lines = [
         f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
         + (f", from {pad.source}" if pad.source else ""),
         f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
         f"Relaxation: {_relaxation(pad)}",
         *(
-            f"Effect {x.name}: {x.said}"
+            f"Effect {x.name}: {x.formula}"
             for x in pad.pieces
             if target.steps and x.name in pad.effects
         ),
@@ -49,7 +49,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
     lost = (*_effects(pad, target), *target.cannot, *extra)
-    lines.append("Not carried:" if lost else "Not carried: nothing of the fitted model")
+    lines.append("Not represented:" if lost else "Not represented: nothing of the fitted model")
     lines += [f"  - {line}" for line in lost]
     return [visible(" ".join(line.translate(_ASCII).split("\n"))) for line in lines]
 
@@ -110,7 +110,7 @@ def _relaxation(pad: ExportedPad) -> str:
 
 
 def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
-    """Return those that do not go along, each with the reason; and why there is no way back."""
+    """Return those that are not represented, each with the reason; and why there is no way back."""
     lost = pad.left_out if target.steps else dict.fromkeys(pad.effects, target.without_steps)
     lines = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
     if target.steps and pad.one_way:

@@ -25,7 +25,7 @@ class Drake(AbstractTarget):
     """
 
     name = "drake"
-    without_steps = "only as far as one stiffness and one dissipation go along with it"
+    without_steps = "only as far as one stiffness and one dissipation can represent it"
     what = "proximity properties: stiffness in N/m, dissipation in s/m, in SDFormat; their error"
     cannot = (
         "relaxation: no memory, one stiffness for ramp and hold",

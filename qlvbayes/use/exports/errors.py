@@ -92,6 +92,7 @@ def _words(pressed: Pressing) -> list[str]:
         ]
     return [
         "Root mean square of the force less the measured one, over the test's largest force.",
-        "The last column is the pad's model, as --to c, fmu, mujoco (the plugin) and matlab carry "
-        "it; where it is much smaller than the others, no contact without memory is enough.",
+        "The last column is the pad's model, as --to c, fmu, mujoco (the plugin) and matlab "
+        "represent it; where it is much smaller than the others, no contact without memory is "
+        "enough.",
     ]

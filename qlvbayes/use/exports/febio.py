@@ -8,7 +8,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 from qlvbayes.use.exports.card import card, in_comment, template
-from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure, terms
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
@@ -33,7 +33,7 @@ class FEBio(AbstractTarget):
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """Return the content of ``pad_B.feb``, whose material goes into a model."""
         young = moduli(pad, specimen).young
-        law, said = pad.relaxation, card(pad, type(self), structure(pad))
+        law = pad.relaxation
         if isinstance(law, Fung):
             ends = sorted((float(law.tau1), float(law.tau2)))
             width = float(law.c) * math.log(ends[1] / ends[0])
@@ -53,11 +53,11 @@ class FEBio(AbstractTarget):
         text = template(
             "pad.feb.j2",
             name=pad.identifier,
-            card=in_comment(said),
+            card=in_comment(card(pad, type(self), structure(pad))),
             young=young,
             poisson=POISSON,
             stays=stays,
             relaxation=kind,
-            modes=list(zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)),
+            modes=terms(pad),
         )
         return {f"{pad.identifier}.feb": text.encode()}

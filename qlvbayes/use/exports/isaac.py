@@ -21,7 +21,7 @@ class Isaac(AbstractTarget):
     """
 
     name = "isaac"
-    without_steps = "only as far as one stiffness and one damping go along with it"
+    without_steps = "only as far as one stiffness and one damping can represent it"
     what = "a physics material with compliant contact: stiffness and damping, in USD; their error"
     cannot = (
         "relaxation: no memory, one stiffness for ramp and hold",
@@ -35,10 +35,9 @@ class Isaac(AbstractTarget):
         start = fitted([pressed.depth, pressed.speed], pressed)
         stiffness, damping = closest(spring_damper, pressed, start.tolist())
         force = spring_damper(pressed.depth, pressed.speed, stiffness, damping)
-        said = card(pad, type(self), [f"so this {pressed.miss(force)}"])
         text = template(
             "pad.usda.j2",
-            card=commented(said, "#"),
+            card=commented(card(pad, type(self), [f"so this {pressed.miss(force)}"]), "#"),
             name=pad.identifier,
             stiffness=stiffness,
             damping=damping,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-from qlvbayes.use.exports.layers import ExportedLayer
+from qlvbayes.use.exports.layers import ElasticFunction, ExportedLayer
 
 
 class Language(ABC):
@@ -32,15 +32,8 @@ class Language(ABC):
         """Return ``yes`` where the condition holds, else ``no``."""
 
     @abstractmethod
-    def function(
-        self,
-        name: str,
-        summary: str,
-        arguments: list[str],
-        body: list[str],
-        result: str,
-    ) -> str:
-        """Return a whole function, of its statements and the expression that it returns."""
+    def function(self, one: ElasticFunction, body: list[str], result: str) -> str:
+        """Return a function of the elastic law, from its statements and the value's expression."""
 
     @abstractmethod
     def truth(self, value: bool) -> str:

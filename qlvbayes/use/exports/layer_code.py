@@ -188,8 +188,7 @@ def elastic_code(functions: Iterable[ElasticFunction], language: Language) -> st
     for one in functions:
         body = Statements(language, one.work)
         assert one.work.force is not None
-        name, value = language.own(one.name), body.write(one.work.force)
-        texts.append(language.function(name, one.summary, ["k", *one.arguments], body.text, value))
+        texts.append(language.function(one, body.text, body.write(one.work.force)))
     return "\n".join(texts)
 
 

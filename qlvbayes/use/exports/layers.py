@@ -85,14 +85,14 @@ class LayerComputation:
 class ExportedLayer:
     """One layer, as a language writes it.
 
-    name: part of an identifier; said: the law in one line; columns: names of the layer's constants
-    in a posterior; touch: index in its memory of the flag that the specimen is touched, None where
-    it has none; inverts: as of the effect; late: whether it reads the force of an earlier time, for
+    name: part of an identifier; formula: the law in one line; columns: names of the constants in a
+    posterior; touch: index in its memory of the flag that the specimen is touched, None where it
+    has none; inverts: as of the effect; late: whether it reads the force of an earlier time, for
     which languages have a queue of lines, not ``begin`` and ``step``.
     """
 
     name: str
-    said: str
+    formula: str
     columns: tuple[str, ...]
     begin: LayerComputation
     step: LayerComputation
@@ -235,8 +235,8 @@ def _contact(make: Expressions) -> ExportedLayer:
     assert followed.force is not None
     force = make.either(make.named("line", "followed"), followed.force, free.force)
     step = LayerComputation(free.states, free.memory, force)
-    said = "a loose specimen has no depth below 0, and its force is never negative"
-    return ExportedLayer("contact", said, (), begin, step, touch=0)
+    formula = "a loose specimen has no depth below 0, and its force is never negative"
+    return ExportedLayer("contact", formula, (), begin, step, touch=0)
 
 
 def _with_touch(

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, STRAIN
-from qlvbayes.use.exports.card import NO_CONTACT, ONE_DRAW
+from qlvbayes.use.exports.card import NO_CONTACT, ONE_DRAW, card, commented
 from qlvbayes.use.exports.pad import ExportedPad
-from qlvbayes.use.exports.target import Geometry
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 POISSON = 0.495  # wet soft solids hardly change volume; what ordinary elements still solve
 DENSITY = 1e-9  # t/mm3, water's: explicit solvers want one, and tests of force give none
+FEWER_TERMS = "fit with --relaxation prony:3"
 _MPA = 1e-3  # of a kPa
 
 CANNOT = (
@@ -21,7 +25,7 @@ CANNOT = (
     ONE_DRAW,
 )
 STRUCTURE = (
-    "the shape: shares g and times carry over to a material only for a homogeneous specimen; a "
+    "the shape: shares g and times apply to a material only for a homogeneous specimen; a "
     "fluid-filled pad is a structure, whose fluid takes part in what relaxes"
 )
 
@@ -73,7 +77,40 @@ def structure(pad: ExportedPad) -> tuple[str, ...]:
     return () if pad.units.dimensionless else (STRUCTURE,)
 
 
+def terms(pad: ExportedPad) -> list[tuple[float, float]]:
+    """Return share and time (s) of each term that relaxes."""
+    return list(zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True))
+
+
+class AbstractDeck(AbstractTarget):
+    """Input of a solver: lines that describe a material, below the card in comments."""
+
+    cannot = CANNOT
+    mark: ClassVar[str]  # of a comment
+    most: ClassVar[float] = math.inf  # terms
+    long_term: ClassVar[bool] = False  # whether what never relaxes is one of the terms
+    room: ClassVar[str] = ""  # how many terms there may be, in words
+
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
+        """Return each file, the card on top; raise InputError where there are too many terms."""
+        modulus = moduli(pad, specimen)
+        if (count := pad.times.size + self.long_term) > self.most:
+            raise InputError(
+                f"{self.room}, and {pad.choices.relaxing} has {count}", remedy=FEWER_TERMS
+            )
+        head = commented(card(pad, type(self), structure(pad)), self.mark)
+        return {
+            f"{pad.identifier}{ending}": (head + "\n".join(lines) + "\n").encode()
+            for ending, lines in self.lines(pad, modulus).items()
+        }
+
+    @abstractmethod
+    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
+        """Return the lines of each file, by what follows the pad in its name."""
+
+
 _DIGITS = 17  # after which a double is itself again
+_WIDTH = 20  # columns of a long field
 
 
 def column(value: float, width: int, exponent: str = "e") -> str:
@@ -91,3 +128,8 @@ def column(value: float, width: int, exponent: str = "e") -> str:
             if text != "." and len(text) <= width:
                 return text.rjust(width)
     raise InputError(f"{value:g} has no room in {width} columns", remedy="use --to json")
+
+
+def field(value: float) -> str:
+    """Return a long field that begins with a blank, so that the eye separates it from the last."""
+    return column(value, _WIDTH - 1).rjust(_WIDTH)

@@ -7,7 +7,7 @@ from qlvbayes.use.exports.c_header import functions_of, layered, rows_of
 from qlvbayes.use.exports.card import ONE_DRAW, card, template
 from qlvbayes.use.exports.language import Language
 from qlvbayes.use.exports.layer_code import elastic_code
-from qlvbayes.use.exports.layers import LINE, ExportedLayer
+from qlvbayes.use.exports.layers import LINE, ElasticFunction, ExportedLayer
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
@@ -39,91 +39,66 @@ class M(Language):
     """MATLAB's language; both sides of a choice are evaluated, and one is taken."""
 
     def library(self, name: str) -> str:
-        """Return the same names but few."""
         return {"pow": "power", "fabs": "abs", "fmax": "max", "fmin": "min"}.get(name, name)
 
     def number(self, value: float) -> str:
-        """Return the number in all its digits."""
         return repr(value)
 
     def constant(self, name: str) -> str:
-        """Return a field of the structure."""
         return f"k.{name}"
 
     def own(self, name: str) -> str:
-        """Return a local function."""
         return f"{name}_"
 
     def either(self, condition: str, yes: str, no: str) -> str:
-        """Return a choice of two values, by a function."""
         return f"pick_({condition}, {yes}, {no})"
 
-    def function(
-        self,
-        name: str,
-        summary: str,
-        arguments: list[str],
-        body: list[str],
-        result: str,
-    ) -> str:
-        """Return a function that is local to the file."""
+    def function(self, one: ElasticFunction, body: list[str], result: str) -> str:
         lines = [f"  {line}" for line in body]
-        head = f"function result_ = {name}({', '.join(arguments)})"
-        return "\n".join([head, f"  % {summary}", *lines, f"  result_ = {result};", "end", ""])
+        head = f"function result_ = {self.own(one.name)}({', '.join(['k', *one.arguments])})"
+        return "\n".join([head, f"  % {one.summary}", *lines, f"  result_ = {result};", "end", ""])
 
     def truth(self, value: bool) -> str:
-        """Return a word."""
         return "true" if value else "false"
 
     def opposite(self, condition: str) -> str:
-        """Return the negation, by a tilde."""
         return f"(~{condition})"
 
     top = "state.top"
 
     def within(self, way: str, member: str) -> str:
-        """Return a field of a field."""
         return f"{way}.{member.removeprefix('state.')}"
 
     def memory(self, index: int) -> str:
-        """Return an element of an array."""
         return f"state.m({index + 1})"
 
     def beneath(self, index: int, count: int) -> str:
-        """Return a field of the layer's own structure."""
         return "state.below" if count == 1 else f"state.below{{{index + 1}}}"
 
     def set(self, name: str, text: str, *, truth: bool) -> str:
-        """Return an assignment."""
         return f"{name} = {text};"
 
     def remember(self, index: int, text: str) -> str:
-        """Return an assignment to an element of an array."""
         return f"state.m({index + 1}) = {text};"
 
     def declared(self, below: str, name: str) -> str:
-        """Return an empty structure."""
         return f"{name} = struct();"
 
     def copy(self, below: str, name: str, location: str) -> str:
-        """Return an assignment, which copies."""
         return f"{name} = {location};"
 
     def begin(self, below: str, location: str, displacement: str) -> str:
-        """Return a call whose result is the state."""
         return f"{location} = begin_{below}_(k, {displacement});"
 
     def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
-        """Return a call whose results are the force and the state."""
         call = f"step_{below}_(k, {location}, {', '.join(line)})"
         return f"[{name or '~'}, {location}] = {call};"
 
     def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:
-        """Return two functions, local to the file."""
         given = f"k, state, {', '.join(LINE)}, followed"
         text = [
             f"function state = begin_{piece.name}_(k, displacement)",
-            f"  % {piece.name}: {' '.join(piece.said.split())}",
+            f"  % {piece.name}: {' '.join(piece.formula.split())}",
             *(f"  {line}" for line in begin),
             *(["  state = struct();"] if not begin else []),
             "end",
@@ -136,6 +111,5 @@ class M(Language):
         return "\n".join(text)
 
     def late(self, piece: ExportedLayer, below: str) -> str:
-        """Return the code of a template."""
         delay = piece.constants[0]
         return template("late.m.j2", piece=piece, below=below, delay=delay, most=LINES)

@@ -57,8 +57,8 @@ class MuJoCo(AbstractTarget):
         }
 
         def filled(file: str, *extra: str) -> bytes:
-            said = in_comment(card(pad, type(self), extra))
-            return template(file, card=said, **values).encode()
+            text = in_comment(card(pad, type(self), extra))
+            return template(file, card=text, **values).encode()
 
         constants: dict[str, float | list[float]] = {
             f"solref of {_MASS:g} kg (1/s2, 1/s)": solref,

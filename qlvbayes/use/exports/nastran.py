@@ -1,18 +1,14 @@
-"""Bulk data entries of a viscoelastic material for Nastran and its kin."""
+"""Bulk data entries of a viscoelastic material for Nastran and compatible solvers."""
 
 from __future__ import annotations
 
-from qlvbayes.io.checks import InputError
-from qlvbayes.use.exports.card import card, commented
-from qlvbayes.use.exports.material import CANNOT, DENSITY, POISSON, column, moduli, structure
+from qlvbayes.use.exports.material import DENSITY, POISSON, AbstractDeck, Moduli, column, terms
 from qlvbayes.use.exports.pad import ExportedPad
-from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 _WIDTH = 16  # of a large field
-_MOST = 5  # terms that MATVE's lines have room for
 
 
-class Nastran(AbstractTarget):
+class Nastran(AbstractDeck):
     r"""``MAT1`` with ``MATVE``, model PRONY, in large fields of 16 columns.
 
     .. math:: G(t) = G_0 \Big(1 - \sum_i g_i (1 - e^{-t/\tau_i})\Big), \qquad g_i = c_i
@@ -23,22 +19,13 @@ class Nastran(AbstractTarget):
 
     name = "nastran"
     what = "MAT1 with MATVE (PRONY), large fields (N, mm, s, MPa, t)"
-    cannot = CANNOT
+    mark = "$"
+    most = 5  # terms that MATVE's lines have room for
+    room = f"MATVE has room for {most} terms"
 
-    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.bdf``.
-
-        Raises InputError where there are more than five terms.
-        """
-        modulus = moduli(pad, specimen)
-        if pad.times.size > _MOST:
-            raise InputError(
-                f"MATVE has room for {_MOST} terms, and {pad.choices.relaxing} has "
-                f"{pad.times.size}",
-                remedy="fit with --relaxation prony:3",
-            )
-        rows = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
-        first, *others = [[_field(g), _field(tau)] for g, tau in rows]
+    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
+        """Return the lines of ``pad_B.bdf``."""
+        first, *others = [[_field(g), _field(tau)] for g, tau in terms(pad)]
         blank = [" " * _WIDTH]
         pairs = [field for pair in others for field in pair]
         elastic = ["1".rjust(_WIDTH), _field(modulus.young), *blank, _field(POISSON)]
@@ -49,8 +36,7 @@ class Nastran(AbstractTarget):
             "$ shares and times of the shear modulus; those of MAT1 are the fast limit's",
             *_entry("MATVE", viscous),
         ]
-        head = commented(card(pad, type(self), structure(pad)), "$")
-        return {f"{pad.identifier}.bdf": (head + "\n".join(lines) + "\n").encode()}
+        return {".bdf": lines}
 
 
 def _field(value: float) -> str:

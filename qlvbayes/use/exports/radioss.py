@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.use.exports.card import card, commented
-from qlvbayes.use.exports.material import CANNOT, DENSITY, column, moduli, structure
+from qlvbayes.use.exports.material import DENSITY, FEWER_TERMS, AbstractDeck, Moduli, field
 from qlvbayes.use.exports.pad import ExportedPad
-from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
-_WIDTH = 20
 _MOST = 100  # terms of /VISC/PRONY
 
 
-class OpenRadioss(AbstractTarget):
+class OpenRadioss(AbstractDeck):
     r"""``/MAT/LAW42``, one Ogden pair of exponent 2 (neo-Hooke), with ``/VISC/PRONY`` on it.
 
     .. math:: G(t) = \mu_1 + \sum_i G_i e^{-\beta_i t}, \qquad
@@ -25,50 +22,40 @@ class OpenRadioss(AbstractTarget):
 
     name = "radioss"
     what = "/MAT/LAW42 with /VISC/PRONY, for OpenRadioss (N, mm, s, MPa, t)"
-    cannot = CANNOT
+    mark = "#"
 
-    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of ``pad_B.rad``.
+    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
+        """Return the lines of ``pad_B.rad``.
 
         Raises InputError where nothing stays, or there are too many terms.
         """
-        modulus = moduli(pad, specimen)
         shear = modulus.shear * float(pad.fractions[0])
         if shear <= 0.0 or pad.times.size > _MOST:
             raise InputError(
                 f"OpenRadioss takes {_MOST} terms at most in addition to a modulus that stays",
-                remedy="fit with --relaxation prony:3",
+                remedy=FEWER_TERMS,
             )
         bulk = modulus.bulk
         poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear))
-        rows = zip(
-            (modulus.shear * pad.fractions[1:]).tolist(), pad.middle.rates[0].tolist(), strict=True
-        )
-        blank = " " * _WIDTH
+        rows = zip(pad.fractions[1:].tolist(), pad.middle.rates[0].tolist(), strict=True)
         lines = [
             "/MAT/LAW42/1",
             pad.identifier,
             f"#              RHO_I, t/mm3 ({DENSITY:g}: water's, of which tests say nothing)",
-            _field(DENSITY),
+            field(DENSITY),
             "#                 Nu           sigma_cut           funIDbulk         Fscale_bulk"
             "         M    I_form",
-            _field(poisson) + 3 * blank + f"{0:>10d}{0:>10d}",
+            f"{field(poisson)}{'':60}{0:>10d}{0:>10d}",
             "#               Mu_1",
-            _field(shear),
+            field(shear),
             "",
             "#            alpha_1",
-            _field(2.0),
+            field(2.0),
             "",
             "/VISC/PRONY/1",
             "#        M                           K_v      Itab    Ishape",
-            f"{pad.times.size:>10d}{'':10}{_field(0.0)}{0:>10d}{0:>10d}",
+            f"{pad.times.size:>10d}{'':10}{field(0.0)}{0:>10d}{0:>10d}",
             "#                G_i              Beta_i                  Ki             Beta_ki",
-            *(f"{_field(g)}{_field(v)}{2 * _field(0.0)}" for g, v in rows),
+            *(f"{field(modulus.shear * g)}{field(v)}{2 * field(0.0)}" for g, v in rows),
         ]
-        head = commented(card(pad, type(self), structure(pad)), "#")
-        return {f"{pad.identifier}.rad": (head + "\n".join(lines) + "\n").encode()}
-
-
-def _field(value: float) -> str:
-    """Return a field that begins with a blank, so that the eye separates it from the last."""
-    return column(value, _WIDTH - 1).rjust(_WIDTH)
+        return {".rad": lines}
