@@ -48,6 +48,14 @@ def test_relaxation_is_the_spectrums(pad):
     assert relaxation["share_left"] == pytest.approx(left(pad, relaxation["time (s)"]), rel=1e-12)
 
 
+@pytest.mark.parametrize("law", ["spline", "toe", "polynomial:3"])
+def test_the_stiffness_is_the_law_s_own(tmp_path, pad, law):
+    """Two pads of one relaxation differ in it alone, also where a law has a fixed field."""
+    other = exported(tmp_path, Choices(law=law), spread=0.0)
+    own, stiff = (tables(one)[1]["storage (N/mm)"] / one.stiffness(0.0) for one in (other, pad))
+    assert own == pytest.approx(stiff, rel=0.1)  # the draws of the other pad are 2 % apart
+
+
 @pytest.mark.parametrize("relaxation", ["prony", "power-law"])
 def test_creep_under_the_compliance_takes_one_unit_of_force(tmp_path, relaxation):
     """The hereditary integral of J, by trapezoids on ever finer steps, is one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -128,7 +129,8 @@ def dynamic_shares(draws: Draws, omega: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _stiffness(pad: ExportedPad, draws: Draws) -> np.ndarray:
     """Return the instantaneous stiffness K(0) of each draw, (n, 1)."""
-    laws = type(pad.elastic)(*draws.elastic.T)
+    constants = dict(zip(pad.elastic.units, draws.elastic.T, strict=True))
+    laws = replace(pad.elastic, **constants)  # what is fixed, as a spline's depth, stays
     stiffness = jax.vmap(lambda law: law.stiffness(jax.numpy.asarray(0.0)))(laws)
     return np.asarray(stiffness)[:, None]
 
