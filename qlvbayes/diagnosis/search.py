@@ -86,7 +86,7 @@ class Search:
 
     @property
     def breadth(self) -> Breadth:
-        """How broadly hypotheses and their modes are searched."""
+        """Breadth of the search for hypotheses and modes."""
         return self.settings.breadth
 
     @property
@@ -106,7 +106,7 @@ class Search:
 
     @property
     def ended_early(self) -> bool:
-        """Whether so many hypotheses were evaluated that the search stops."""
+        """True if so many hypotheses were evaluated that the search stops."""
         return len(self.modes) >= self.breadth.hypotheses
 
     @property

@@ -117,7 +117,7 @@ class Test:
 
     @property
     def states_control(self) -> bool:
-        """Whether the file says what was prescribed."""
+        """True if the file states the prescribed quantity."""
         return self.control is not None or bool(self.changes)
 
 

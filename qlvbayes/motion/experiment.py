@@ -91,13 +91,13 @@ class Trial:
 
     @property
     def control(self) -> Control | None:
-        """What was prescribed throughout the test; None where that changes within it."""
+        """Quantity prescribed throughout the test; None where it changes within the test."""
         controls = {phase.control for phase in self.phases}
         return controls.pop() if len(controls) == 1 else None
 
     @property
     def approached(self) -> bool:
-        """Whether a record that begins in motion was preceded by an approach from zero.
+        """True if a record that begins in motion was preceded by an approach from zero.
 
         Under a prescribed force it is creep from the beginning: the weight was put on at once.
         """
@@ -144,7 +144,7 @@ class Experiment:
 
     @property
     def care(self) -> Care:
-        """How finely records are to be reduced, given the noise.
+        """Fineness with which records are to be reduced, given the noise.
 
         Straight lines may make a tenth of what the noise changes by between two readings.
         """
@@ -178,7 +178,7 @@ class Experiment:
 
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
-        """One sentence on each test whose force falls while the platen moves in."""
+        """Sentences on the tests whose force falls while the platen moves in."""
         noise = self.floor.white
         every = [
             (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT), noise))

@@ -8,7 +8,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 BY_PHASE = "by phase"
-"""What is prescribed in a test, where that differs from phase to phase."""
+"""Control of a test in which the prescribed quantity differs from phase to phase."""
 Answer = Literal["yes", "hardly", "no"]
 
 

@@ -56,7 +56,7 @@ class NoiseFloor:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the dwells determine the kind of noise."""
+        """True if the dwells determine the kind of noise."""
         return self.dwells is None or self.dwells.is_sure
 
     def scale(self, force: ArrayLike) -> Array:
