@@ -114,13 +114,13 @@ def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
     if not holds:
         return [Prescribed(Control.DISPLACEMENT, begin, end)]
     bounds = [begin, *(time for hold in holds for time in hold), end]
-    found = []
+    prescribed = []
     for k, (start, stop) in enumerate(pairwise(bounds)):
         if start < stop:
             inside = k % 2 == 1
             control = Control.FORCE if inside else _between(test, trajectory, start, stop)
-            found.append(Prescribed(control, start, stop))
-    return found
+            prescribed.append(Prescribed(control, start, stop))
+    return prescribed
 
 
 def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:

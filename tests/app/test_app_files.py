@@ -69,8 +69,8 @@ def test_unknown_columns_are_asked_for_and_then_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"force": ""}, "no column is said to be the force"),
-        ({"force": "Zeit"}, "said to be two things"),
+        ({"force": ""}, "no column is chosen as the force"),
+        ({"force": "Zeit"}, "chosen as two quantities"),
         ({"force_unit": "lb"}, "unit of force"),
     ],
 )

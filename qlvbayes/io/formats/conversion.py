@@ -85,7 +85,7 @@ class Conversion:
     """All tests of some files, converted to one system of units.
 
     ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
-    one file are taken as those of one pad, although nobody has said so.
+    one file are taken as those of one pad, although nobody has stated it.
     """
 
     tests: tuple[Tidied, ...]
@@ -182,8 +182,8 @@ def convert(
         stage.tidied(name, units, clock)
         for stage, name, clock in zip(stages, names, _clocks(stages), strict=True)
     ]
-    said = bool(answers.pads) or answers.pad_from is not None
-    undivided = not said and bool(_together(tests))
+    pads_stated = bool(answers.pads) or answers.pad_from is not None
+    undivided = not pads_stated and bool(_together(tests))
     return Conversion(tuple(tests), units, tuple(faults.values()), undivided)
 
 
