@@ -187,7 +187,7 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
 
 
 class Support(Part, frozen=True):
-    """Measures besides the evidence that speak for or against an effect (`checks.support`).
+    """Measures in addition to the evidence that speak for or against an effect (`checks.support`).
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ class Search:
         return log_prior(hypothesis, self.baseline, laws, self.families, self.settings)
 
     def added(self, hypothesis: Hypothesis) -> list[str]:
-        """Return the effects besides those that the user put into the model, sorted."""
+        """Return the effects in addition to those that the user put into the model, sorted."""
         return sorted(hypothesis.effects - self.baseline.effects)
 
     def form_of(self, hypothesis: Hypothesis, family: str) -> str | None:

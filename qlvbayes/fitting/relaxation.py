@@ -144,7 +144,7 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
 
 
 def _first_hold(phases: tuple[Phase, ...]) -> int | None:
-    """Place of the first hold of a displacement that a ramp goes before."""
+    """Return the index of the first hold of a displacement after a ramp; None without one."""
     for index, (before, phase) in enumerate(pairwise(phases), start=1):
         held = phase.control == Control.DISPLACEMENT
         if held and (before.kind, phase.kind) == ("ramp", "hold"):

@@ -195,7 +195,7 @@ def excluded_notices(
             readings = "one reading" if count == 1 else f"{count} readings"
             sentences.append(
                 f"pad {pad}: of test {name} the {units.force_name} of {readings} is left out "
-                f"({_times(bad, own)}), as said by {stated_by}; their {units.displacement_name} "
+                f"({_times(bad, own)}), as stated by {stated_by}; their {units.displacement_name} "
                 "still counts, as the specimen remembers it"
             )
     return tuple(sentences)

@@ -434,7 +434,7 @@ def _in_units(
 
 
 def _written(unit: Unit, channel: Channel) -> str:
-    return channel.unit or f"{unit.tidy or '1'} (as said)"
+    return channel.unit or f"{unit.tidy or '1'} (as stated by the user)"
 
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
@@ -545,7 +545,7 @@ def _sign_finding(signs: Signs, recording: Recording, answers: Answers) -> str:
     ]
     what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
     if answers.sign is not None:
-        return f"sign {what}, as said"
+        return f"sign {what}, as stated by the user"
     if recording.pressing:
         return f"sign {what}: this layout fixes it"
     return (
