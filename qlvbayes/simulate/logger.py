@@ -65,7 +65,7 @@ def _edges(time: NDArray[np.float64], displacement: NDArray[np.float64]) -> NDAr
 
 
 def _shares(sizes: NDArray[np.intp], rows: int) -> NDArray[np.intp]:
-    """Rows for each phase: equal, but what a short phase cannot use goes to the longer ones."""
+    """Return the rows of each phase: equal; what a short phase cannot use goes to longer ones."""
     shares = np.zeros_like(sizes)
     for rank, phase in enumerate(np.argsort(sizes, kind="stable")):
         shares[phase] = min(sizes[phase], rows // (sizes.size - rank))

@@ -74,7 +74,7 @@ class SensorNonlinearity(Effect):
     period: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """ParameterBias the calibration."""
+        """Return the force with the error of the calibration."""
         return force + self.amplitude * np.sin(2.0 * pi * force / self.period)
 
 
