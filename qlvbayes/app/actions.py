@@ -133,8 +133,8 @@ class Actions:
         names = self._asked(session).get("names")
         if names is None:
             raise refused(409, "no test is asked about", "ask for the session's state")
-        found: dict[str, Any] = await self._ask("specimens", names=names, pattern=pattern)
-        return found
+        answer: dict[str, Any] = await self._ask("specimens", names=names, pattern=pattern)
+        return answer
 
     def _asked(self, session: Session) -> dict[str, Any]:
         """Return the questions; raise RefusedError where nothing is asked."""
