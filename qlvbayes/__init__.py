@@ -148,11 +148,11 @@ class _Configuring(MetaPathFinder):
     """Import finder that configures JAX once the finders after it have loaded it."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        """JAX's own, whose loader then does both."""
+        """Return the spec of JAX, with a loader that then configures it; None for other names."""
         if name != "jax":
             return None
-        found = (one.find_spec(name, path, target) for one in sys.meta_path if one is not self)
-        spec = next((spec for spec in found if spec is not None), None)
+        specs = (one.find_spec(name, path, target) for one in sys.meta_path if one is not self)
+        spec = next((spec for spec in specs if spec is not None), None)
         if spec is not None and spec.loader is not None:
             load = spec.loader.exec_module
 

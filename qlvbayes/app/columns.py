@@ -73,17 +73,17 @@ def renamed(file: Path, answers: dict[str, str]) -> bytes:
         column, unit = answers.get(what), answers.get(f"{what}_unit")
         if column not in table.header:
             raise InputError(
-                f"no column is said to be the {what}", file=file, remedy="choose one of the columns"
+                f"no column is chosen as the {what}", file=file, remedy="choose one of the columns"
             )
         if unit not in _UNITS[what]:
             raise InputError(
-                f"the unit of {what} is not said",
+                f"the unit of {what} is not stated",
                 file=file,
                 remedy=f"use {', '.join(_UNITS[what])}",
             )
         if column in names:
             raise InputError(
-                f"the column {column!r} is said to be two things",
+                f"the column {column!r} is chosen as two quantities",
                 file=file,
                 remedy="choose another for one of them",
             )
@@ -140,14 +140,9 @@ class _Table:
             cells = [split_row(line, separator) if line.strip() else [] for line in lines]
             for k, row in enumerate(cells[:_LOOKED_AT]):
                 below = [one for one in cells[k + 1 : k + 4] if one]
-                numbers = [sum(_is_number(x) for x in one) for one in below]
+                counts = [sum(_is_number(x) for x in one) for one in below]
                 wide = len(row) >= len(_NAMES) and len(set(row)) == len(row)
-                if (
-                    wide
-                    and numbers
-                    and min(numbers) >= len(_NAMES)
-                    and not any(map(_is_number, row))
-                ):
+                if wide and counts and min(counts) >= len(_NAMES) and not any(map(_is_number, row)):
                     rows = [one for one in cells[k + 1 :] if len(one) == len(row)]
                     return cls(row, rows, separator, k + 1)
         raise InputError(

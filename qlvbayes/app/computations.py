@@ -154,7 +154,7 @@ def pads(data: str) -> Answer:
     return {"pads": [pad.name for pad in study.pads], "notices": list(study.notices)}
 
 
-def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
+def open_pad(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
     """Open a pad: return what is known of it, and its first fitted model if ``first``."""
     bench = _bench(data, pad, effects_file)
     experiment = bench.experiment
@@ -338,7 +338,7 @@ def constants(
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, specimens, unpack, pads, lay, warm, measured, catalogue, parameters, curves,
+        read, specimens, unpack, pads, open_pad, warm, measured, catalogue, parameters, curves,
         signature, change, held_out, bands, residuals, constants,
     )
 }  # fmt: skip

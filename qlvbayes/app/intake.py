@@ -87,10 +87,14 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
     """Convert machine files to a tidy file, or return the one question that they leave open."""
-    said = {name: answers[name] for name in ASKED if answers.get(name)}
+    chosen = {name: answers[name] for name in ASKED if answers.get(name)}
     pads = specimens.pads_of(answers)
     stated = Answers.from_words(
-        said.get("sign"), said.get("contact"), said.get("units"), _number(said.get("area")), pads
+        chosen.get("sign"),
+        chosen.get("contact"),
+        chosen.get("units"),
+        _number(chosen.get("area")),
+        pads,
     )
     try:
         conversion = convert(files, stated)
@@ -105,7 +109,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
     if conversion.undivided:
         return {"questions": specimens.asked(conversion)}
     write_tidy(conversion, folder / DATA)
-    options = {**said, **({"pad": ",".join(pads)} if pads else {})}
+    options = {**chosen, **({"pad": ",".join(pads)} if pads else {})}
     made = {"files": [file.name for file in files], "options": options}
     return {"data": str(folder / DATA), "notices": in_short(conversion.notices), "made": made}
 

@@ -214,14 +214,14 @@ def reported(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     return {}
 
 
-def dealt(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+def simulate_pad(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     """Simulate a new pad."""
     with watcher.doing("simulating"):
-        deal(Path(spec["data"]), Path(spec["truth"]), spec["seed"])
+        write_pad(Path(spec["data"]), Path(spec["truth"]), spec["seed"])
     return {}
 
 
-def deal(data: Path, truth: Path, seed: int) -> None:
+def write_pad(data: Path, truth: Path, seed: int) -> None:
     """Write measurements, and in another file what is hidden; both depend on the seed alone.
 
     The effect is one of the listed ones, of 6 % of the peak force, as with ``qlvbayes simulate
@@ -250,7 +250,7 @@ KINDS: dict[str, Callable[[Spec, Watcher], dict[str, Any]]] = {
     "sample": sampled,
     "compare": compared,
     "report": reported,
-    "deal": dealt,
+    "deal": simulate_pad,
 }
 
 

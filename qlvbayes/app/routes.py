@@ -17,7 +17,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from qlvbayes.app.desk import Desk
+from qlvbayes.app.actions import Actions
 from qlvbayes.app.failures import refused
 from qlvbayes.app.scripts import commands, script
 from qlvbayes.app.security import UPLOAD_LIMIT
@@ -38,10 +38,10 @@ _TYPES = {
 
 
 class Routes:
-    """Routes of the server, with the answers to their requests; all state is in ``desk``."""
+    """Routes of the server, with the answers to their requests; all state is in ``actions``."""
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk = desk
+    def __init__(self, actions: Actions) -> None:
+        self.actions = actions
 
     def all(self) -> list[Route]:
         """Return all routes, each with its method, path and handler."""
@@ -67,7 +67,7 @@ class Routes:
             ("GET", "/api/s/{id}/session.zip", self.saved),
             ("GET", "/api/s/{id}/report.html", self.report),
             ("GET", "/api/s/{id}/figures", self.figures),
-            ("POST", "/api/s/{id}/pads/{pad}/open", self.lay),
+            ("POST", "/api/s/{id}/pads/{pad}/open", self.open_pad),
             ("GET", "/api/s/{id}/pads/{pad}/measured", self.measured),
             ("GET", "/api/s/{id}/pads/{pad}/catalogue", self.catalogue),
             ("POST", "/api/s/{id}/pads/{pad}/parameters", self.parameters),
@@ -85,9 +85,9 @@ class Routes:
         return [Route(path, answer, methods=[method]) for method, path, answer in table]
 
     def _session(self, request: Request) -> Session:
-        session = self.desk.sessions.get(request.path_params["id"])
+        session = self.actions.sessions.get(request.path_params["id"])
         if session.stage == "closed":
-            self.desk.resume(session)
+            self.actions.resume(session)
         return session
 
     # page and files
@@ -112,9 +112,9 @@ class Routes:
         return JSONResponse(
             {
                 "version": _version(),
-                "worker": self.desk.calls.status,
-                "bundled": self.desk.bundled(),
-                "sessions": self.desk.sessions.known(),
+                "worker": self.actions.calls.status,
+                "bundled": self.actions.bundled(),
+                "sessions": self.actions.sessions.known(),
                 "upload_limit_bytes": UPLOAD_LIMIT,
             }
         )
@@ -124,9 +124,9 @@ class Routes:
         body = await _body(request)
         name = body.get("open")
         if name == "deal":
-            session = self.desk.open_dealt()
+            session = self.actions.open_simulated()
         else:
-            session = self.desk.open_bundled(str(name), guess=bool(body.get("guess")))
+            session = self.actions.open_bundled(str(name), guess=bool(body.get("guess")))
         return JSONResponse({"id": session.id})
 
     async def upload(self, request: Request) -> Response:
@@ -137,7 +137,7 @@ class Routes:
                 raise refused(422, "no file was sent", "choose one")
             names = [safe_name(one.filename or "") for one in files]
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            session = self.desk.sessions.new(names[0] + more)
+            session = self.actions.sessions.new(names[0] + more)
             paths = []
             for k, (name, one) in enumerate(zip(names, files, strict=True)):
                 folder = session.private / f"upload{k}"
@@ -146,25 +146,25 @@ class Routes:
                 with paths[-1].open("wb") as sink:
                     while block := await one.read(2**20):
                         await run_in_threadpool(sink.write, block)
-        self.desk.begin(session, paths)
+        self.actions.begin(session, paths)
         return JSONResponse({"id": session.id})
 
     async def state(self, request: Request) -> Response:
         """Return the whole state of a session."""
-        shown = self.desk.shown(self._session(request))
+        shown = self.actions.shown(self._session(request))
         return JSONResponse(shown | {"upload_limit_bytes": UPLOAD_LIMIT})
 
     async def forget(self, request: Request) -> Response:
         """Remove a session."""
-        session = self.desk.sessions.get(request.path_params["id"])
-        await self.desk.jobs.cancel_all(session.id)
-        self.desk.sessions.forget(session)
+        session = self.actions.sessions.get(request.path_params["id"])
+        await self.actions.jobs.cancel_all(session.id)
+        self.actions.sessions.forget(session)
         return JSONResponse({"ok": True})
 
     async def events(self, request: Request) -> Response:
         """Return the stream of a session's events."""
         session = self._session(request)
-        stream = self.desk.events.stream(session.id)
+        stream = self.actions.events.stream(session.id)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def answers(self, request: Request) -> Response:
@@ -173,7 +173,7 @@ class Routes:
         if not isinstance(given, dict):
             raise refused(422, "there are no answers", "see docs/app_api.md")
         words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
-        await self.desk.answer(self._session(request), words)
+        await self.actions.answer(self._session(request), words)
         return JSONResponse({"ok": True})
 
     async def specimens(self, request: Request) -> Response:
@@ -181,7 +181,7 @@ class Routes:
         pattern = (await _body(request)).get("pad_from")
         if not isinstance(pattern, str):
             raise refused(422, "no pattern is given", "see docs/app_api.md")
-        return JSONResponse(await self.desk.specimens(self._session(request), pattern))
+        return JSONResponse(await self.actions.specimens(self._session(request), pattern))
 
     async def tidy(self, request: Request) -> Response:
         """Return the measurements."""
@@ -195,42 +195,44 @@ class Routes:
         if not (isinstance(effects, list) and isinstance(words, str)):
             raise refused(422, "this is no guess", "see docs/app_api.md")
         session = self._session(request)
-        return JSONResponse({"guess": self.desk.guess(session, [str(x) for x in effects], words)})
+        return JSONResponse(
+            {"guess": self.actions.guess(session, [str(x) for x in effects], words)}
+        )
 
     # jobs
 
     async def order(self, request: Request) -> Response:
         """Start a job."""
         session = self._session(request)
-        job = self.desk.order(session, await _body(request))
-        return JSONResponse(self.desk.jobs.shown(job))
+        job = self.actions.order(session, await _body(request))
+        return JSONResponse(self.actions.jobs.shown(job))
 
     async def job(self, request: Request) -> Response:
         """Return the progress of a job."""
         session = self._session(request)
-        job = self.desk.jobs.get(session.id, request.path_params["job"])
-        return JSONResponse(self.desk.jobs.shown(job))
+        job = self.actions.jobs.get(session.id, request.path_params["job"])
+        return JSONResponse(self.actions.jobs.shown(job))
 
     async def cancel(self, request: Request) -> Response:
         """Cancel or remove a job."""
         session = self._session(request)
-        job = self.desk.jobs.get(session.id, request.path_params["job"])
-        await self.desk.jobs.cancel(job)
-        return JSONResponse(self.desk.jobs.shown(job))
+        job = self.actions.jobs.get(session.id, request.path_params["job"])
+        await self.actions.jobs.cancel(job)
+        return JSONResponse(self.actions.jobs.shown(job))
 
     async def enough(self, request: Request) -> Response:
         """End a search with its results so far."""
         session = self._session(request)
-        job = self.desk.jobs.get(session.id, request.path_params["job"])
-        await self.desk.jobs.enough(job)
-        return JSONResponse(self.desk.jobs.shown(job))
+        job = self.actions.jobs.get(session.id, request.path_params["job"])
+        await self.actions.jobs.enough(job)
+        return JSONResponse(self.actions.jobs.shown(job))
 
     # the model by hand
 
-    async def lay(self, request: Request) -> Response:
+    async def open_pad(self, request: Request) -> Response:
         """Open a pad."""
         session, pad = self._session(request), request.path_params["pad"]
-        await self.desk.lay(session, pad)
+        await self.actions.open_pad(session, pad)
         return JSONResponse(session.shown()["pad"][pad])
 
     async def measured(self, request: Request) -> Response:
@@ -262,7 +264,7 @@ class Routes:
     async def change(self, request: Request) -> Response:
         """Make a new state."""
         session, pad = self._session(request), request.path_params["pad"]
-        return JSONResponse(await self.desk.change(session, pad, await _body(request)))
+        return JSONResponse(await self.actions.change(session, pad, await _body(request)))
 
     async def go_back(self, request: Request) -> Response:
         """Go back to a state of the history."""
@@ -270,11 +272,11 @@ class Routes:
         number = (await _body(request)).get("state")
         if not isinstance(number, int):
             raise refused(422, "no state is named", "see docs/app_api.md")
-        return JSONResponse(await self.desk.go_back(session, pad, number))
+        return JSONResponse(await self.actions.go_back(session, pad, number))
 
     async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
         session, pad = self._session(request), request.path_params["pad"]
-        answer = await self.desk.forwarded(session, pad, call, **arguments)
+        answer = await self.actions.forwarded(session, pad, call, **arguments)
         return Response(answer, media_type="application/json")
 
     # data out
@@ -296,11 +298,11 @@ class Routes:
     async def report(self, request: Request) -> Response:
         """Return the report, written anew where there is a newer result."""
         session = self._session(request)
-        if session.hides:
+        if session.is_hiding:
             raise refused(409, "a guess is owed first", "write down what you think is missing")
         file = session.folder / "report.html"
         if _older(file, session.folder):
-            await self.desk.jobs.run({"kind": "report", "out": str(session.folder)})
+            await self.actions.jobs.run({"kind": "report", "out": str(session.folder)})
         return _download(file, "report.html")
 
     async def figures(self, request: Request) -> Response:
@@ -340,7 +342,7 @@ class Routes:
         number = request.query_params.get("state", "")
         state = own.state(int(number) if number.isdecimal() else own.current)
         more = {"begun": state.begun} if call == "constants" else {}
-        raw = await self.desk.forwarded(session, pad, call, model=state.model, **more)
+        raw = await self.actions.forwarded(session, pad, call, model=state.model, **more)
         return _attached(json.loads(raw).encode(), f"{pad}_{call}.csv", _TYPES[".csv"])
 
     async def repeat(self, request: Request) -> Response:

@@ -71,7 +71,7 @@ class Address:
         return cls(hosts, frozenset(f"http://{one}" for one in hosts), f"qlvbayes-{port}")
 
 
-class Guard:
+class RequestFilter:
     """Filter of requests: those with the token and from the server's own page pass.
 
     It adds the server's headers to every answer.

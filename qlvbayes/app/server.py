@@ -20,13 +20,13 @@ from starlette.formparsers import MultiPartException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from qlvbayes.app.actions import Actions
 from qlvbayes.app.calls import Calls
-from qlvbayes.app.desk import Desk
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import ErrorContent, RefusedError, error_content
 from qlvbayes.app.jobs import Jobs
 from qlvbayes.app.routes import Routes
-from qlvbayes.app.security import UPLOAD_LIMIT, Address, Guard, TooLargeError
+from qlvbayes.app.security import UPLOAD_LIMIT, Address, RequestFilter, TooLargeError
 from qlvbayes.app.sessions import Session, Sessions
 
 
@@ -83,21 +83,21 @@ def application(options: Options, address: Address) -> Starlette:
     events = Events()
     calls = Calls(lambda status: events.publish_all("worker", {"worker": status}))
     jobs = Jobs(events)
-    desk = Desk(Sessions(Path(options.sessions)), calls, jobs, events, options.effects_file)
+    actions = Actions(Sessions(Path(options.sessions)), calls, jobs, events, options.effects_file)
 
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
         calls.start()
-        app.state.warming = asyncio.create_task(_warm(desk, calls, jobs))
+        app.state.warming = asyncio.create_task(_warm(actions, calls, jobs))
         yield
         app.state.warming.cancel()
-        desk.close()
+        actions.close()
         events.close()
         await jobs.close()
         await calls.close()
 
     app = Starlette(
-        routes=Routes(desk).all(),
+        routes=Routes(actions).all(),
         lifespan=life,
         exception_handlers={
             RefusedError: _refused,
@@ -107,14 +107,14 @@ def application(options: Options, address: Address) -> Starlette:
             Exception: _failed,
         },
     )
-    app.add_middleware(Guard, token=options.token, address=address)
-    app.state.desk = desk
+    app.add_middleware(RequestFilter, token=options.token, address=address)
+    app.state.actions = actions
     return app
 
 
-async def _warm(desk: Desk, calls: Calls, jobs: Jobs) -> None:
+async def _warm(actions: Actions, calls: Calls, jobs: Jobs) -> None:
     """Start the spare process, once the worker no longer needs the cores for the first curves."""
-    while calls.status != "ready" or desk.sessions.opening:
+    while calls.status != "ready" or actions.sessions.opening:
         await asyncio.sleep(0.2)
     jobs.warm()
 
@@ -152,7 +152,7 @@ class _Server(uvicorn.Server):
         await super().startup(sockets=sockets)
         path = "/"
         if self._options.open is not None:
-            path = f"/s/{_opened(self._app.state.desk, Path(self._options.open)).id}"
+            path = f"/s/{_opened(self._app.state.actions, Path(self._options.open)).id}"
         url = f"{self._base}{path}?token={self._options.token}"
         print(f"the bench is at {url}\nCtrl-C ends it", flush=True)
         if self._options.browser:
@@ -160,17 +160,17 @@ class _Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: Any) -> None:
         """End streams of events and waiting calls first, as none would end by itself."""
-        self._app.state.desk.events.close()
-        self._app.state.desk.calls.give_up()
+        self._app.state.actions.events.close()
+        self._app.state.actions.calls.give_up()
         super().handle_exit(sig, frame)
 
 
-def _opened(desk: Desk, path: Path) -> Session:
+def _opened(actions: Actions, path: Path) -> Session:
     """Return a session of a file or folder that the command line names."""
     if path.is_dir():
-        return desk.open_results(path)
-    session = desk.sessions.new(path.name)
-    desk.begin(session, [path])
+        return actions.open_results(path)
+    session = actions.sessions.new(path.name)
+    actions.begin(session, [path])
     return session
 
 

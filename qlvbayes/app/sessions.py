@@ -57,7 +57,7 @@ class HistoryState:
 
 
 @dataclass
-class OnBench:
+class BenchPad:
     """Pad of a session: facts (units, noise, tests) and the history of its models.
 
     ``sampled`` is the state whose model was sampled last, and ``bands`` are its bands as the page
@@ -92,8 +92,9 @@ class Session:
     """Session of a user: the measurements, and for each pad the models that were tried.
 
     ``stage``, ``error``, ``questions`` and ``guess`` are those of docs/app_api.md; ``data`` is the
-    tidy file, and ``answers`` are those so far. ``made`` holds ``files`` and ``options`` of
-    ``convert`` where the tidy file was made of files of testing machines.
+    tidy file, ``seed`` that of a pad simulated for the session, and ``answers`` are those so far.
+    ``made`` holds ``files`` and ``options`` of ``convert`` where the tidy file was made of files of
+    testing machines.
     """
 
     id: str
@@ -107,15 +108,15 @@ class Session:
     pads: list[str] = field(default_factory=list)
     data: str = ""
     guess: dict[str, Any] | None = None
-    bench: dict[str, OnBench] = field(default_factory=dict)
-    deal: int | None = None
+    bench: dict[str, BenchPad] = field(default_factory=dict)
+    seed: int | None = None
     uploads: list[str] = field(default_factory=list)
     answers: dict[str, str] = field(default_factory=dict)
     made: dict[str, Any] | None = None
 
     @property
-    def hides(self) -> bool:
-        """Return whether a guess is missing, so that what is hidden must not be shown."""
+    def is_hiding(self) -> bool:
+        """True if a guess is missing, so that what is hidden must not be shown."""
         return self.guess is not None and self.guess["given"] is None
 
     @property
@@ -130,7 +131,7 @@ class Session:
         if name not in self.pads:
             raise refused(404, f"there is no pad {name!r}", f"use one of {', '.join(self.pads)}")
 
-    def pad(self, name: str) -> OnBench:
+    def pad(self, name: str) -> BenchPad:
         """Return an open pad; raise RefusedError where it is not open."""
         self.known(name)
         if name not in self.bench:
@@ -151,8 +152,8 @@ class Session:
             "pad": {name: self._pad(name, own) for name, own in self.bench.items()},
         }
 
-    def _pad(self, name: str, own: OnBench) -> dict[str, Any]:
-        diagnosis = None if self.hides else self._diagnosis(name)
+    def _pad(self, name: str, own: BenchPad) -> dict[str, Any]:
+        diagnosis = None if self.is_hiding else self._diagnosis(name)
         return {
             **own.facts,
             "current": own.current,
@@ -194,7 +195,7 @@ class Session:
         try:
             content = json.loads((self.folder / BENCH).read_text())
             pads = {
-                name: OnBench(
+                name: BenchPad(
                     own["facts"],
                     [HistoryState(**state) for state in own["history"]],
                     own["current"],

@@ -29,8 +29,8 @@ def asked(conversion: Conversion) -> dict[str, Any]:
     tests, units = conversion.tests, conversion.units
     names = [test.named for test in tests]
     pattern = suggested_pattern(names)
-    found = pattern_of(pattern)
-    pads = [pad_in(name, found) if pattern else None for name in names]
+    compiled = pattern_of(pattern)
+    pads = [pad_in(name, compiled) if pattern else None for name in names]
     files = list(dict.fromkeys(test.file.name for test in tests))
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     way = "1" if units.dimensionless else units.displacement
@@ -83,7 +83,7 @@ def pads_by(names: Sequence[str], text: str) -> list[str]:
 
 
 def pads_of(answers: dict[str, str]) -> tuple[str, ...]:
-    """Return the pads' names that answers state: one, one a test, or none where nothing is said."""
+    """Return the pads' names that answers state: one, one a test, or none if none is stated."""
     if answers.get(HOW) == ONE:
         return (DEFAULT_PAD,)
     if answers.get(HOW) != SEVERAL:

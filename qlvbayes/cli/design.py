@@ -103,7 +103,7 @@ def _pads(folder: Path, names: str) -> list[str]:
 def _tests(plan: NextTests) -> Table:
     """Return a table with a row for each test, and one for all."""
     doubt = ", ".join(f"{name} ({share:.0%})" for name, share in plan.causes.items())
-    caption = f"{plan.entropy:.2f} bits are missing to tell apart {doubt}" if plan.cause else None
+    caption = f"{plan.entropy:.2f} bits are missing to distinguish {doubt}" if plan.cause else None
     table = Table(title=f"pad {plan.pad}: the next tests", caption=caption)
     columns = ["test", "minutes"]
     columns += ["bits, constants"] if plan.constants else []

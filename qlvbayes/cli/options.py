@@ -124,7 +124,7 @@ Rested = Annotated[
     bool,
     typer.Option(
         "--rested",
-        help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
+        help="Take every test to begin with a pad at rest: assume no effect of the test before.",
     ),
 ]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]

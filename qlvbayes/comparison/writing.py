@@ -39,8 +39,8 @@ def as_csv(comparison: Comparison) -> str:
         ["quantity", "unit", *heads, "p_first_greater", "p_equivalent", "answer", "extrapolated"]
     )
     for c in comparison.contrasts:
-        values = [*_numbers(c.first), *_numbers(c.second)]
-        values += [*_numbers(c.difference), *_numbers(c.ratio)]
+        values = [*_cells(c.first), *_cells(c.second)]
+        values += [*_cells(c.difference), *_cells(c.ratio)]
         shares = [f"{c.direction:.6g}", f"{c.equivalence:.6g}"]
         row = [*as_cells([c.quantity, c.unit]), *values, *shares, c.answer]
         row.append("yes" if c.extrapolated else "no")
@@ -49,7 +49,7 @@ def as_csv(comparison: Comparison) -> str:
     return f"# first = {one}, second = {other}; region {comparison.region:g}\n{file.getvalue()}"
 
 
-def _numbers(value: Interval | None) -> list[str]:
+def _cells(value: Interval | None) -> list[str]:
     if value is None:
         return ["", "", ""]
     return [f"{x:.6g}" for x in (value.median, value.low, value.high)]

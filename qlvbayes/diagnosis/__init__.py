@@ -1,1 +1,1 @@
-"""Which physical effect a model lacks: one posterior over hypotheses, one search, one decision."""
+"""Diagnose which physical effect a model lacks: one posterior, one search, one decision."""

@@ -203,7 +203,7 @@ def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: b
 
 
 def one_of(decision: Decision, alike: Collection[str], most: int) -> Decision:
-    """Return the decision where some effects cannot be told apart, whatever their probabilities.
+    """Return the decision where some effects cannot be distinguished, whatever their probabilities.
 
     Where two or more of them are named, they are the group (of ``most`` effects) of which one is
     there. The selected hypothesis keeps all of them.
@@ -237,7 +237,7 @@ def _sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
 def _group(
     pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: DiagnosisSettings
 ) -> tuple[str, ...]:
-    """Return the smallest set of effects of which one is there besides those that are named.
+    """Return the smallest set of effects of which one is there in addition to those named.
 
     It is empty where it is likely enough that no further effect is there.
     """

@@ -187,7 +187,7 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
 
 
 class Support(Part, frozen=True):
-    """Measures besides the evidence that speak for or against an effect (`checks.support`).
+    """Measures in addition to the evidence that speak for or against an effect (`checks.support`).
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ class Checked(Part, frozen=True):
     higher: int
 
 
-class Remains(
+class RemainingStructure(
     Part,
     frozen=True,
     rename={"rms": "rms_N", "upper95": "upper95_N", "bias": "bias_N", "excess": "excess_N"},
@@ -532,7 +532,7 @@ class DiagnosisResult(
     checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     tolerance: float | None = None
-    remainder: Remains | None = None
+    remainder: RemainingStructure | None = None
     worst: Worst
     settings: Used | None = None
 

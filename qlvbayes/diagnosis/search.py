@@ -86,7 +86,7 @@ class Search:
 
     @property
     def breadth(self) -> Breadth:
-        """How broadly hypotheses and their modes are searched."""
+        """Breadth of the search for hypotheses and modes."""
         return self.settings.breadth
 
     @property
@@ -106,7 +106,7 @@ class Search:
 
     @property
     def ended_early(self) -> bool:
-        """Whether so many hypotheses were evaluated that the search stops."""
+        """True if so many hypotheses were evaluated that the search stops."""
         return len(self.modes) >= self.breadth.hypotheses
 
     @property
@@ -129,7 +129,7 @@ class Search:
         return log_prior(hypothesis, self.baseline, laws, self.families, self.settings)
 
     def added(self, hypothesis: Hypothesis) -> list[str]:
-        """Return the effects besides those that the user put into the model, sorted."""
+        """Return the effects in addition to those that the user put into the model, sorted."""
         return sorted(hypothesis.effects - self.baseline.effects)
 
     def form_of(self, hypothesis: Hypothesis, family: str) -> str | None:

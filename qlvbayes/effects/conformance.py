@@ -440,8 +440,8 @@ def _reference(depth: float, force: float) -> _Reference:
     padded = [[np.pad(x, (0, points - x.size), mode="edge") for x in test] for _, test in tests]
     time, d, v, a = (jnp.asarray(np.stack(x)) for x in zip(*padded, strict=True))
     starts = jnp.array([start for start, _ in tests])
-    numbers = jnp.arange(float(len(tests)))
-    motions = Motion(time, stretch * d, stretch * v, stretch * a, starts, number=numbers)
+    indices = jnp.arange(float(len(tests)))
+    motions = Motion(time, stretch * d, stretch * v, stretch * a, starts, number=indices)
     prony = Prony(jnp.array([0.2955, 0.63, 0.0745]), jnp.array([6.2, 0.14]))
     law = Law(Exponential(0.34 / stretch, 1.165 / stretch), prony, (Contact(),))
     baseline = np.asarray(jax.vmap(law.force)(motions))

@@ -16,7 +16,7 @@ from qlvbayes.priors.distributions import Constant
 
 _REST = 1e5  # s at zero displacement before the test
 BEFORE = 2
-"""How many points `rested` adds before a motion."""
+"""Number of points that `rested` adds before a motion."""
 
 
 class ContactOffset(AbstractEffect):

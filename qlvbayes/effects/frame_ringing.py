@@ -50,7 +50,7 @@ class FrameRinging(AbstractEffect):
     needs: ClassVar[str] = "velocity"
     shapes: ClassVar[int] = 24
     not_stepped: ClassVar[str] = (
-        "a straight line does not tell, before the next one, how abruptly its speed changes"
+        "a straight line does not show, before the next one, how abruptly its speed changes"
     )
     law: ClassVar[str] = "F += strength w/(2 pi f), w'' + 2 g w' + (g^2 + (2 pi f)^2)(w - a) = 0"
     seen: ClassVar[str] = "the force oscillates after each abrupt start and stop, at one frequency"

@@ -172,7 +172,7 @@ def _bounded(rate: Rate, good: bool) -> dict:
 
 
 @dataclass(frozen=True)
-class _Stated:
+class _StatedProbability:
     """One effect of one study: its probability, whether it is hidden, and whether refused."""
 
     probability: float
@@ -180,7 +180,7 @@ class _Stated:
     refused: bool
 
 
-def _stated(case: Case) -> Iterator[_Stated]:
+def _stated(case: Case) -> Iterator[_StatedProbability]:
     """Yield every effect ranked, less those that count neither as wanted nor as wrong."""
     hidden = set(case["names"]).union(*case["kin"].values())
     refused = {name for name, _ in case.get("refused", ())}
@@ -188,10 +188,10 @@ def _stated(case: Case) -> Iterator[_Stated]:
         alone = case | {"verdict": "missing_effect", "effects": [name]}
         wrong = names_wrongly(alone)
         if name != "none" and (wrong or name in hidden):
-            yield _Stated(probability, not wrong, name in refused)
+            yield _StatedProbability(probability, not wrong, name in refused)
 
 
-def _right(some: Sequence[_Stated]) -> dict:
+def _right(some: Sequence[_StatedProbability]) -> dict:
     """Return the mean probability and the share hidden with its two-sided 95 % bounds.
 
     The bounds are those of Clopper and Pearson (1934).

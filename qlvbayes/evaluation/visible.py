@@ -89,7 +89,7 @@ def _factors(
     for motion, t, force in zip(study.session.motions.values(), times, whole, strict=True):
         speed, slope = motion.velocity(t), np.gradient(force, t)
         covariance = study.cell.covariance(t, force, slope, speed, study.peak)
-        if study.gain is not None:  # of all errors: the encoder's are few beside such noise
+        if study.gain is not None:  # of all errors: the encoder's are small against such noise
             gain = study.gain.at(t, motion.duration)
             covariance = covariance * np.outer(gain, gain)
         floor = (_FLOOR * study.peak) ** 2 * np.eye(t.size)

@@ -152,9 +152,9 @@ def as_csv(entries: Sequence[Entry]) -> str:
     table = csv.writer(file, lineterminator="\n")
     table.writerow(_HEADS.split(","))
     for e in entries:
-        numbers = [f"{x:.6g}" for x in (e.median, e.low, e.high)]
-        numbers += ["" if e.reference is None else f"{e.reference:.6g}"]
-        table.writerow([*as_cells([e.pad, e.parameter, e.unit]), *numbers])
+        cells = [f"{x:.6g}" for x in (e.median, e.low, e.high)]
+        cells += ["" if e.reference is None else f"{e.reference:.6g}"]
+        table.writerow([*as_cells([e.pad, e.parameter, e.unit]), *cells])
     return file.getvalue()
 
 

@@ -31,7 +31,9 @@ INITIAL = (
 )
 
 
-class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}):
+class HoldReport(
+    Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}
+):
     """First hold of one test after loading, in the units of the file.
 
     deformation: that was held; rate: of loading; loading: how long it took (s); initial: largest
@@ -60,7 +62,7 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
     units: UnitSystem = PAD
     specimen: str
     temperature: float | None = None
-    tests: tuple[Held, ...]
+    tests: tuple[HoldReport, ...]
     warnings: tuple[str, ...] = (INITIAL, NOT_TO_EXTRAPOLATE)
 
     def text(self) -> str:
@@ -71,16 +73,17 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
             f"Specimen: {self.specimen}",
             "Temperature: not stated in the file of measurements",
         ]
-        for held in self.tests:
-            rate = "" if held.rate is None else f" at {held.rate:.3g} {units.speed}"
+        for report in self.tests:
+            rate = "" if report.rate is None else f" at {report.rate:.3g} {units.speed}"
             unit = "" if units.dimensionless else f" {units.displacement}"
             lines += [
-                f"Test {held.test}: {units.displacement_name} {held.deformation:.4g}{unit}{rate}, "
-                f"in {held.loading:.3g} s; held {held.hold:.4g} s; {held.history}",
-                f"  initial {units.force_name} {held.initial:.4g} {units.force}; left after "
+                f"Test {report.test}: {units.displacement_name} {report.deformation:.4g}{unit}"
+                f"{rate}, in {report.loading:.3g} s; held {report.hold:.4g} s; {report.history}",
+                f"  initial {units.force_name} {report.initial:.4g} {units.force}; left after "
                 + (
                     ", ".join(
-                        f"{t:g} s: {share:.1%}" for t, share in zip(held.at, held.left, strict=True)
+                        f"{t:g} s: {share:.1%}"
+                        for t, share in zip(report.at, report.left, strict=True)
                     )
                     or f"{TIMES[0]:g} s: not held so long"
                 ),
@@ -90,8 +93,8 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
 
 def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
     """Return the report of all tests whose displacement was held after loading, or None."""
-    found = [_held(experiment, trial) for trial in experiment.trials]
-    tests = tuple(held for held in found if held is not None)
+    reports = [_hold_report(experiment, trial) for trial in experiment.trials]
+    tests = tuple(report for report in reports if report is not None)
     if not tests:
         return None
     fluid = f"filled with {experiment.fluid}; " if experiment.fluid else ""
@@ -103,7 +106,7 @@ def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
     )
 
 
-def _held(experiment: Experiment, trial: Trial) -> Held | None:
+def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
     index = _first_hold(trial.phases)
     if index is None:
         return None
@@ -127,7 +130,7 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
             left.append(float(np.mean(near)) / initial)
     if initial <= 0.0:
         return None
-    return Held(
+    return HoldReport(
         test=trial.name,
         deformation=float(trial.trajectory.displacement(hold.start)),
         rate=float(trial.rate) if np.isfinite(trial.rate) else None,
@@ -141,7 +144,7 @@ def _held(experiment: Experiment, trial: Trial) -> Held | None:
 
 
 def _first_hold(phases: tuple[Phase, ...]) -> int | None:
-    """Place of the first hold of a displacement that a ramp goes before."""
+    """Return the index of the first hold of a displacement after a ramp; None without one."""
     for index, (before, phase) in enumerate(pairwise(phases), start=1):
         held = phase.control == Control.DISPLACEMENT
         if held and (before.kind, phase.kind) == ("ramp", "hold"):

@@ -48,7 +48,7 @@ def one_step(
     """Return the fit that minimises the time integral of squared residuals of ramp and hold."""
     bare = without_noise(posterior)
     trials = experiment.with_role("fit")
-    scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weigh=True)
+    scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weighted=True)
     fits = least_squares(bare, scale, rng)
     normal, _ = normal_approximation(bare, scale, fits.thetas[0])
     return _finish(posterior, bare, scale, normal, _agreeing(fits.costs))
@@ -65,14 +65,14 @@ def two_step(
         bare.noise,
         experiment.record([fastest]),
     )
-    ramp_scale = _scale(ramp, [_span(fastest, ("ramp",))], weigh=False)
+    ramp_scale = _scale(ramp, [_span(fastest, ("ramp",))], weighted=False)
     ramp_fits = least_squares(ramp, ramp_scale, rng)
     first, _ = normal_approximation(ramp, ramp_scale, ramp_fits.thetas[0])
 
     elastic = ramp.bind(jnp.asarray(first.mean))[0].elastic
     hold = Posterior(replace(bare.model, elastic=elastic), bare.noise, bare.record)
     trials = experiment.with_role("fit")
-    hold_scale = _scale(hold, [_span(trial, ("hold",)) for trial in trials], weigh=True)
+    hold_scale = _scale(hold, [_span(trial, ("hold",)) for trial in trials], weighted=True)
     hold_fits = least_squares(hold, hold_scale, rng)
     second, _ = normal_approximation(hold, hold_scale, hold_fits.thetas[0])
 
@@ -92,10 +92,10 @@ def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
     return chosen[0].start, chosen[-1].stop
 
 
-def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weigh: bool) -> np.ndarray:
+def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weighted: bool) -> np.ndarray:
     """Return the divisors (T, B) of residuals, which are infinite outside the spans.
 
-    With ``weigh`` they are one over the root of a block's duration, so that the sum is the time
+    With ``weighted`` they are one over the root of a block's duration, so that the sum is the time
     integral of Eq. 9; else one over the root of its number of samples.
     """
     blocks = posterior.record.blocks
@@ -103,7 +103,7 @@ def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weigh: boo
     middle = 0.5 * (first + last)
     low, high = (np.array(x)[:, None] for x in zip(*spans, strict=True))
     weight = count
-    if weigh:
+    if weighted:
         edges = np.concatenate([first, last[:, -1:]], axis=1)
         weight = np.maximum(np.diff(edges, axis=1), 1e-9)
     inside = (middle >= low) & (middle <= high) & np.asarray(blocks.real)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.errors.separation import Separated, Separation, Sized
+from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
@@ -80,11 +80,13 @@ class Point:
         """Return the residual and the rows of the Jacobian as one array (1 + F, n)."""
         return np.concatenate([self.residual[None], self.jacobian])
 
-    def terms(self, discrepancy: Sized | Separated) -> Terms:
+    def terms(self, discrepancy: DiscrepancyOfSize | Separated) -> Terms:
         """Return the expansion of minus the log density, given a discrepancy of one size."""
         return gauss_newton(discrepancy, self.vectors, self.prior)
 
-    def added_terms(self, columns: Array, discrepancy: Sized | Separated) -> tuple[Array, Array]:
+    def added_terms(
+        self, columns: Array, discrepancy: DiscrepancyOfSize | Separated
+    ) -> tuple[Array, Array]:
         """Return gradient (K,) and curvature (K, K) over K added parameters that have no prior.
 
         columns (K, n): whitened derivatives of the force with respect to the added parameters. The
@@ -99,7 +101,7 @@ class Point:
         return gradient, products[new, new] - mixed.T @ solved[:, :-1]
 
 
-def gauss_newton(discrepancy: Sized | Separated, vectors: Array, prior: Terms) -> Terms:
+def gauss_newton(discrepancy: DiscrepancyOfSize | Separated, vectors: Array, prior: Terms) -> Terms:
     """Return the expansion of minus the log density from vectors (1 + F, n).
 
     vectors: the whitened residual, and below it the whitened derivatives of the force.

@@ -18,7 +18,7 @@ from qlvbayes.io.arrays import Array
 
 Curve = Callable[[Array], Array]
 
-_CLOSE = 0.01  # of the curve's largest value: a deviation that weighs as much as one prior sd
+_CLOSE = 0.01  # of the curve's largest value: a deviation that costs as much as one prior sd
 _STARTS = 2  # draws of the priors, the median first
 _CALLS = 15  # evaluations of the curve at most: the force decides what follows
 _TOLERANCE = 1e-3  # relative decrease of the cost in a step at which a fit ends

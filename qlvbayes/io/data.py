@@ -117,7 +117,7 @@ class Test:
 
     @property
     def states_control(self) -> bool:
-        """Whether the file says what was prescribed."""
+        """True if the file states the prescribed quantity."""
         return self.control is not None or bool(self.changes)
 
 
@@ -293,7 +293,7 @@ class _Builder:
     def test(self, rows: Rows, before: Test | None) -> Test:
         """Return one test; `before` is the pad's previous one."""
         self._names(rows)
-        columns = {key: rows.take(column) for key, column in self.table.numbers.items()}
+        columns = {key: rows.take(column) for key, column in self.table.numeric.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
         controls = self._controls(rows, columns["time"])
         used = self._used(rows, columns["time"].size)
@@ -326,14 +326,14 @@ class _Builder:
             missing = no_readings(columns[key][counts])
             if missing.count:
                 first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
-                name = self.dialect.columns.numbers[key].name
+                name = self.dialect.columns.numeric[key].name
                 times = f"{missing.count} rows, the first" if missing.count > 1 else "one row,"
                 what = f"{name} is {missing.written}, a code for no reading, in {times} at "
                 what += f"{columns['time'][first]:.6g} s,"
                 self._fail(rows, rows.row(first), what, "delete these rows")
 
     def _range(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
-        headers = self.dialect.columns.numbers
+        headers = self.dialect.columns.numeric
         read = {"displacement": columns["displacement"], "force": columns["force"][used]}
         named = {headers[key].name: values for key, values in read.items()}
         if (what := out_of_range(columns["time"], named)) is not None:
@@ -397,17 +397,19 @@ class _Builder:
         runs = self.table.runs
         if key not in runs.codes:
             return [(0, "")]
-        found: list[tuple[int, int]] = []
+        changes: list[tuple[int, int]] = []
         sample = 0
         for stretch in rows.stretches:
             begin = int(np.searchsorted(runs.starts, stretch.start))
             end = int(np.searchsorted(runs.starts, stretch.stop))
             codes = runs.codes[key][begin:end]
-            for n in np.flatnonzero(np.diff(codes, prepend=found[-1][1] if found else -1)).tolist():
+            for n in np.flatnonzero(
+                np.diff(codes, prepend=changes[-1][1] if changes else -1)
+            ).tolist():
                 offset = int(runs.starts[begin + n]) - stretch.start
-                found.append((sample + offset, int(codes[n])))
+                changes.append((sample + offset, int(codes[n])))
             sample += stretch.stop - stretch.start
-        return [(at, runs.texts[key][code]) for at, code in found]
+        return [(at, runs.texts[key][code]) for at, code in changes]
 
     def _role(self, rows: Rows) -> Role | None:
         role = self._label(rows, "role")

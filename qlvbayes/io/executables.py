@@ -49,7 +49,7 @@ class Executables:
     options
         Options for XLA, which this version of XLA knows.
     meaning
-        Text that identifies all that the function depends on besides its arguments, its source
+        Text that identifies all that the function depends on apart from its arguments, its source
         included; None where that is unknown (a user's own effect may call on any file), and nothing
         is kept then.
     """

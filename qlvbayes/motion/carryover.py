@@ -15,7 +15,7 @@ from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.past import ROUNDED, pause, remembered_tests
 from qlvbayes.motion.record import Record
 
-_SEEN = 0.25  # of the noise at rest: what the mean of sixteen independent samples tells from none
+_SEEN = 0.25  # of the noise at rest: the mean of sixteen independent samples shows as much
 
 Predict = Callable[[Record], np.ndarray]
 

@@ -29,7 +29,7 @@ _STEADY = 0.01  # of the largest force, above which a force scatters too much to
 _SLOW_ERRORS = 4.0  # sds of neighbouring readings, above which too: it rises and relaxes at a turn
 _PLAIN = 2.0  # times what the scatter of the force explains, above which a specimen creeps
 _ENOUGH = 5000  # readings of a test that show its holds
-_ENDS = 0.05  # of a hold's time at either end, where the movement beside it may reach in
+_ENDS = 0.05  # of a hold's time at either end, where the movement next to it may reach in
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
 _FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
 _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
@@ -114,13 +114,13 @@ def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
     if not holds:
         return [Prescribed(Control.DISPLACEMENT, begin, end)]
     bounds = [begin, *(time for hold in holds for time in hold), end]
-    found = []
+    prescribed = []
     for k, (start, stop) in enumerate(pairwise(bounds)):
         if start < stop:
             inside = k % 2 == 1
             control = Control.FORCE if inside else _between(test, trajectory, start, stop)
-            found.append(Prescribed(control, start, stop))
-    return found
+            prescribed.append(Prescribed(control, start, stop))
+    return prescribed
 
 
 def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:

@@ -122,7 +122,7 @@ def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
             tests[k] = one.of_test(test, pad)
             left = len(test.time) - len(tests[k].time)
             notices.append(
-                f"pad {pad.name}: of test {test.name} {len(tests[k].time)} rows are used, as said "
-                f"by {one.text}, and {left} left out"
+                f"pad {pad.name}: of test {test.name} {len(tests[k].time)} rows are used, "
+                f"as stated by {one.text}, and {left} left out"
             )
     return replace(pad, tests=tuple(tests)), tuple(notices)

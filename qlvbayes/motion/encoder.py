@@ -13,7 +13,7 @@ _DIGITS = 1e-6  # of the range: a record of seven digits has no finer difference
 _LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
 _PASSED = 20  # changes that show a larger one
 _REPEATED = 3  # equal readings in a row: a level,
-_LEVELS = 20  # of which so many, each next to another, tell how far apart levels are
+_LEVELS = 20  # of which so many, each next to another, show how far apart levels are
 _WHOLE = 0.95  # of these distances are multiples of the median one: scatter repeats others
 _MOST_AVERAGED = 16  # readings whose mean a logger takes: levels farther apart are the motion's
 

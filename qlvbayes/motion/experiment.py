@@ -34,7 +34,7 @@ from qlvbayes.motion.leavingout import (
 from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.past import Past, past_of
+from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, phase_index
 from qlvbayes.motion.segments import known_scatter
 from qlvbayes.motion.stiffness import largest_force, largest_stiffness
@@ -43,7 +43,7 @@ from qlvbayes.motion.trajectory import Trajectory, smooth
 if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
     from qlvbayes.laws.scales import Scales
     from qlvbayes.motion.record import Record
-    from qlvbayes.motion.reduction import Care
+    from qlvbayes.motion.reduction import Fineness
 
 FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
 _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
@@ -91,13 +91,13 @@ class Trial:
 
     @property
     def control(self) -> Control | None:
-        """What was prescribed throughout the test; None where that changes within it."""
+        """Quantity prescribed throughout the test; None where it changes within the test."""
         controls = {phase.control for phase in self.phases}
         return controls.pop() if len(controls) == 1 else None
 
     @property
     def approached(self) -> bool:
-        """Whether a record that begins in motion was preceded by an approach from zero.
+        """True if a record that begins in motion was preceded by an approach from zero.
 
         Under a prescribed force it is creep from the beginning: the weight was put on at once.
         """
@@ -143,17 +143,17 @@ class Experiment:
     cuts: tuple[str, ...] = ()
 
     @property
-    def care(self) -> Care:
-        """How finely records are to be reduced, given the noise.
+    def fineness(self) -> Fineness:
+        """Fineness with which records are to be reduced, given the noise.
 
         Straight lines may make a tenth of what the noise changes by between two readings.
         """
-        from qlvbayes.motion.reduction import Care
+        from qlvbayes.motion.reduction import Fineness
 
         floor, scales = self.floor, self.scales
         change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
         sudden = float(np.hypot(floor.white, floor.ou * change))
-        return Care(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
+        return Fineness(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -178,7 +178,7 @@ class Experiment:
 
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
-        """One sentence on each test whose force falls while the platen moves in."""
+        """Sentences on the tests whose force falls while the platen moves in."""
         noise = self.floor.white
         every = [
             (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT), noise))
@@ -288,12 +288,12 @@ class Experiment:
             number=self.tests_before(trial),
             blocks=some is None,
             past=self.past(trial),
-            care=self.care,
+            fineness=self.fineness,
             whole=test,
             approached=trial.approached,
         )
 
-    def past(self, trial: Trial) -> Past | None:
+    def past(self, trial: Trial) -> EarlierMotion | None:
         """Return the earlier tests that a test remembers; None if it began at rest."""
         if self.rested:
             return None

@@ -26,7 +26,7 @@ _FEWEST = 6  # readings of a ramp that show a gradual fall
 
 
 @dataclass(frozen=True)
-class Fall:
+class ForceDrop:
     """A loss of force, from ``before`` to ``after``, in the units of the pad; time in s.
 
     time, displacement: of the last reading before it; sudden: whether it takes one interval
@@ -42,7 +42,7 @@ class Fall:
 
 def falls_of(
     test: Test, trajectory: Trajectory, phases: Sequence[Phase], noise: float = 0.0
-) -> tuple[Fall, ...]:
+) -> tuple[ForceDrop, ...]:
     """Return the losses of force in the loading ramps of a test, in the order of time.
 
     A sudden one is more than 5 % of the test's largest force between two neighbouring readings and
@@ -63,7 +63,7 @@ def falls_of(
     return (first, *sudden)
 
 
-def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple[Fall, ...]:
+def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple[ForceDrop, ...]:
     change = np.diff(test.force)
     least = _SUDDEN * float(np.max(np.abs(test.force)))
     at = np.flatnonzero(change < -least)  # in a noisy record of many readings these are many
@@ -76,17 +76,17 @@ def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple
     scatter = 1.4826 * np.nanmedian(np.abs(nearby - middle), axis=1)
     clear = -change[at] > _SCATTERS * scatter
     return tuple(
-        _fall(test, k, float(later), sudden=True)
+        _force_drop(test, k, float(later), sudden=True)
         for k, later in zip(at[clear].tolist(), after[clear], strict=True)
         if any(_goes_on(trajectory, ramp, test, k) for ramp in ramps)
     )
 
 
-def _fall(test: Test, k: int, after: float, *, sudden: bool) -> Fall:
+def _force_drop(test: Test, k: int, after: float, *, sudden: bool) -> ForceDrop:
     time, displacement, before = (
         float(values[k]) for values in (test.time, test.displacement, test.force)
     )
-    return Fall(time, displacement, before, after, sudden)
+    return ForceDrop(time, displacement, before, after, sudden)
 
 
 def _around(values: np.ndarray, at: np.ndarray, steps: Sequence[int]) -> np.ndarray:
@@ -108,7 +108,7 @@ def _goes_on(trajectory: Trajectory, ramp: Phase, test: Test, k: int) -> bool:
     return bool((after - before) / (end - begin) > _MOVING * mean_speed)
 
 
-def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> Fall | None:
+def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> ForceDrop | None:
     """Return the first gradual fall of a ramp, down to the ramp's lowest force after it."""
     first, stop = np.searchsorted(test.time, [ramp.start, ramp.stop])
     if stop - first < _FEWEST:
@@ -128,10 +128,10 @@ def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> F
         return None
     at = int(np.argmax(fallen))
     top = int(np.argmax(force[: at + 2]))
-    return _fall(test, int(first) + top, float(runs[at:].min()), sudden=False)
+    return _force_drop(test, int(first) + top, float(runs[at:].min()), sudden=False)
 
 
-def fall_notice(pad: str, test: str, falls: Sequence[Fall], units: UnitSystem) -> str:
+def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSystem) -> str:
     """Return a sentence on the falls of a test, with the option that uses the part before them."""
     first, more = falls[0], len(falls) - 1
     again = "" if not more else f", and {more} more time{'s' if more > 1 else ''} after it"

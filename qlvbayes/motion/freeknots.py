@@ -231,7 +231,7 @@ def with_worthwhile_knots(joints: Joints, window: Window, tol: Tolerance) -> Joi
     if tol.noise == 0.0:
         return joints
     number = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
-    joints = _spared(joints, window, tol, number)
+    joints = _without_needless_knots(joints, window, tol, number)
     for _ in range(_MOST_WORTH):
         added = with_knot_at_worst(joints, window, tol)
         kinked = replace(added, kinked=added.kinked | ~np.isin(added.knots, joints.knots))
@@ -244,7 +244,9 @@ def with_worthwhile_knots(joints: Joints, window: Window, tol: Tolerance) -> Joi
     return joints
 
 
-def _spared(joints: Joints, window: Window, tol: Tolerance, number: float) -> Joints:
+def _without_needless_knots(
+    joints: Joints, window: Window, tol: Tolerance, number: float
+) -> Joints:
     """Remove knots that the readings do not support, as scatter may divide a piece."""
     while 2 < joints.knots.size <= _FEW:
         trials = [

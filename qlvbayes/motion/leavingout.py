@@ -71,7 +71,7 @@ class Excluded:
     """Readings of a test whose force is left out (n,), and what says so."""
 
     mask: Mask
-    said_by: str
+    stated_by: str
 
 
 def parts_of(leave_out: Iterable[str]) -> list[SpanOfTest | NamedPhase]:
@@ -123,7 +123,7 @@ def excluded_readings(
     where they are not known yet, so that those that are named are passed over. Raises InputError
     where nothing is left out by a text, or fewer than ten readings are left.
     """
-    found = [] if test.used is None else [Excluded(~test.used, _COLUMN)]
+    excluded = [] if test.used is None else [Excluded(~test.used, _COLUMN)]
     for one in parts_of(leave_out):
         if not one.names(test):
             continue
@@ -137,15 +137,15 @@ def excluded_readings(
         if not mask.any():
             what = f"{_OPTION} {one.text!r}: test '{test.name}' has no reading there"
             raise InputError(what, remedy=_REMEDY)
-        found.append(Excluded(mask, f"{_OPTION} {one.text}"))
-    left = int(np.count_nonzero(~excluded_by_any(test, found)))
+        excluded.append(Excluded(mask, f"{_OPTION} {one.text}"))
+    left = int(np.count_nonzero(~excluded_by_any(test, excluded)))
     if left < LEAST_SAMPLES:
         raise InputError(
             f"of the readings of test '{test.name}' of pad '{test.pad}' {left} are left, and at "
             f"least {LEAST_SAMPLES} are needed",
             remedy="leave out less, or delete the test",
         )
-    return tuple(found)
+    return tuple(excluded)
 
 
 def excluded_by_any(test: Test, excluded: Iterable[Excluded]) -> Mask:
@@ -169,7 +169,9 @@ def left_out_of(
     runs = [] if bad is None else list(bad.runs)
     taken = np.zeros(test.time.size, dtype=bool) if bad is None else bad.mask.copy()
     for one in excluded:
-        runs += [Bad(*run, "force", "excluded", one.said_by) for run in runs_of(one.mask & ~taken)]
+        runs += [
+            Bad(*run, "force", "excluded", one.stated_by) for run in runs_of(one.mask & ~taken)
+        ]
         taken |= one.mask
     if not runs:
         return None
@@ -187,13 +189,13 @@ def excluded_notices(
         runs: dict[str, list[Bad]] = {}
         for run in bad.runs:
             if run.kind == "excluded":
-                runs.setdefault(run.said_by, []).append(run)
-        for said_by, own in runs.items():
+                runs.setdefault(run.stated_by, []).append(run)
+        for stated_by, own in runs.items():
             count = sum(run.stop - run.first for run in own)
             readings = "one reading" if count == 1 else f"{count} readings"
             sentences.append(
                 f"pad {pad}: of test {name} the {units.force_name} of {readings} is left out "
-                f"({_times(bad, own)}), as said by {said_by}; their {units.displacement_name} "
+                f"({_times(bad, own)}), as stated by {stated_by}; their {units.displacement_name} "
                 "still counts, as the specimen remembers it"
             )
     return tuple(sentences)

@@ -44,7 +44,7 @@ _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
 
 
 @dataclass(frozen=True)
-class Past:
+class EarlierMotion:
     """Earlier motion of a pad: straight lines of the depth over the test's own time.
 
     time (H,): s, before the test's first sample, never decreasing; displacement (H,): mm; ago (H,):
@@ -83,7 +83,7 @@ def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[
 
 def past_of(
     index: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
-) -> Past | None:
+) -> EarlierMotion | None:
     """Return what ``tests[index]`` remembers, given the motions ``paths`` of all tests; else None.
 
     In a pause the platen is at zero from the end of the test before, unless the next test begins
@@ -109,7 +109,7 @@ def past_of(
     fields = (np.concatenate(parts) for parts in zip(*reversed(pieces), strict=True))
     time, depth, ago = fields
     stays = _stays(tests[remembered[0]], paths[remembered[0]], test, own)
-    return Past(np.maximum.accumulate(time), depth, ago, stays)
+    return EarlierMotion(np.maximum.accumulate(time), depth, ago, stays)
 
 
 def _end(test: Test) -> float:

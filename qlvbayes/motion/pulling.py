@@ -13,7 +13,7 @@ _BEYOND = 6.0  # times the noise floor
 
 
 @dataclass(frozen=True)
-class Pull:
+class TensileForce:
     """The lowest force (N, below zero), its test, its time (s), and its share of the peak force."""
 
     test: str
@@ -22,14 +22,14 @@ class Pull:
     share: float
 
 
-def pull_of(experiment: Experiment) -> Pull | None:
+def pull_of(experiment: Experiment) -> TensileForce | None:
     """Return the strongest pull, if below zero by more than 5 % of the peak and 6 noise floors."""
     trial = min(experiment.trials, key=lambda one: float(np.min(one.test.force)))
     lowest = int(np.argmin(trial.test.force))
     force, peak = float(trial.test.force[lowest]), experiment.peak
     if force >= -max(_CLEAR * peak, _BEYOND * experiment.floor.total):
         return None
-    return Pull(trial.name, float(trial.test.time[lowest]), force, -force / peak)
+    return TensileForce(trial.name, float(trial.test.time[lowest]), force, -force / peak)
 
 
 def pull_notices(

@@ -17,7 +17,7 @@ from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.grid import grid_times, path_at
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.past import Past
+from qlvbayes.motion.past import EarlierMotion
 from qlvbayes.motion.phases import MOVING, Phase, find_phases
 from qlvbayes.motion.record import Blocks, Record, held, padded_size
 from qlvbayes.motion.timing import off_kinks, timing_sd
@@ -34,7 +34,7 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 
 
 @dataclass(frozen=True)
-class Care:
+class Fineness:
     """Fineness with which a record is to be reduced, given its noise.
 
     floor: noise and its growth with the force; stiffness: the pad's largest (N/mm), by which an
@@ -132,8 +132,8 @@ def reduce_test(
     start: float = 0.0,
     number: int = 0,
     blocks: bool = True,
-    past: Past | None = None,
-    care: Care | None = None,
+    past: EarlierMotion | None = None,
+    fineness: Fineness | None = None,
     whole: Test | None = None,
     approached: bool = True,
 ) -> Record:
@@ -141,9 +141,9 @@ def reduce_test(
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); number: how
     many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
-    test remembers of earlier ones; care: None where force and noise are not known yet; whole: the
-    test of which these are some samples only; approached: whether a record that begins on the move
-    came from zero by an approach before it.
+    test remembers of earlier ones; fineness: None where force and noise are not known yet; whole:
+    the test of which these are some samples only; approached: whether a record that begins on the
+    move came from zero by an approach before it.
     """
     whole = whole or test
     begin = np.arange(test.time.size)
@@ -159,12 +159,12 @@ def reduce_test(
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     half = off_kinks(centre, half, whole.time, trajectory)
     nodes = np.stack([centre - half, centre + half])
-    if care is not None:
-        averaged = _with_care(averaged, trajectory, centre, care)
-        rows, white = np.searchsorted(whole.time, test.time), care.floor.white
+    if fineness is not None:
+        averaged = _with_errors(averaged, trajectory, centre, fineness)
+        rows, white = np.searchsorted(whole.time, test.time), fineness.floor.white
         timing = timing_sd(whole.time, whole.force, begin, trajectory, white, rows)[kept]
         averaged = replace(averaged, timing=held(timing))
-    chord = np.inf if care is None else care.chord
+    chord = np.inf if fineness is None else fineness.chord
     begun = approached and (past is None or not past.stays)
     first = float(trajectory.read_times(whole.time)[0])
     grid, curved = _grid(trajectory, np.unique(nodes), first, chord, begun)
@@ -207,7 +207,7 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool
     )
 
 
-def _remembering(motion: Motion, past: Past) -> Motion:
+def _remembering(motion: Motion, past: EarlierMotion) -> Motion:
     """Return the motion with the earlier tests before it, at rest between their points."""
     first = np.nextafter(float(motion.time[0]), -np.inf)
     time = held(np.minimum(past.time, first))
@@ -234,7 +234,9 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
     return Blocks.of_means(force, count, test.time[begin], test.time[last], weight)
 
 
-def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:
+def _with_errors(
+    blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, fineness: Fineness
+) -> Blocks:
     """Add the noise at each block's force, and the force error that the motion's error makes.
 
     The stiffness is the record's own slope, no steeper than the pad's steepest.
@@ -246,8 +248,8 @@ def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care:
         rise, travel = np.gradient(force), np.gradient(depth)
         sure = np.maximum(travel**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
         stiffness = np.abs(rise * travel) / sure
-    extra = np.minimum(stiffness, care.stiffness) * sd
-    return replace(blocks, scale=held(care.floor.scale(force)), extra=held(extra))
+    extra = np.minimum(stiffness, fineness.stiffness) * sd
+    return replace(blocks, scale=held(fineness.floor.scale(force)), extra=held(extra))
 
 
 def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

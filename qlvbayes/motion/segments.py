@@ -15,7 +15,7 @@ from qlvbayes.motion.bounds import Tolerance, excess
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
-_MANY = 100  # readings that tell scatter from motion,
+_MANY = 100  # readings that distinguish scatter from motion,
 _FEW = 50  # readings, of which three changes of the motion reach a third,
 _SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
@@ -104,8 +104,8 @@ def _divided_difference(times: Array) -> Array:
 def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
     """Return the bounds that step and scatter imply, at least 1e-4 of the range.
 
-    Fewer than 100 readings cannot tell scatter from motion for certain: there it counts for no more
-    than 5 % of the range. scatter: its largest sd, where that is known.
+    Fewer than 100 readings do not distinguish scatter from motion for certain: there it counts for
+    no more than 5 % of the range. scatter: its largest sd, where that is known.
     """
     span = float(np.ptp(displacement))
     floor = 1e-4 * span

@@ -1,4 +1,4 @@
-"""Where a fitted path strays from its readings, and what takes its place there.
+"""Replace a fitted path where it strays from its readings.
 
 At a reading it may be off by what the reading's errors explain, and between two readings by as much
 as these differ. Elsewhere straight lines through the readings, or a smooth path without further

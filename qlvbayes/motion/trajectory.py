@@ -146,12 +146,12 @@ class Trajectory:
 
     @property
     def velocity_resolved(self) -> bool:
-        """Whether the record gives the velocity."""
+        """True if the record gives the velocity."""
         return "velocity" not in dict(self.unresolved)
 
     @property
     def acceleration_resolved(self) -> bool:
-        """Whether the record gives the acceleration."""
+        """True if the record gives the acceleration."""
         return "acceleration" not in dict(self.unresolved)
 
     def _at(self, order: int, t: ArrayLike) -> Array:

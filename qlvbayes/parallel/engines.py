@@ -107,7 +107,7 @@ def _end_with(lifeline: Connection) -> None:
         os._exit(0)
 
 
-class Given:
+class UserExecutor:
     """An executor that the user passes: anything whose ``submit`` returns futures."""
 
     def __init__(self, executor: Any) -> None:
@@ -180,12 +180,12 @@ def engine_of(client: Any) -> Engine | None:
 
     Raises InputError where it is neither.
     """
-    if client is None or isinstance(client, Processes | Cluster | Given):
+    if client is None or isinstance(client, Processes | Cluster | UserExecutor):
         return client
     if hasattr(client, "get_executor") and hasattr(client, "nthreads"):
         return Cluster(client)
     if callable(getattr(client, "submit", None)):
-        return Given(client)
+        return UserExecutor(client)
     raise InputError(
         f"a {type(client).__name__} takes no work",
         remedy="give a distributed.Client or an executor of concurrent.futures",

@@ -42,7 +42,7 @@ from qlvbayes.pipeline.watcher import Watcher
 
 CAUSE = "cause"
 MOST_CAUSES = 4
-"""Most causes that a plan tells apart."""
+"""Most causes that a plan distinguishes."""
 LEAST_PROBABILITY = 0.05
 """Probability from which a cause, or a further explanation of one, counts."""
 MOST_EXPLANATIONS = 6
@@ -154,7 +154,7 @@ def _figures(plan: Plan, folder: Path) -> list[Path]:
 def _read_knowledge(
     folder: Path, out: Path, goals: Sequence[str], data: Path | None
 ) -> tuple[Knowledge, bool]:
-    """Return what is known, and whether the plan shall tell causes apart.
+    """Return what is known, and whether the plan shall distinguish causes.
 
     Raises InputError where the cause is a goal and no two causes are probable.
     """

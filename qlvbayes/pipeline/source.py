@@ -14,7 +14,7 @@ from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
 
 REFERENCES = "paper_table1.csv"
-"""File of reference constants, beside the measurements, that is drawn with the pads' own."""
+"""File of reference constants, next to the measurements, that is drawn with the pads' own."""
 _UNNAMED = "pad"  # name of a file's only pad where no column names it
 _NO_MEASUREMENTS = {
     ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",

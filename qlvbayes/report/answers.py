@@ -72,14 +72,14 @@ def _fails(pad: PadResults, remedies: dict) -> str:
     if check is None:
         return f"not checked yet: {remedies['check']}"
     worst = check.worst
-    said = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
+    outcome = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
     baseline = pad.baseline.check if pad.baseline else None
     if pad.final.effects and baseline and (worst := baseline.worst):
         return (
-            f"the model {model_name(pad.final.effects)} {said}; the plain model "
+            f"the model {model_name(pad.final.effects)} {outcome}; the plain model "
             f"{_worst(worst, baseline, pad)}."
         )
-    return f"the model {said}."
+    return f"the model {outcome}."
 
 
 def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:

@@ -145,8 +145,8 @@ def _notices(pad: PadResults) -> list[str]:
     """Return notices on the measurements, and on a systematic error that is certain but small."""
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
     notices = dict.fromkeys(text for part in parts if part for text in part.notices)
-    said = [text.removeprefix(f"pad {pad.name}: ") for text in notices]
-    return [f"{capitalized(text)}." for text in said] + _small(pad)
+    sentences = [text.removeprefix(f"pad {pad.name}: ") for text in notices]
+    return [f"{capitalized(text)}." for text in sentences] + _small(pad)
 
 
 def _small(pad: PadResults) -> list[str]:

@@ -55,14 +55,14 @@ def comparing_of(compared: Compared) -> Comparing:
     notices = comparison.notices
     line = _in_a_line(comparison)
     words = comparison.words or compared.words or (line,)
-    said = [text for text in words if text.rstrip(".").lower() not in map(str.lower, notices)]
+    sentences = [text for text in words if text.rstrip(".").lower() not in map(str.lower, notices)]
     return Comparing(
         first,
         second,
         comparison.between,
-        tuple(said[:_FIRST]),
+        tuple(sentences[:_FIRST]),
         line,
-        tuple(said[_FIRST:]),
+        tuple(sentences[_FIRST:]),
         tuple(_groups(comparison)),
         percent_unbroken(comparison.region),
         notices,
@@ -88,16 +88,16 @@ def _grouped(comparison: Comparison, contrasts: Sequence[Contrast]) -> str:
     by_answer: dict[str, list[str]] = {}
     for one in contrasts:
         by_answer.setdefault(_KINDS.get(one.answer, "open"), []).append(one.quantity)
-    said = []
+    answers = []
     if "differs" in by_answer:
-        said.append(f"different in {joined(by_answer['differs'])}")
+        answers.append(f"different in {joined(by_answer['differs'])}")
     if "equal" in by_answer:
-        said.append(
+        answers.append(
             f"equal within {percent_unbroken(comparison.region)} in {joined(by_answer['equal'])}"
         )
     if "open" in by_answer:
-        said.append(f"undecided in {joined(by_answer['open'])}")
-    return "; ".join(said)
+        answers.append(f"undecided in {joined(by_answer['open'])}")
+    return "; ".join(answers)
 
 
 def _groups(comparison: Comparison) -> Iterator[tuple[str, tuple[ContrastRow, ...]]]:

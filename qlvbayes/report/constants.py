@@ -83,11 +83,11 @@ def constants_words(pad: PadResults) -> str | None:
     if summary is None:
         return None
     shown = ("m", "c[0]", "c0", "v[1]")
-    said = [_in_words(name, summary.parameters) for name in shown]
+    constants = [_in_words(name, summary.parameters) for name in shown]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     doubt = " But the model fails (question 3): these are constants of a wrong model."
     wrong = bool(pad.final.check and pad.final.check.failing)
-    return f"{'; '.join(text for text in said if text)}{added}.{doubt * wrong}"
+    return f"{'; '.join(text for text in constants if text)}{added}.{doubt * wrong}"
 
 
 def shifts_of(pad: PadResults) -> Shifts | None:
@@ -114,12 +114,12 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     )
     added = [e for e in pad.final.effects if e not in pad.baseline.effects]
     top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
-    said = [
+    changed = [
         f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% {'higher' if changes[n] > 0 else 'lower'}"
         for n in top
         if abs(changes[n]) > _SMALLEST_CHANGE
     ]
-    words = f"The model without {joined(added)} has {joined(said)}" if said else ""
+    words = f"The model without {joined(added)} has {joined(changed)}" if changed else ""
     few = ". It was fitted to fewer tests, so that a part of this may be chance"
     fewer = pad.baseline.facts.get("all_tests") != pad.final.facts.get("all_tests")
     return Shifts(pad.name, joined(added), rows, f"{words}{few * fewer}." if words else "")

@@ -63,7 +63,7 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     return Explaining(
         pad.name,
         diagnosis.verdict,
-        _spoken(pad) or (box_line(diagnosis),),
+        _paragraphs(pad) or (box_line(diagnosis),),
         tuple(
             _step(stage, diagnosis.stages[0].base, diagnosis.noise) for stage in diagnosis.stages
         ),
@@ -75,10 +75,10 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     )
 
 
-def _spoken(pad: PadResults) -> tuple[str, ...]:
+def _paragraphs(pad: PadResults) -> tuple[str, ...]:
     """Return the paragraphs of diagnosis.txt below a heading that names the pad."""
-    said = [text.removeprefix(f"Pad {pad.name}: ").replace("+-", "±") for text in pad.words]
-    return tuple(capitalized(text) for text in said)
+    paragraphs = [text.removeprefix(f"Pad {pad.name}: ").replace("+-", "±") for text in pad.words]
+    return tuple(capitalized(text) for text in paragraphs)
 
 
 def _step(stage: Stage, chosen: LawPair, noise: float) -> StepRow:

@@ -148,7 +148,7 @@ class Law:
 
 @lru_cache(maxsize=64)
 def _fitted(name: str, fading: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Shares and rates of the Prony sum, fastest first; shares sum to 1."""
+    """Return the shares and rates of the Prony sum, fastest first; shares sum to 1."""
     matrix = np.column_stack([np.ones_like(_TIMES), np.exp(-np.outer(_TIMES, _RATES))])
     weights, _ = nnls(matrix, RELAXATION[name](_TIMES, *fading))
     weights /= weights.sum()

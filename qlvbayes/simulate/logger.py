@@ -10,7 +10,7 @@ from qlvbayes.io.checks import InputError
 _STILL_S = 0.5  # a standstill at least this long is a hold
 _FIRST_S = 0.02  # growth of the intervals: dense for this long after motion or hold begins
 _BURSTS = 3  # of neighbouring samples, in a phase that is thinned
-_BURST_ROWS = 6  # samples at the full rate, enough to tell white noise from correlated
+_BURST_ROWS = 6  # samples at the full rate, enough to distinguish white from correlated noise
 _LEAST_ROWS = 8  # a phase
 
 
@@ -21,7 +21,7 @@ def thin(
 
     Dense where the force changes fast: while the platen moves and just after it starts or
     stops; in holds the intervals grow like the time since the stop. A few bursts of
-    consecutive samples in each hold let white noise be told from correlated noise.
+    consecutive samples in each hold distinguish white noise from correlated noise.
 
     The choice looks at the motion only. Choosing by measured force would prefer samples
     with large noise and so bias whatever is fitted to them.
@@ -65,7 +65,7 @@ def _edges(time: NDArray[np.float64], displacement: NDArray[np.float64]) -> NDAr
 
 
 def _shares(sizes: NDArray[np.intp], rows: int) -> NDArray[np.intp]:
-    """Rows for each phase: equal, but what a short phase cannot use goes to the longer ones."""
+    """Return the rows of each phase: equal; what a short phase cannot use goes to longer ones."""
     shares = np.zeros_like(sizes)
     for rank, phase in enumerate(np.argsort(sizes, kind="stable")):
         shares[phase] = min(sizes[phase], rows // (sizes.size - rank))

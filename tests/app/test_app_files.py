@@ -10,9 +10,9 @@ from support.endtoend import call
 from support.machine_files import workbook
 
 from qlvbayes.app.intake import opened, read_in
-from qlvbayes.app.job import deal
+from qlvbayes.app.job import write_pad
 from qlvbayes.app.scripts import commands, script
-from qlvbayes.app.sessions import HistoryState, OnBench, Session
+from qlvbayes.app.sessions import BenchPad, HistoryState, Session
 from qlvbayes.app.specimens import pads_by
 from qlvbayes.cli.main import run
 from qlvbayes.io.checks import InputError
@@ -69,8 +69,8 @@ def test_unknown_columns_are_asked_for_and_then_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"force": ""}, "no column is said to be the force"),
-        ({"force": "Zeit"}, "said to be two things"),
+        ({"force": ""}, "no column is chosen as the force"),
+        ({"force": "Zeit"}, "chosen as two quantities"),
         ({"force_unit": "lb"}, "unit of force"),
     ],
 )
@@ -136,7 +136,7 @@ def test_the_command_of_a_session_divides_the_tests_as_the_answers_did(
     pad = study.pads[0].name
     begun = HistoryState(0, None, "start", "exponential", "prony:2", [], {}, 0.1)
     session = Session("s", folder, folder, specimens.name, data=found["data"], made=found["made"])
-    session.pads, session.bench = list(tests), {pad: OnBench(history=[begun])}
+    session.pads, session.bench = list(tests), {pad: BenchPad(history=[begun])}
     session.save()
     again = Session("s", folder, folder, "", pads=list(tests))
     again.load()
@@ -281,7 +281,7 @@ def test_a_link_in_a_session_is_not_followed(tmp_path):
 def test_a_dealt_pad_repeats_and_does_not_tell(tmp_path):
     texts = []
     for name in ("one", "two"):
-        deal(tmp_path / name / "data.csv", tmp_path / name / "truth.json", 5)
+        write_pad(tmp_path / name / "data.csv", tmp_path / name / "truth.json", 5)
         texts.append((tmp_path / name / "data.csv").read_text())
     truth = json.loads((tmp_path / "one" / "truth.json").read_text())
     assert texts[0] == texts[1]

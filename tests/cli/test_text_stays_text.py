@@ -19,7 +19,7 @@ from rich.table import Table
 from support.exported_pad import exported
 
 from qlvbayes.app.scripts import commands, script
-from qlvbayes.app.sessions import HistoryState, OnBench, Session
+from qlvbayes.app.sessions import BenchPad, HistoryState, Session
 from qlvbayes.cli.console import Plain
 from qlvbayes.cli.options import among
 from qlvbayes.fitting.constants_table import Entry, as_csv, as_latex
@@ -51,7 +51,7 @@ def session(name):
     first = HistoryState(0, None, "start", rmse=None, **model)
     added = HistoryState(1, 0, f"add {name}", rmse=None, **(model | {"effects": [name]}))
     added.begun = {name: 1.0}
-    pad = OnBench(history=[first, added], current=1)
+    pad = BenchPad(history=[first, added], current=1)
     return Session("1", Path(), Path(), name, pads=[name], data=f"/x/{name}", bench={name: pad})
 
 

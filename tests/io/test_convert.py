@@ -117,7 +117,7 @@ def test_what_is_in_doubt_is_asked_on_a_terminal(tmp_path):
         pass
     assert process.wait(timeout=900) == 0
     assert b"which columns are to be turned over" in shown
-    assert b"sign kept as written, as said" in shown
+    assert b"sign kept as written, as stated by the user" in shown
     np.testing.assert_allclose(
         read_measurements(out).pads[0].tests[0].force, CYCLES.load, atol=1e-6
     )

@@ -380,7 +380,7 @@ def test_a_part_of_a_test_is_used_and_told():
     assert test.displacement[-1] == pytest.approx(18.0)
     assert test.time[0] == 0.0
     assert notices == (
-        "pad strip: of test pull 181 rows are used, as said by pull:0..18mm, and 219 left out",
+        "pad strip: of test pull 181 rows are used, as stated by pull:0..18mm, and 219 left out",
     )
     (late,) = cut(pulled(), ["strip/pull:5..9 s"])[0].tests
     assert (late.time[0], late.displacement[0], late.start_s) == (0.0, 5.0, 5.0)
@@ -411,7 +411,7 @@ def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
     assert status == 0
     (found,) = json.loads(out)
     assert sum(cell["n"] for cell in found["cells"]) == 301
-    assert "301 rows are used, as said by test:0..1.5s" in " ".join(
+    assert "301 rows are used, as stated by test:0..1.5s" in " ".join(
         json.loads((tmp_path / "out" / "pad" / "check.json").read_text())["notices"]
     )
 

@@ -167,7 +167,7 @@ def test_a_bad_reading_of_what_is_left_is_still_found():
     force, way = test.force.copy(), test.displacement.copy()
     force[200], way[300] = 9.99, 0.0  # at 4 s, and at 6 s in what is left out
     found = prepared(replace(test, force=force, displacement=way), leave_out=[KNOCK]).notices
-    assert "the force of 100 readings is left out (5 to 7 s), as said by --leave-out" in found[0]
+    assert "the force of 100 readings is left out (5 to 7 s), as stated by --leave-out" in found[0]
     assert "one reading of displacement at 6 s (0 mm amid 1.6 mm)" in found[1]
     assert "one reading of force at 4 s" in found[1]
     assert "two readings are left out" in found[1]
@@ -216,7 +216,7 @@ def test_a_part_is_a_time_a_displacement_or_a_phase(text, spans):
             prepared(pressed(), leave_out=[text])
         return
     (notice,) = prepared(pressed(), leave_out=[text]).notices
-    assert f"({spans}), as said by --leave-out {text};" in notice
+    assert f"({spans}), as stated by --leave-out {text};" in notice
 
 
 def test_what_leaves_nothing_or_leaves_nothing_out_is_refused():
@@ -300,7 +300,7 @@ def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     hold = next(cell for cell in found["cells"] if cell["phase"] == "hold")
     assert hold["rmse_N"] < 0.1  # the knock is 3 N
     for name in ("summary.json", "check.json"):
-        assert f"101 readings is left out (5 to 7 s), as said by {said}" in notices(
+        assert f"101 readings is left out (5 to 7 s), as stated by {said}" in notices(
             out / "pad" / name
         )
     (test,) = json.loads((out / "pad" / "curves.json").read_text())["tests"]
@@ -333,7 +333,7 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     (found,) = json.loads(printed)
     assert found["verdict"] in ("adequate", "ambiguous")
     assert found["steps"][-1]["rmse_N"] < 0.02
-    assert "as said by --leave-out t:hold" in notices(out / "pad" / "diagnosis.json")
+    assert "as stated by --leave-out t:hold" in notices(out / "pad" / "diagnosis.json")
 
 
 def test_a_look_goes_on_with_what_it_was_told(tmp_path):

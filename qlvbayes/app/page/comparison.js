@@ -1,4 +1,4 @@
-// Two pads beside each other: do they differ, by how much, how sure; and their curves in one chart.
+// Two pads next to each other: do they differ, by how much, how sure; and their curves in one chart.
 import { at, el, refill } from "./element.js";
 import { get } from "./api.js";
 import { Overlay, partner, sideOf } from "./overlay.js";
@@ -48,7 +48,7 @@ export class ComparisonView {
 
   overlay() {
     const test = this.sides[0].tests.find((one) => one.name === this.test.value), other = partner(test, this.sides[1].tests);
-    this.note.textContent = other ? `${test.name} beside ${other.name}. Dots are measured, lines are each pad's current model; drag to zoom.` : `Pad ${this.sides[1].pad} has no test at this rate.`;
+    this.note.textContent = other ? `${test.name} next to ${other.name}. Dots are measured, lines are each pad's current model; drag to zoom.` : `Pad ${this.sides[1].pad} has no test at this rate.`;
     if (other) this.chart.show(this.sides, [test, other]);
   }
 

@@ -49,12 +49,12 @@ export class Guess {
       el("p", {}, "You guessed: ", el("b", {}, list(given.effects)), given.words ? ` (“${given.words}”)` : ""),
       truth ? el("p", {}, "Hidden: ", el("b", {}, truth.effects ? list(truth.effects) : truth.text), right ? ". You were right." : ". ", right || !truth.text ? "" : el("small", {}, truth.text))
         : el("p", { class: "hint" }, "Nobody knows what is in these measurements; see what the search says."),
-      el("button", { type: "button", onclick: () => dealt() }, "Deal me another"));
+      el("button", { type: "button", onclick: () => openSimulated() }, "Deal me another"));
   }
 }
 
 /** A freshly simulated pad with something unknown in it. */
-export async function dealt() {
+export async function openSimulated() {
   const made = await trying(() => post("/api/sessions", { open: "deal" }));
   if (made) location.assign(`/s/${encodeURIComponent(made.id)}`);
 }

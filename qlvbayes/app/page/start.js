@@ -1,7 +1,7 @@
 // The first page: drop measurements, open what is bundled, deal a pad, go on with a session.
 import { at, el } from "./element.js";
 import { get, post, remove, upload } from "./api.js";
-import { dealt } from "./guess.js";
+import { openSimulated } from "./guess.js";
 import { calm, say, trying } from "./say.js";
 
 const MIB = 1024 * 1024;
@@ -69,7 +69,7 @@ function bundled(all) {
 function deal() {
   return el("article", { class: "box" }, el("h2", {}, "Guess the effect"),
     el("p", {}, "A pad is simulated with something hidden in it that you do not know. Find out what."),
-    el("button", { type: "button", onclick: () => dealt() }, "Deal me a pad"));
+    el("button", { type: "button", onclick: () => openSimulated() }, "Deal me a pad"));
 }
 
 function earlier(sessions) {

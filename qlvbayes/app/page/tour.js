@@ -6,7 +6,7 @@ const STEPS = [
   [".measured", "Measurements and model", "Dots are measured, the blue line is the model. Drag across to zoom, point at a sample: the same one is marked in every chart."],
   [".map", "Where it fails", "Each cell is the error in one phase of one test, in units of the noise. Choose a dark one: the charts go there, and the line below says what is wrong."],
   [".hypotheses", "What may be missing", "“Draw it” lays what an effect would do over the residual. Where it matches, add it. The search gives every effect its probability."],
-  [".constants", "By hand", "Move a constant and see what it does. “Fit from here” finds the best from where you are; “Sample” tells how sure the constants are."],
+  [".constants", "By hand", "Move a constant and see what it does. “Fit from here” finds the best from where you are; “Sample” shows how sure the constants are."],
   [".errors", "Watch the error fall", "Every model you tried, its error on all tests and on tests left out, down to the noise. Click one to go back to it."],
 ];
 

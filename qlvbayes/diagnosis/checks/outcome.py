@@ -88,9 +88,9 @@ class SearchOutcome:
 
     @cached_property
     def alike(self) -> tuple[str, ...]:
-        """The effects that follow the largest depth, where only one test loads, and only once.
+        """Effects that follow the largest depth, where only one test loads, and only once.
 
-        Nothing but the elastic law then tells them apart.
+        Only the elastic law then distinguishes them.
         """
         return OF_UNLOADING if loaded_once(self.experiment) else ()
 

@@ -36,7 +36,7 @@ from scipy.special import ndtri
 
 from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples, rmse
-from qlvbayes.diagnosis.result import Remains
+from qlvbayes.diagnosis.result import RemainingStructure
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 
 _RIDGE = (
@@ -123,12 +123,12 @@ class Remainder:
         return tuple(cell for cell in self.cells if cell.shown)
 
     @property
-    def record(self) -> Remains | None:
+    def record(self) -> RemainingStructure | None:
         """The record for ``diagnosis.json``, of the largest cell; None without cells."""
         worst = self.worst
         if worst is None:
             return None
-        return Remains(
+        return RemainingStructure(
             rms=worst.rms,
             upper95=worst.upper,
             share_of_peak=worst.rms / self.peak,

@@ -1,4 +1,4 @@
-r"""The support for an effect: what besides its evidence speaks for or against its being there.
+r"""Measure the support for an effect: signs for or against it in addition to its evidence.
 
 All figures compare the most probable hypothesis that has the effect with the same without it, as
 the search left both. With E the errors on tests left out, S the structured parts of the residuals

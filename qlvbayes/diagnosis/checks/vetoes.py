@@ -4,8 +4,8 @@ An effect is refused where tests left out are predicted worse with it, where its
 to vary from test to test, or where something unmodelled takes more of the error than the effect.
 Nothing counts as explained where structure that matters is left.
 
-Effects that follow the largest depth so far are told apart by how they grow with it. One test that
-loads to one depth does not show this: it then hangs on the elastic law alone which of them is
+Effects that follow the largest depth so far are distinguished by how they grow with it. One test
+that loads to one depth does not show this: it then hangs on the elastic law alone which of them is
 probable, and where several are named, one of them is.
 
 An effect that is probable only together with a refused one is not probable. After a veto the

@@ -1,1 +1,1 @@
-"""The design of the next tests: what each test that the rig can do would tell, in bits."""
+"""Design the next tests: the information, in bits, of each test that the rig can do."""

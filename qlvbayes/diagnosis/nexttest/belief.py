@@ -108,7 +108,7 @@ class Belief:
     explanations
         The explanations.
     outside
-        Probability that something unmodelled is there, besides any of them.
+        Probability that something unmodelled is there, in addition to any of them.
     """
 
     explanations: tuple[Explanation, ...]

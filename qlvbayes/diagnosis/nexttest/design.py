@@ -17,7 +17,7 @@ from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.trajectory import Trajectory
 
 DIMENSIONS = 8
-"""How many numbers between 0 and 1 determine a design."""
+"""Number of coordinates between 0 and 1 that determine a design."""
 _LEAST_DEPTH = 0.2  # of the rig's depth: below, forces of soft pads drown in noise
 _LEAST_HOLD = 100.0  # readings, by which a controller has settled
 _GENTLEST = 0.1  # of the rig's acceleration

@@ -32,8 +32,8 @@ class ReadingErrors:
     peak
         Largest force (N).
     missed
-        Size (N) of the discrepancy that the diagnosis left besides the effects that it names; 0
-        where it left none.
+        Size (N) of the discrepancy that the diagnosis left in addition to the effects that it
+        names; 0 where it left none.
     """
 
     floor: NoiseFloor

@@ -60,7 +60,7 @@ class Proposed(Part, frozen=True, rename={
     pause, duration, minutes
         Time before the test (s), of the test (s), and of both (min).
     constants, cause, cause_most
-        Bits in closed form beyond what the tests before it tell; of the cause the bounds from below
+        Bits in closed form beyond those of the tests before it; of the cause the bounds from below
         and above.
     per_minute, total
         Bits about everything that was asked for, per minute and in all.

@@ -1,4 +1,4 @@
-"""The plan of a series: the tests that tell most within the time there is."""
+"""Plan a series: the tests with most information within the time there is."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Goal:
     """Goal of the tests: to know constants, the cause of a misfit, or both.
 
     Every test makes constants better known, so that bits per minute count. Of a cause all bits
-    within the time there is count, as the quickest test tells only a part of the answer.
+    within the time there is count, as the quickest test gives only a part of the answer.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Option:
     design
         The test.
     constants, cause, cause_most
-        Bits in closed form beyond what the series before it tells; of the cause the bounds from
+        Bits in closed form beyond those of the series before it; of the cause the bounds from
         below and above.
     evidence
         Expected 2 ln(Bayes factor) between the two nearest explanations of two causes.
@@ -129,9 +129,9 @@ def plan_series(
     count: int = SCREENED,
     report: Callable[[str], None] = lambda text: None,
 ) -> Series:
-    """Return the series of tests that tells most within the time there is.
+    """Return the series of tests with most information within the time there is.
 
-    Tests are added one by one, each the best given what the tests before it tell. For constants
+    Tests are added one by one, each the best given the tests before it. For constants
     alone, bits per minute count.
 
     Parameters
@@ -208,7 +208,7 @@ class _Plan:
 
         These are all that fit, or only those that leave a share of the time to each other test,
         whichever leads to the better series: where all bits count, the longest test may leave no
-        time for others that tell more than itself.
+        time for others with more information.
         """
         if not self.goal.cause or self.tests == 1:
             return self.finite
@@ -281,7 +281,7 @@ def _best_first(
 ) -> NDArray[np.intp]:
     """Return the indices of the allowed options, the best first.
 
-    Where all bits count, the shortest of those that tell nearly the most comes first.
+    Where all bits count, the shortest of those with nearly the most information comes first.
     """
     worth = bits if goal.cause else rate
     values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)

@@ -74,7 +74,7 @@ def _own(d: DiagnosisResult, notice: str) -> str:
 def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
     """Return the step that follows from the verdict."""
     if d.verdict == Verdict.ADEQUATE and d.probability_of("none") < LIKELY:
-        return "another test, as qlvbayes design OUT --for cause proposes, would tell more."
+        return "another test, as qlvbayes design OUT --for cause proposes, would show more."
     if d.verdict == Verdict.ADEQUATE and not d.changed:
         return "use the constants; no effect has to be added."
     if d.verdict in (Verdict.ADEQUATE, Verdict.MISSING_EFFECT):
@@ -85,10 +85,10 @@ def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
         )
     if d.verdict == Verdict.AMBIGUOUS:
         if not d.suggestions:
-            return "a test that tells them apart: qlvbayes design OUT --for cause proposes one."
+            return "a test that distinguishes them: qlvbayes design OUT --for cause proposes one."
         best = d.suggestions[0]
         return (
-            f"this test would tell them apart: {best.test} (expected 2 ln Bayes factor "
+            f"this test would distinguish them: {best.test} (expected 2 ln Bayes factor "
             f"{best.evidence:.0f}; 10 is very strong evidence)."
         )
     if _is_free_elasticity(d, work):
@@ -369,7 +369,7 @@ def _refused(d: DiagnosisResult) -> list[str]:
 
 
 def _not_ruled_out(d: DiagnosisResult) -> list[str]:
-    """Return the explanations that remain possible besides the verdict's own."""
+    """Return the explanations that remain possible in addition to the verdict's own."""
     own = [{*d.effects[:-1], name} for name in d.group] if len(d.group) > 1 else [set(d.effects)]
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
     if not others or d.verdict in (Verdict.ADEQUATE, Verdict.UNEXPLAINED):

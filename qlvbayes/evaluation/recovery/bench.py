@@ -25,7 +25,7 @@ from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.priors.natural import in_quadratic_coordinates
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
-"""What the tests do."""
+"""Protocol of the simulated tests."""
 
 _DEPTH, _HOLD, _PAUSE = 1.6, 10.0, 60.0  # mm, s, s
 _ACCELERATION = 100.0  # mm/s2

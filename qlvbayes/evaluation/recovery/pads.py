@@ -53,8 +53,8 @@ class Slice:
 def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterator[Slice]:
     """Yield slices at quantiles of each constant of the effect, from the best mode.
 
-    Where the amplitude may be zero the posterior has an arm along the whole prior of each constant
-    beside it, such as a rate; where that is a rate of the pad, one along the amplitude.
+    Where the amplitude may be zero the posterior has an arm along the whole prior of each further
+    constant, such as a rate; where that is a rate of the pad, one along the amplitude.
     """
     draws = density.space.prior_draws(own.hypothesis)
     fields = {

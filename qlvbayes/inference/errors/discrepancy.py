@@ -28,7 +28,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Features, Locations
-from qlvbayes.inference.errors.separation import Separated, Separation, Sized
+from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
@@ -50,7 +50,7 @@ class Discrepancy:
     sizes: Array
     log_prior: Array
     rough: float
-    _sized: dict[float, Sized] = field(default_factory=dict)
+    _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @classmethod
     def from_features(
@@ -104,11 +104,11 @@ class Discrepancy:
             return self
         real = np.stack(self.whitener.blocks)
         extended = np.concatenate([self.features, np.where(real, features, 0.0)])
-        return replace(self, features=extended, _sized={})
+        return replace(self, features=extended, _by_size={})
 
     def with_whitener(self, whitener: Whitener) -> Discrepancy:
         """Return the discrepancy under other noise."""
-        return replace(self, whitener=whitener, _sized={})
+        return replace(self, whitener=whitener, _by_size={})
 
     @cached_property
     def shapes(self) -> Array:
@@ -152,22 +152,24 @@ class Discrepancy:
         added = size**2 * (rest.T @ rest + self.rough * np.eye(count))
         return np.asarray(added - moments - moments.T)
 
-    def at(self, size: float, separation: Separation | None = None) -> Sized | Separated:
+    def at(
+        self, size: float, separation: Separation | None = None
+    ) -> DiscrepancyOfSize | Separated:
         """Return the discrepancy at a size (N), separated if a separation is given."""
         unseparated = self._at(size)
         return unseparated if separation is None else separation.at(unseparated)
 
-    def _at(self, size: float) -> Sized:
+    def _at(self, size: float) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), not separated."""
-        known = self._sized.get(size)
+        known = self._by_size.get(size)
         if known is None:
             known = self._computed(size)
             # a size off the grid is one mode's own: to keep it would take a megabyte a mode
             if size in self.sizes:
-                self._sized[size] = known
+                self._by_size[size] = known
         return known
 
-    def _computed(self, size: float) -> Sized:
+    def _computed(self, size: float) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N) that is not cached."""
         variances = 1.0 + self.rough * size**2 * self.whitener.precisions
         root = variances**-0.5
@@ -175,7 +177,7 @@ class Discrepancy:
         factor = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
         volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
         axes = solve_triangular(factor, scaled, lower=True, check_finite=False)
-        return Sized(size, root, axes, float(volume))
+        return DiscrepancyOfSize(size, root, axes, float(volume))
 
     def loss(self, residual: Array, index: int, separation: Separation | None = None) -> float:
         """Return minus the log posterior of size ``index``, given a whitened residual (n,)."""

@@ -69,7 +69,7 @@ class Separation:
     lengths: Array
     coupled: Callable[[Array], tuple[Array, Array]]
     whiten: Callable[[Array], Array]
-    _sized: dict[float, Separated] = field(default_factory=dict)
+    _by_size: dict[float, Separated] = field(default_factory=dict)
 
     @cached_property
     def rows(self) -> Array:
@@ -96,25 +96,25 @@ class Separation:
 
     def forget_but(self, size: float) -> None:
         """Discard what was computed for sizes other than one (N), to save megabytes a point."""
-        for other in [known for known in self._sized if known != size]:
-            self._sized.pop(other, None)
+        for other in [known for known in self._by_size if known != size]:
+            self._by_size.pop(other, None)
 
-    def at(self, unseparated: Sized) -> Sized | Separated:
+    def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
         """Return the separated discrepancy at the size of one that is not separated."""
         if unseparated.size == 0.0 or not self.rank:
             return unseparated
-        separated = self._sized.get(unseparated.size)
+        separated = self._by_size.get(unseparated.size)
         if separated is None:
             basis, ties, moments = self._parts
             coupled = unseparated.size**2 * ties + moments
-            separated = self._sized[unseparated.size] = Separated.from_unseparated(
+            separated = self._by_size[unseparated.size] = Separated.from_unseparated(
                 unseparated, basis, coupled
             )
         return separated
 
 
 @dataclass(frozen=True, eq=False)
-class Sized:
+class DiscrepancyOfSize:
     """A discrepancy of one size s (N), not separated: C^-1 = root (1 - axes^T axes) root.
 
     The matrices act on whitened block means. root (n,): D^(-1/2); axes (M, n); log_volume: ln|C|.
@@ -149,14 +149,14 @@ class Separated:
     along the axes; core (2R, 2R): M; log_volume: ln|C_P|.
     """
 
-    unseparated: Sized
+    unseparated: DiscrepancyOfSize
     own: Array
     parts: Array
     core: Array
     log_volume: float
 
     @classmethod
-    def from_unseparated(cls, unseparated: Sized, basis: Array, coupled: Array) -> Self:
+    def from_unseparated(cls, unseparated: DiscrepancyOfSize, basis: Array, coupled: Array) -> Self:
         """Return the separated discrepancy of Q and Y (R, n), whitened."""
         scale = unseparated.size  # makes Q and Y of similar size, which saves digits
         own, parts = unseparated.parts(np.concatenate([scale * basis, coupled / scale]))

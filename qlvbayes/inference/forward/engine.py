@@ -50,7 +50,7 @@ _KEPT = 4  # records that are cached in the form pieces take
 
 
 @dataclass(frozen=True, eq=False)
-class Sets:
+class ConstantSets:
     """K sets of the constants of one law.
 
     elastic: (K, E); fractions: (K, L + 1); rates: (K, L) in 1/s, or (L,) where all sets share them;
@@ -68,14 +68,14 @@ class Sets:
         rates = np.broadcast_to(self.rates, (len(self.elastic), self.rates.shape[-1]))
         return self.elastic, self.fractions, rates
 
-    def parts(self) -> Iterator[Sets]:
+    def parts(self) -> Iterator[ConstantSets]:
         """Yield the sets in groups of `SETS`; the last group is filled up with the last set."""
         count = len(self.elastic)
         for start in range(0, count, SETS):
             rows = np.minimum(np.arange(start, start + SETS), count - 1)
             rates = self.rates if self.rates.ndim == 1 else self.rates[rows]
             layers = tuple(own[rows] for own in self.layers)
-            yield Sets(self.elastic[rows], self.fractions[rows], rates, layers)
+            yield ConstantSets(self.elastic[rows], self.fractions[rows], rates, layers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class LayerChain:
         layers = tuple(jax.tree.structure(layer) for layer in law.layers)
         return cls(jax.tree.structure(law.elastic), layers)
 
-    def forces(self, groups: Sequence[Sets], tests: TestGroup) -> Sequence[Force]:
+    def forces(self, groups: Sequence[ConstantSets], tests: TestGroup) -> Sequence[Force]:
         """Return the force (T, K, N) in N of each group of as many sets as run together."""
         motions = [tests.leaves] * len(groups)
         return self._under(len(self.layers), groups, tests, motions, tests.structure)
@@ -135,7 +135,7 @@ class LayerChain:
     def _under(
         self,
         count: int,
-        groups: Sequence[Sets],
+        groups: Sequence[ConstantSets],
         tests: TestGroup,
         motions: Sequence[Leaves],
         structure: PyTreeDef,
@@ -193,7 +193,7 @@ class LayerChain:
         return tests.known[key]
 
     def _material(
-        self, groups: Sequence[Sets], motions: Sequence[Leaves], structure: PyTreeDef
+        self, groups: Sequence[ConstantSets], motions: Sequence[Leaves], structure: PyTreeDef
     ) -> Sequence[Force]:
         """Return the force (T, K, N) of the material alone for each group."""
         paths = [_path(leaves, structure) for leaves in motions]
@@ -208,7 +208,7 @@ class LayerChain:
 
     def _from_parts(
         self,
-        groups: Sequence[Sets],
+        groups: Sequence[ConstantSets],
         paths: Sequence[Path],
         shared: tuple[bool, ...],
         index: NDArray[np.intp],
@@ -250,7 +250,7 @@ class ForceEngine:
         )
         self._lock = Lock()
 
-    def forces(self, chain: LayerChain, sets: Sets, record: Record) -> Array:
+    def forces(self, chain: LayerChain, sets: ConstantSets, record: Record) -> Array:
         """Return block means (K, T, B) of the force (N) of K sets of constants over a record."""
         count, (tests, blocks) = len(sets.elastic), np.shape(record.nodes)[:2]
         by_length = self._groups(record)
@@ -297,7 +297,7 @@ def _by_length(record: Record) -> list[TestGroup]:
 
 
 def _equal_sets(
-    groups: Sequence[Sets], paths: Sequence[Path], shared: Sequence[bool]
+    groups: Sequence[ConstantSets], paths: Sequence[Path], shared: Sequence[bool]
 ) -> NDArray[np.intp]:
     """Return an index (K,) that is the same for sets of equal elastic constants and motion.
 

@@ -20,7 +20,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.forward.engine import ForceEngine, LayerChain, Sets
+from qlvbayes.inference.forward.engine import ConstantSets, ForceEngine, LayerChain
 from qlvbayes.inference.forward.fixedrates import FixedRates, relaxation_of
 from qlvbayes.inference.forward.hypothesis import (
     ELASTIC,
@@ -193,14 +193,14 @@ class Space:
             self._chains[hypothesis] = LayerChain.from_law(law), columns
         return self._chains[hypothesis]
 
-    def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Sets:
+    def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> ConstantSets:
         """Return constants (K, P) by law and layer; long spectra are represented by fixed rates."""
         fractions, rates = self.spectra(hypothesis, constants)
         if rates.shape[1] > FEW:
             fractions, rates = fixed.fractions(fractions, rates), fixed.rates
         elastic = self.parameters(hypothesis).columns[ELASTIC]
         layers = tuple(constants[:, columns] for columns in self._chain(hypothesis)[1])
-        return Sets(constants[:, elastic], fractions, rates, layers)
+        return ConstantSets(constants[:, elastic], fractions, rates, layers)
 
     def spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
         """Return fractions (K, L + 1) and rates (K, L), changed by the effects that act on them."""

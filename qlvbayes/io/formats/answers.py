@@ -11,7 +11,7 @@ from qlvbayes.io.formats.machineunits import named_units
 from qlvbayes.io.formats.naming import pattern_of
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
-"""Which columns change sign, with the factors of displacement and force."""
+"""Choices of the columns that change sign, with the factors of displacement and force."""
 FILE = "file"  # value of --contact that stands for the file's own zero
 
 

@@ -40,7 +40,7 @@ class BluehillThree(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one test of the file."""
-        return (table_in_two_rows(path, _header, _said),)
+        return (table_in_two_rows(path, _header, _title_and_date),)
 
 
 def _is_names(cells: list[str]) -> bool:
@@ -58,7 +58,7 @@ def _header(lines: Lines) -> int | None:
     return None
 
 
-def _said(lines: Lines, header: int) -> tuple[str, str]:
+def _title_and_date(lines: Lines, header: int) -> tuple[str, str]:
     """Return the specimen and the date from the pairs of key and value above the table."""
     pairs = [cells for number, cells in lines.cells() if number < header and len(cells) > 1]
     settings = {key.lower().removesuffix(":").strip(): value for key, value, *_ in pairs}

@@ -13,7 +13,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import unit_of
 
-# What may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
+# Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
     r"( (axial|axiale|assiale|normal|normale|estandar|standard)"
     r"| (de|di|del|della|en|in|a) (la )?(compression|compresion|compressione|traction|traccion"

@@ -85,7 +85,7 @@ class Conversion:
     """All tests of some files, converted to one system of units.
 
     ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
-    one file are taken as those of one pad, although nobody has said so.
+    one file are taken as those of one pad, although nobody has stated it.
     """
 
     tests: tuple[Tidied, ...]
@@ -182,8 +182,8 @@ def convert(
         stage.tidied(name, units, clock)
         for stage, name, clock in zip(stages, names, _clocks(stages), strict=True)
     ]
-    said = bool(answers.pads) or answers.pad_from is not None
-    undivided = not said and bool(_together(tests))
+    pads_stated = bool(answers.pads) or answers.pad_from is not None
+    undivided = not pads_stated and bool(_together(tests))
     return Conversion(tuple(tests), units, tuple(faults.values()), undivided)
 
 
@@ -434,7 +434,7 @@ def _in_units(
 
 
 def _written(unit: Unit, channel: Channel) -> str:
-    return channel.unit or f"{unit.tidy or '1'} (as said)"
+    return channel.unit or f"{unit.tidy or '1'} (as stated by the user)"
 
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
@@ -545,7 +545,7 @@ def _sign_finding(signs: Signs, recording: Recording, answers: Answers) -> str:
     ]
     what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
     if answers.sign is not None:
-        return f"sign {what}, as said"
+        return f"sign {what}, as stated by the user"
     if recording.pressing:
         return f"sign {what}: this layout fixes it"
     return (

@@ -118,13 +118,13 @@ def _matlab(path: str) -> list[tuple[Any, np.ndarray]]:
             continue
         if hasattr(value, "_fieldnames"):
             parts = {name: getattr(value, name) for name in value._fieldnames}
-            vectors += [([key, name], part) for name, part in _numbers(parts)]
+            vectors += [([key, name], part) for name, part in _numeric_arrays(parts)]
         else:
-            vectors += [([None, name], part) for name, part in _numbers({key: value})]
+            vectors += [([None, name], part) for name, part in _numeric_arrays({key: value})]
     return vectors
 
 
-def _numbers(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
+def _numeric_arrays(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
     arrays = {}
     for name, value in named.items():
         try:
@@ -153,7 +153,7 @@ def _ros_topic(reader: Any, connection: Any) -> list[tuple[Any, np.ndarray]]:
     stamps, received, rows = [], [], []
     for time, raw in ((t, r) for _, t, r in reader.messages(connections=[connection])):
         message = reader.deserialize(raw, connection.msgtype)
-        rows.append(_ros_numbers(message))
+        rows.append(_ros_values(message))
         if not rows[0]:
             return []
         stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -166,21 +166,21 @@ def _ros_topic(reader: Any, connection: Any) -> list[tuple[Any, np.ndarray]]:
     return [([connection.topic, field], column) for field, column in named]
 
 
-def _ros_numbers(message: Any, path: tuple[str, ...] = ()) -> dict[str, float]:
+def _ros_values(message: Any, path: tuple[str, ...] = ()) -> dict[str, float]:
     """Return forces, positions (of joints by their names) and plain numbers, by their path."""
     fields = vars(message)
     if isinstance(fields.get("position"), np.ndarray) and "name" in fields:
         joints = zip(fields["name"], fields["position"], strict=False)
         return {".".join((*path, f"position[{name}]")): float(value) for name, value in joints}
-    numbers: dict[str, float] = {}
+    values: dict[str, float] = {}
     for key, value in fields.items():
         if dataclasses.is_dataclass(value) and len(path) < _DEEPEST:
-            numbers |= _ros_numbers(value, (*path, key))
+            values |= _ros_values(value, (*path, key))
         elif isinstance(value, (int, float)) and (
             key == "data" or (path[-1:] and path[-1] in _VECTORS and key in ("x", "y", "z"))
         ):
-            numbers[".".join((*path, key))] = float(value)
-    return numbers
+            values[".".join((*path, key))] = float(value)
+    return values
 
 
 _READERS: dict[str, Callable[[str], list[tuple[Any, np.ndarray]]]] = {

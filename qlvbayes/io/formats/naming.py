@@ -18,8 +18,8 @@ _MEAN = re.compile(
 DEFAULT_PAD = "pad"  # the name in a tidy file without the column
 _SHOWN = 200  # characters of a name or pattern that an error shows
 _PATTERNS = (r"^(.+?)[ _.-]*\d+$", r"^(.+?)[ _-]+[^ _-]*$", r"^[^ _-]+", r"^.+$")
-"""What of a test's name may be its pad's: all before the last number, before the last separator,
-before the first, or the whole name."""
+"""Parts of a test's name that may be its pad's: all before the last number, before the last
+separator, before the first separator, or the whole name."""
 
 
 def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str] | None:

@@ -117,7 +117,7 @@ _RESULTS = {
         r"|modulo de (almacenamiento|perdida)"
     ),
 }
-"""What some programs compute from measurements, with the names of these columns, simplified."""
+"""Quantities that some programs compute from measurements, with the simplified column names."""
 _OVER = {
     "a relaxation modulus": "strain and stress over time",
     "a creep compliance": "strain and stress over time",

@@ -95,8 +95,8 @@ class RosTable(AbstractFormat):
             channels.append((name, _seconds(stamps, origin), values, origin * _unit(origin)))
             origins.append(origin * _unit(origin))
         zero = min(origins, default=0.0)
-        found = [RosChannel(n, t + (o - zero), v) for n, t, v, o in channels]
-        return (recording_of(found, path, zero, {"cut last line": 1} if cut.strip() else {}),)
+        aligned = [RosChannel(n, t + (o - zero), v) for n, t, v, o in channels]
+        return (recording_of(aligned, path, zero, {"cut last line": 1} if cut.strip() else {}),)
 
 
 def _candidates(lines: Lines) -> list[list[str]]:

@@ -69,10 +69,10 @@ def meaning(name: str) -> RosField | None:
     if _JOINT.fullmatch(name):
         return RosField("displacement", "", rank=1)
     own = _DATA.sub("", name).rpartition("/")[2]
-    found = quantities([NamedColumn(0, *split_header(own))])
+    by_quantity = quantities([NamedColumn(0, *split_header(own))])
     for quantity in ("force", "displacement"):
-        if quantity in found:
-            return RosField(quantity, found[quantity].unit, rank=2)
+        if quantity in by_quantity:
+            return RosField(quantity, by_quantity[quantity].unit, rank=2)
     return None
 
 

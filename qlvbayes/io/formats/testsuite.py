@@ -40,7 +40,7 @@ class TestSuite(AbstractFormat):
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
         """Return the one test of the file."""
-        return (table_in_two_rows(path, _header, _said),)
+        return (table_in_two_rows(path, _header, _title_and_date),)
 
 
 def _settings(lines: Lines) -> dict[str, str]:
@@ -53,7 +53,7 @@ def _settings(lines: Lines) -> dict[str, str]:
     return settings
 
 
-def _said(lines: Lines, _: int) -> tuple[str, str]:
+def _title_and_date(lines: Lines, _: int) -> tuple[str, str]:
     """Return the run and the date."""
     settings = _settings(lines)
     return settings.get("test run", ""), settings.get("date", "")

@@ -59,8 +59,8 @@ class TestXpert(AbstractFormat):
             remedy = "export the curves again"
             raise InputError("there are no rows below the names", file=path, remedy=remedy)
         below = cells_of(lines.texts[header + 1], separator)
-        columns = in_cells(names) if kind == "beside" else in_two_rows(names, below)
-        first = header + 1 + (kind == "below")
+        columns = in_cells(names) if kind == "same row" else in_two_rows(names, below)
+        first = header + 1 + (kind == "next row")
         dates = [seconds_of(cell) for _, cells in lines.cells() for cell in cells if ":" in cell]
         began = next((date for date in dates if date is not None), None)
         rows = data[lines.starts[first] :]
@@ -78,9 +78,9 @@ def names_row(rows: Sequence[Sequence[str]]) -> int:
 
 
 def _units(lines: Lines, header: int) -> str:
-    """Return where the units are: ``beside`` the names or ``below`` them; empty if nowhere."""
+    """Return the row of the units: the names' ``same row`` or the ``next row``; empty if none."""
     separator = separator_of(lines.texts[header])
     if all(column.unit for column in in_cells(cells_of(lines.texts[header], separator))):
-        return "beside"
+        return "same row"
     below = lines.texts[header + 1] if header + 1 < len(lines.texts) else ""
-    return "below" if are_units(cells_of(below, separator)) else ""
+    return "next row" if are_units(cells_of(below, separator)) else ""

@@ -98,7 +98,7 @@ def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
     written = [column for column in one_row if column.name]
     columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
     picked = chosen(columns, path, header + 1)
-    values = [_numbers(rows[header + 1 :], named.index) for named in picked.values()]
+    values = [_values(rows[header + 1 :], named.index) for named in picked.values()]
     good = np.logical_and.reduce([np.isfinite(column) for column in values])
     units = int(columns is not one_row)  # the row of units is not counted as lost
     lost = int(np.count_nonzero(~good)) - units
@@ -106,6 +106,6 @@ def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
     return recording(columns, picked, [column[good] for column in values], dropped, title)
 
 
-def _numbers(rows: list[Any], index: int) -> Floats:
+def _values(rows: list[Any], index: int) -> Floats:
     cells = [row[index] if index < len(row) else None for row in rows]
     return np.array([c if isinstance(c, (int, float)) else np.nan for c in cells], dtype=float)

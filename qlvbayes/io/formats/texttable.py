@@ -35,11 +35,12 @@ def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]
 def table_in_two_rows(
     path: Path,
     find: Callable[[Lines], int | None],
-    said: Callable[[Lines, int], tuple[str, str]],
+    find_title: Callable[[Lines, int], tuple[str, str]],
 ) -> Recording:
     """Read the table below a row of names and a row of units.
 
-    ``find`` returns the line of the names; ``said`` the test's name and date, given that line.
+    ``find`` returns the line of the names; given that line, ``find_title`` returns the test's name
+    and date.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def table_in_two_rows(
     data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
     separator = separator_of(lines.texts[first])
     names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
-    rows, (name, date) = data[lines.starts[first + 2] :], said(lines, first)
+    rows, (name, date) = data[lines.starts[first + 2] :], find_title(lines, first)
     columns = in_two_rows(names, units)
     return table(columns, rows, separator, path, first, name=name, began=seconds_of(date))
 

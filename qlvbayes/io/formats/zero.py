@@ -97,11 +97,13 @@ def _zero(
     answers: Answers,
 ) -> Zero | UnsureError:
     if answers.contact == FILE:
-        return Zero(0.0, 0.0, "contact at the file's own zero, as said", contact=one.contact)
+        return Zero(
+            0.0, 0.0, "contact at the file's own zero, as stated by the user", contact=one.contact
+        )
     length = one.units.displacement
     if answers.contact is not None:
         position = one.signs.way * float(answers.contact)
-        finding = f"contact at {float(answers.contact):.6g} {length}, as said"
+        finding = f"contact at {float(answers.contact):.6g} {length}, as stated by the user"
         return Zero(position, 0.0, finding, contact=one.contact)
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"

@@ -57,7 +57,7 @@ def _fault(text: str, dialect: Dialect) -> tuple[str, str] | None:
         fields = "1 field" if len(cells) == 1 else f"{len(cells)} fields"
         what = f"the row has {fields} and the header {dialect.columns.width}"
         return what, "complete or delete the row"
-    for column in dialect.columns.numbers.values():
+    for column in dialect.columns.numeric.values():
         cell = cells[column.index]
         value = parse_number(cell, dialect.decimal)
         if value is None:

@@ -70,7 +70,7 @@ def split_row(text: str, separator: str) -> list[str]:
 
 def _decimal(rows: Iterable[list[str]], columns: Columns, separator: str) -> str:
     """Return the decimal mark of the first number that has one."""
-    indices = [column.index for column in columns.numbers.values()]
+    indices = [column.index for column in columns.numeric.values()]
     for row in rows:
         for cell in (row[index] for index in indices if index < len(row)):
             # "1,234" in a comma-separated file may well be a thousand

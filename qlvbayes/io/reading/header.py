@@ -56,10 +56,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns that are read; `numbers` are time, displacement, force and force_sd."""
+    """Columns that are read; `numeric` are time, displacement, force and force_sd."""
 
     units: UnitSystem
-    numbers: dict[str, Column]
+    numeric: dict[str, Column]
     labels: dict[str, Column]
     ignored: tuple[str, ...]
     width: int
@@ -78,29 +78,29 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
     by_quantity = header.find()
     units = header.choose_units(by_quantity)
     header.refuse_missing(by_quantity, units)
-    numbers = {
+    numeric = {
         "time": by_quantity["time"],
         "displacement": by_quantity[units.displacement_name],
         "force": by_quantity[units.force_name],
     }
     if (measured := f"{units.force_name}_sd") in by_quantity:
-        numbers["force_sd"] = by_quantity[measured]
+        numeric["force_sd"] = by_quantity[measured]
     labels = {
         key: by_quantity[key]
         for key in (*LABELS, "rate", "start", "contact_sd")
         if key in by_quantity
     }
-    own = _Own(numbers["displacement"].scale, numbers["force"].scale)
-    numbers, labels = own.scaled(numbers), own.scaled(labels)
-    used = {column.index for column in (*numbers.values(), *labels.values())}
+    own = _Own(numeric["displacement"].scale, numeric["force"].scale)
+    numeric, labels = own.scaled(numeric), own.scaled(labels)
+    used = {column.index for column in (*numeric.values(), *labels.values())}
     ignored = tuple(name for i, name in enumerate(names) if i not in used and name)
-    return Columns(_units_of(units, numbers), numbers, labels, ignored, len(names))
+    return Columns(_units_of(units, numeric), numeric, labels, ignored, len(names))
 
 
-def _units_of(kind: UnitSystem, numbers: dict[str, Column]) -> UnitSystem:
+def _units_of(kind: UnitSystem, numeric: dict[str, Column]) -> UnitSystem:
     """Return the units of the file's displacement and force columns."""
-    displacement = kind.displacement if kind.dimensionless else numbers["displacement"].suffix
-    return unit_system(displacement, numbers["force"].suffix)
+    displacement = kind.displacement if kind.dimensionless else numeric["displacement"].suffix
+    return unit_system(displacement, numeric["force"].suffix)
 
 
 @dataclass(frozen=True)

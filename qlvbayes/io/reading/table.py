@@ -68,12 +68,12 @@ class Runs:
 
 @dataclass(frozen=True)
 class Table:
-    """All rows of a file: `numbers[quantity]` (n,), the runs of labels, and the other lines.
+    """All rows of a file: `numeric[quantity]` (n,), the runs of labels, and the other lines.
 
     `skipped` are the numbers of the lines that are no rows.
     """
 
-    numbers: dict[str, Floats]
+    numeric: dict[str, Floats]
     runs: Runs
     skipped: Integers
 
@@ -110,7 +110,7 @@ class _Reader:
         self.path = path
         self.dialect = dialect
         columns = dialect.columns
-        self.numbers = {key: GrowingColumn() for key in columns.numbers}
+        self.numeric = {key: GrowingColumn() for key in columns.numeric}
         self.texts: dict[str, dict[str, int]] = {key: {} for key in columns.labels}
         self.codes: dict[str, list[Integers]] = {key: [] for key in columns.labels}
         self.starts: list[Integers] = []
@@ -132,9 +132,9 @@ class _Reader:
 
     def table(self) -> Table:
         """Return the table that the blocks make."""
-        numbers = {key: column.finish() for key, column in self.numbers.items()}
-        for key, column in self.dialect.columns.numbers.items():
-            column.scale.convert(numbers[key])
+        numeric = {key: column.finish() for key, column in self.numeric.items()}
+        for key, column in self.dialect.columns.numeric.items():
+            column.scale.convert(numeric[key])
         starts = np.concatenate(self.starts)
         codes = {key: np.concatenate(parts) for key, parts in self.codes.items()}
         # A run may have been cut by the end of a block.
@@ -145,7 +145,7 @@ class _Reader:
             {key: values[new] for key, values in codes.items()},
             {key: list(texts) for key, texts in self.texts.items()},
         )
-        return Table(numbers, runs, np.concatenate(self.skipped))
+        return Table(numeric, runs, np.concatenate(self.skipped))
 
     def _well_formed(self, rows: bytes) -> bool:
         """Return whether every line has as many fields as the header."""
@@ -165,15 +165,15 @@ class _Reader:
     def _parse(self, rows: bytes) -> pd.DataFrame | None:
         """Read good rows fast; return None if any of them is not good."""
         columns = self.dialect.columns
-        numbers = [column.index for column in columns.numbers.values()]
+        numeric = [column.index for column in columns.numeric.values()]
         labels = [column.index for column in columns.labels.values()]
         # pandas takes a column of nothing but True and False for ones and zeros.
         first = split_row(rows[: rows.index(b"\n")].decode("utf-8"), self.dialect.separator)
         if len(first) != columns.width:
             return None
-        if any(parse_number(first[index], self.dialect.decimal) is None for index in numbers):
+        if any(parse_number(first[index], self.dialect.decimal) is None for index in numeric):
             return None
-        dtypes: dict[int, type] = dict.fromkeys(numbers, float) | dict.fromkeys(labels, object)
+        dtypes: dict[int, type] = dict.fromkeys(numeric, float) | dict.fromkeys(labels, object)
         try:
             return pd.read_csv(
                 io.BytesIO(rows),
@@ -181,7 +181,7 @@ class _Reader:
                 header=None,
                 names=list(range(columns.width)),
                 index_col=False,
-                usecols=numbers + labels,
+                usecols=numeric + labels,
                 dtype=dtypes,
                 sep=self.dialect.separator,
                 decimal=self.dialect.decimal,
@@ -195,11 +195,11 @@ class _Reader:
     def _keep(self, frame: pd.DataFrame) -> bool:
         """Append the frame's columns; return False if a number is not finite."""
         columns = self.dialect.columns
-        for key, column in columns.numbers.items():
+        for key, column in columns.numeric.items():
             values = frame[column.index].to_numpy(dtype=np.float64)
             if not np.isfinite(values).all():
                 return False
-            self.numbers[key].append(values)
+            self.numeric[key].append(values)
         codes = {key: self._codes(key, frame[col.index]) for key, col in columns.labels.items()}
         first = np.flatnonzero(np.append(True, _changes(codes.values(), len(frame))))
         self.starts.append(first + self.rows)
@@ -212,8 +212,8 @@ class _Reader:
         """Return the code of every text of a label, the same in all blocks."""
         codes, unique = pd.factorize(texts)
         known = self.texts[key]
-        numbers = [known.setdefault(str(text).strip(), len(known)) for text in unique]
-        return np.array(numbers, dtype=np.int64)[codes]
+        common = [known.setdefault(str(text).strip(), len(known)) for text in unique]
+        return np.array(common, dtype=np.int64)[codes]
 
 
 def _line_bounds(data: NDArray[np.uint8]) -> tuple[Integers, Integers]:

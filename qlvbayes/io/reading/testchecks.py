@@ -53,7 +53,7 @@ class Checker:
     def check(
         self,
         rows: Rows,
-        numbers: dict[str, Floats],
+        readings: dict[str, Floats],
         *,
         loaded: bool = False,
         used: NDArray[np.bool_],
@@ -63,26 +63,26 @@ class Checker:
         ``loaded`` is true where force is prescribed, which may then stay constant from the first
         row on; ``used`` (n,) is true where the force is used.
         """
-        self._time(rows, numbers["time"])
-        if (size := len(numbers["time"])) < LEAST_SAMPLES:
+        self._time(rows, readings["time"])
+        if (size := len(readings["time"])) < LEAST_SAMPLES:
             what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "add the missing rows or delete the test")
         if (kept := np.count_nonzero(used)) < LEAST_SAMPLES:
             what = f"the column use keeps {kept} rows of {_title(rows)}, and "
             what += f"at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "write 1 in more of its rows or delete the test")
-        force = numbers["force"][used]
-        for key, values in (("displacement", numbers["displacement"]), ("force", force)):
+        force = readings["force"][used]
+        for key, values in (("displacement", readings["displacement"]), ("force", force)):
             held = key == "force" and loaded and values.max() > 0.0
             if values.min() == values.max() and not held:
                 what = f"{self._name(key)} never changes in {_title(rows)}"
                 self.fail(rows, 0, what, "check the channel or delete the test")
-        if "force_sd" in numbers and numbers["force_sd"].min() <= 0:
-            bad = int(np.argmax(numbers["force_sd"] <= 0))
-            what = f"{self._name('force_sd')} is not positive ({numbers['force_sd'][bad]:g})"
+        if "force_sd" in readings and readings["force_sd"].min() <= 0:
+            bad = int(np.argmax(readings["force_sd"] <= 0))
+            what = f"{self._name('force_sd')} is not positive ({readings['force_sd'][bad]:g})"
             self.fail(rows, bad, what, "write its standard deviation or delete the column")
         if not self.columns.units.dimensionless:
-            self._signs(rows, numbers["displacement"][used], force)
+            self._signs(rows, readings["displacement"][used], force)
 
     def fail(self, rows: Rows, sample: int, message: str, remedy: str) -> NoReturn:
         """Raise the error at a sample of the test."""
@@ -90,7 +90,7 @@ class Checker:
         raise InputError(message, file=self.file, line=line, remedy=remedy)
 
     def _name(self, key: str) -> str:
-        return self.columns.numbers[key].name
+        return self.columns.numeric[key].name
 
     def _time(self, rows: Rows, time: Floats) -> None:
         """Refuse time that does not increase but for single slips, and say how it fails."""

@@ -51,12 +51,14 @@ def sound_tests(
                 _refuse_clock(test, slips)
         return [(test, None) for test in tests]
     cleaned: list[tuple[Test, BadReadings | None]] = []
-    doubts = [_Doubts(test, indices) for test, indices in zip(tests, ticking, strict=True)]
-    top = max((one.fastest for one in doubts), default=0.0)
-    for test, slips, doubt in zip(tests, clocks, doubts, strict=True):
+    candidates = [
+        _OutlyingReadings(test, indices) for test, indices in zip(tests, ticking, strict=True)
+    ]
+    top = max((one.fastest for one in candidates), default=0.0)
+    for test, slips, candidate in zip(tests, clocks, candidates, strict=True):
         runs = [] if slips is None else [Bad(k, k + 1, "time", "clock") for k in slips.tolist()]
         bad = BadReadings.from_runs(
-            test.time, test.displacement, test.force, [*runs, *doubt.settled(top)]
+            test.time, test.displacement, test.force, [*runs, *candidate.settled(top)]
         )
         if limited and bad.count > LARGEST_SHARE * test.time.size:
             _refuse(test, bad)
@@ -84,7 +86,7 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
     )
 
 
-class _Doubts:
+class _OutlyingReadings:
     """The readings of each channel of a test that are outlying within that channel alone.
 
     Where the user leaves out the force, a straight line takes its place between the readings

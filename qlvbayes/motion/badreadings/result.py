@@ -26,14 +26,14 @@ _CHANNELS = {"time": "time", "both": "displacement and force"}
 class Bad:
     """Readings [first, stop) of a test that are left out together, in one channel or in both.
 
-    said_by: what says so where the user excludes them.
+    stated_by: option or column by which the user excludes them.
     """
 
     first: int
     stop: int
     channel: Channel
     kind: Kind
-    said_by: str = ""
+    stated_by: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,7 @@
-"""What a pad's tests do: movements, holds, unloadings; the parts of a model depend on these."""
+"""Collect the movements, holds and unloadings of a pad's tests.
+
+Which parts of a model the tests can show depends on these.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from qlvbayes.motion.phases import MOVING, Phase
 NEARLY = 0.02
 """Share of the largest depth or force, below which a test counts as back at zero."""
 DEEPER = 1.25
-"""Times a depth: another one."""
+"""Ratio of two depths from which they count as different."""
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
 _TIMES = 401  # of a movement, at which its speed is looked for

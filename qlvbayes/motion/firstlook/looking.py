@@ -58,7 +58,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
         (
-            *_cautions(experiment, tests),
+            *_corrections(experiment, tests),
             *falls,
             *pull_notices(experiment, bonded=bonded, effects=effects),
         ),
@@ -198,7 +198,7 @@ def _peak_time(trial: Trial) -> float:
     return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
 
 
-def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
+def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
     """Return sentences on what to correct or to decide before a fit."""
     units, noise, cautions = experiment.units, noise_of(experiment), []
     for test in tests:

@@ -8,7 +8,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 BY_PHASE = "by phase"
-"""What is prescribed in a test, where that differs from phase to phase."""
+"""Control of a test in which the prescribed quantity differs from phase to phase."""
 Answer = Literal["yes", "hardly", "no"]
 
 
@@ -121,8 +121,8 @@ class NoiseSeen(
 ):
     """Noise of the force at rest: sd of a reading, its white and its correlated part.
 
-    testable: whether structure can be told from correlated noise; by_reading: whether each reading
-    has a sd of its own, of whose root mean square these are.
+    testable: whether structure can be distinguished from correlated noise; by_reading: whether each
+    reading has a sd of its own, of whose root mean square these are.
     """
 
     total: float

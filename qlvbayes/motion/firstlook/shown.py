@@ -1,9 +1,9 @@
-"""Which parts of a model a pad's tests can show, from their movements and holds alone.
+"""Decide which parts of a model a pad's tests can show, from movements and holds alone.
 
 A part is shown where a change of it changes the force in a way that no other part makes as well,
 in tests like these: relaxation in a hold as long as its time constant, a force that grows with the
-speed in two speeds, a change with depth in holds at two depths. Whether it is larger than the noise
-only a fit can tell.
+speed in two speeds, a change with depth in holds at two depths. Only
+a fit shows whether it is larger than the noise.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.dwells import Dwell, MeasuredTest, dwell_of, pressed
 from qlvbayes.motion.phases import MOVING, Phase
 
-_FEWEST_CYCLES = 4  # the first is left out, and three values tell two ways of settling from noise
+_FEWEST_CYCLES = 4  # the first is left out, and three values distinguish settling from noise
 _LATE = 0.1  # of a stroke: where one turns further off its time the cycles are not equal
 _UNEQUAL = 0.05  # of the stroke: the same of depths; the reading nearest a turn may miss it by half
 _READ = 0.5  # of the median number of readings: a cycle with fewer does not show how deep it went

@@ -29,7 +29,7 @@ from qlvbayes.motion.phases import Phase
 _WINDOW = 20
 """Readings: a sd from their median is known to a quarter."""
 _FEWEST = 3
-"""Windows in which a fall can be told from a kink."""
+"""Windows in which a fall can be distinguished from a kink."""
 _FALLS = 4.0
 """First sd over the last: more than noise that grows with a relaxing force makes of it."""
 _DECISIVE = 20.0

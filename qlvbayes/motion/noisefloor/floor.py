@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.posterior import Dwells, NoiseConstants
 
-_SPREAD = 40  # draws that tell the spread
+_SPREAD = 40  # draws that show the spread
 _KEPT = 0.95  # probability of the floors that are averaged
-_MOST = 5.0  # a wider prior would tell nothing
+_MOST = 5.0  # a wider prior would say nothing
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class NoiseFloor:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the dwells determine the kind of noise."""
+        """True if the dwells determine the kind of noise."""
         return self.dwells is None or self.dwells.is_sure
 
     def scale(self, force: ArrayLike) -> Array:

@@ -32,7 +32,7 @@ _TAUS = 5
 _RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
 _LEAST_RATIO = -9.0
 _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
-_LONGEST = 0.5  # of the median dwell: a longer memory cannot be told from the trend
+_LONGEST = 0.5  # of the median dwell: a longer memory cannot be distinguished from the trend
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
 _NEUTRAL = 0.1  # of a dwell: memory where none is seen
@@ -145,7 +145,7 @@ def _without_dwells(
         about += ", and correlated noise of the same size is taken to be there"
     notice = (
         f"no hold or recovery shows the noise: {about}; a systematic error that looks like "
-        "correlated noise cannot be told from it (not testable)"
+        "correlated noise cannot be distinguished from it (not testable)"
     )
     return replace(floor, testable=False, notices=(notice,))
 
@@ -180,7 +180,7 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
     # a memory that less than half of the dwells are long enough to show may be one's relaxation
     typical = float(np.median(lengths))
     neutral, memory = _NEUTRAL * typical, _LONGEST * typical
-    if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
+    if length > 0.0:  # strokes: the prior's median is the longest memory that they show
         typical, neutral = length, float(np.exp(prior_log_tau(length)))
         memory = neutral
     if not np.any(pool.y):

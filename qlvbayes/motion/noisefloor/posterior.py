@@ -88,7 +88,7 @@ class Dwells:
 
     @property
     def is_sure(self) -> bool:
-        """Whether that noise is correlated, and in which way, is beyond doubt."""
+        """True if the noise is correlated and the kind of its correlation is beyond doubt."""
         return self.correlated and self._share < _DOUBT
 
     def _own(self, count: int) -> list[NoiseConstants]:

@@ -74,12 +74,12 @@ class Viewer {
     this.following = true;
     for (const other of this.charts) if (other !== chart) other.setScale("x", { min, max });
     this.following = false;
-    this.tell(min, max);
+    this.showRange(min, max);
   }
 
   zoom(min, max) { if (this.charts.length) this.charts[0].setScale("x", { min: this.place(min), max: this.place(max) }); }
 
-  tell(min, max) {
+  showRange(min, max) {
     const [first, last] = [min, max].map((place) => this.timeAt(place));
     this.root.dataset.min = first;
     this.root.dataset.max = last;

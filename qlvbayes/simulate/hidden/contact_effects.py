@@ -122,7 +122,7 @@ class Backlash(Effect):
 
 @dataclass(frozen=True)
 class Adhesion(Effect):
-    """Where F < 0: F -> F exp(-(F / strength)^2 / (2 e)); strength in N.
+    """F -> F exp(-(F / strength)^2 / (2 e)) where F < 0; strength in N.
 
     The greatest tension is the strength, at F = -strength sqrt(e); beyond, the pad lets go.
     """

@@ -154,7 +154,7 @@ def _scaled(step: Step, stretch: float) -> Step:
 
 
 def _moments(platen: Motion) -> Array:
-    """Moments at which something may show: even in each piece, and soon after it began."""
+    """Return times at which something may show: even in each piece, and soon after it began."""
     if len(platen.pieces) > _MANY_PIECES:
         return np.linspace(0.0, platen.duration, _EVEN_MOMENTS)
     shares = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.04, 0.999, 25)])

@@ -58,7 +58,7 @@ class Effect:
         return asdict(self)
 
     def late(self) -> float:
-        """Seconds by which the force comes late."""
+        """Return the seconds by which the force comes late."""
         return 0.0
 
     def lost(self) -> float:
@@ -66,7 +66,7 @@ class Effect:
         return 0.0
 
     def modes(self, shares: Array, rates: Array) -> tuple[Array, Array]:
-        """Shares (c0, c1, ...) and rates (v1, ...) of the relaxation."""
+        """Return the shares (c0, c1, ...) and rates (v1, ...) of the relaxation."""
         return shares, rates
 
     def rate_factor(self, depth: Array) -> Array:

@@ -68,7 +68,7 @@ class Mesh:
 
 
 def recur(gain: Array, part: Array, start: float) -> Array:
-    """Values of y_(k+1) = gain_k y_k + part_k from y_0 = start; one more than gains."""
+    """Return the values of y_(k+1) = gain_k y_k + part_k from y_0 = start; one more than gains."""
     y = start
     values = [y]
     for g, p in zip(gain.tolist(), part.tolist(), strict=True):
@@ -78,7 +78,7 @@ def recur(gain: Array, part: Array, start: float) -> Array:
 
 
 def graded(breaks: Array, cells: int) -> Array:
-    """Edges of about `cells` cells in each stretch between breaks, fine towards both its ends."""
+    """Return edges of about `cells` cells in each stretch between breaks, fine towards its ends."""
     half = np.geomspace(_FIRST_CELL, 0.5, max(cells // 3, 4))
     even = np.linspace(0.0, 1.0, max(cells // 3, 4))
     shape = np.unique(np.concatenate([half, 1.0 - half, even]))[:-1]

@@ -74,7 +74,7 @@ class SensorNonlinearity(Effect):
     period: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """ParameterBias the calibration."""
+        """Return the force with the error of the calibration."""
         return force + self.amplitude * np.sin(2.0 * pi * force / self.period)
 
 
@@ -100,7 +100,7 @@ class Slip(Effect):
         return force * np.where(slipped, 1.0 - self.share, 1.0)
 
     def moment(self, platen: Motion) -> float:
-        """When it slips, s into the test; never without a hold of at least 1 s."""
+        """Return the time (s) of the slip; infinity without a hold of at least 1 s."""
         holds = [p for p in platen.pieces if abs(p.velocity) < _STILL and p.acceleration == 0]
         holds = [p for p in holds if p.duration >= _LEAST_HOLD_S]
         if not holds:

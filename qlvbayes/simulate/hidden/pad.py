@@ -82,7 +82,7 @@ class HiddenPad:
         return shares, rates
 
     def _levels(self, platen: Motion) -> Array:
-        """Displacements at which the depth or its effects may have a kink."""
+        """Return the displacements at which the depth or its effects may have a kink."""
         ends = platen.displacement([p.start + p.duration for p in platen.pieces])
         largest = np.unique(np.maximum.accumulate(np.maximum(ends, 0.0)))
         levels, lost = [np.zeros(1), largest], 0.0
@@ -177,14 +177,14 @@ def _velocity(platen: Motion, mesh: Mesh) -> Array:
 
 
 def _breaks(platen: Motion, levels: Array) -> Array:
-    """Times where acceleration jumps or the displacement crosses a level."""
+    """Return the times where acceleration jumps or the displacement crosses a level."""
     starts = [piece.start for piece in platen.pieces]
     crossings = [_crossings(piece, level) for piece in platen.pieces for level in levels]
     return np.unique(np.concatenate([starts, [platen.duration], *crossings]))
 
 
 def _crossings(piece: Piece, level: float) -> Array:
-    """Times at which a piece passes a displacement, without its ends."""
+    """Return the times at which a piece passes a displacement, without its ends."""
     a, b, c = 0.5 * piece.acceleration, piece.velocity, piece.displacement - level
     root = b * b - 4.0 * a * c
     if root < 0 or (a == 0 and b == 0):
@@ -201,7 +201,7 @@ def _apart(breaks: Array) -> Array:
 
 
 def _losses(mesh: Mesh, path: Path, force: Array) -> Array:
-    """Times at which contact or force begin or end, roughly."""
+    """Return the times at which contact or force begin or end, roughly."""
     time = mesh.time.ravel()
     zeros = [np.zeros(0)]
     for values in (path.depth.ravel(), force.ravel()):

@@ -92,7 +92,7 @@ def stiffness_of(draw: Draw) -> float:
 
 
 def film_of(draw: Draw) -> dict[str, Any]:
-    """Thickness of a film, 1.3 to 3 depths."""
+    """Return the thickness of a film, 1.3 to 3 depths."""
     return {"h": draw.depth * draw.even(1.3, 3.0)}
 
 

@@ -131,5 +131,5 @@ class ChannelLag(Effect):
     delay: float
 
     def late(self) -> float:
-        """Seconds by which the force comes late."""
+        """Return the seconds by which the force comes late."""
         return self.delay

@@ -148,11 +148,13 @@ def _stepping(
     if not any(able):
         check_inverse(models[0])
     lost = [str(one) for one, stays in zip(averaged, able, strict=True) if not stays]
-    said = f"left out, as they allow no displacement to be computed from a force: {', '.join(lost)}"
+    sentence = (
+        f"left out, as they allow no displacement to be computed from a force: {', '.join(lost)}"
+    )
     return (
         [model for model, stays in zip(models, able, strict=True) if stays],
         tuple(one for one, stays in zip(averaged, able, strict=True) if stays),
-        [said] if lost else [],
+        [sentence] if lost else [],
     )
 
 

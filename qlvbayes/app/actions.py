@@ -14,7 +14,7 @@ from qlvbayes.app.calls import Calls
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
-from qlvbayes.app.sessions import DATA, HistoryState, OnBench, Session, Sessions, entry
+from qlvbayes.app.sessions import DATA, BenchPad, HistoryState, Session, Sessions, entry
 from qlvbayes.io.files import bundled
 
 BUNDLED = {
@@ -25,7 +25,7 @@ _AT_FIRST = 2.0  # s in which the page requests all that it shows
 _CHANGES = ("add", "remove", "elastic", "relaxation")
 
 
-class Desk:
+class Actions:
     """Actions that the routes ask for, carried out in the server's own process."""
 
     def __init__(
@@ -42,8 +42,8 @@ class Desk:
         self.events = events
         self._effects_file = effects_file
         self._tasks: set[asyncio.Task[None]] = set()
-        self._laying: dict[tuple[str, str], asyncio.Lock] = {}
-        self._laid: set[tuple[str, str]] = set()
+        self._locks: dict[tuple[str, str], asyncio.Lock] = {}
+        self._opened: set[tuple[str, str]] = set()
 
     # sessions
 
@@ -78,12 +78,12 @@ class Desk:
         self.begin(session, [file])
         return session
 
-    def open_dealt(self) -> Session:
+    def open_simulated(self) -> Session:
         """Open a session with a newly simulated pad, in which something may be hidden."""
         session = self.sessions.new("a pad dealt to you")
         session.guess = {"given": None}
-        session.deal = secrets.randbelow(2**31)
-        self._later(session, self._deal(session))
+        session.seed = secrets.randbelow(2**31)
+        self._later(session, self._simulate(session))
         return session
 
     def open_results(self, folder: Path) -> Session:
@@ -133,8 +133,8 @@ class Desk:
         names = self._asked(session).get("names")
         if names is None:
             raise refused(409, "no test is asked about", "ask for the session's state")
-        found: dict[str, Any] = await self._ask("specimens", names=names, pattern=pattern)
-        return found
+        answer: dict[str, Any] = await self._ask("specimens", names=names, pattern=pattern)
+        return answer
 
     def _asked(self, session: Session) -> dict[str, Any]:
         """Return the questions; raise RefusedError where nothing is asked."""
@@ -148,11 +148,11 @@ class Desk:
             session.stage = "reading"
             self._later(session, self._prepare(session))
 
-    async def _deal(self, session: Session) -> None:
+    async def _simulate(self, session: Session) -> None:
         data = session.folder / DATA
         session.private.mkdir(parents=True, exist_ok=True)
         await self.jobs.run(
-            {"kind": "deal", "data": str(data), "truth": str(session.truth), "seed": session.deal}
+            {"kind": "deal", "data": str(data), "truth": str(session.truth), "seed": session.seed}
         )
         session.data = str(data)
         await self._prepare(session)
@@ -187,18 +187,18 @@ class Desk:
         self._stage(session, "preparing")
         known = [name for name in session.pads if name in session.bench]
         for name in known or session.pads[:1]:
-            await self.lay(session, name)
+            await self.open_pad(session, name)
         self._stage(session, "ready")
 
-    async def lay(self, session: Session, pad: str) -> OnBench:
+    async def open_pad(self, session: Session, pad: str) -> BenchPad:
         """Open a pad, and fit its first model if it is opened for the first time."""
         session.known(pad)
-        async with self._laying.setdefault((session.id, pad), asyncio.Lock()):
-            own = session.bench.get(pad) or OnBench()
-            if (session.id, pad) in self._laid:
+        async with self._locks.setdefault((session.id, pad), asyncio.Lock()):
+            own = session.bench.get(pad) or BenchPad()
+            if (session.id, pad) in self._opened:
                 return own
-            facts = await self._ask("lay", **self._where(session, pad), first=not own.history)
-            self._laid.add((session.id, pad))
+            facts = await self._ask("open_pad", **self._where(session, pad), first=not own.history)
+            self._opened.add((session.id, pad))
             model, curves = facts.pop("model", None), facts.pop("curves", None)
             own.facts = facts
             session.bench[pad] = own
@@ -213,7 +213,7 @@ class Desk:
         await asyncio.sleep(_AT_FIRST)
         await self._ask("warm", **self._where(session, pad))
 
-    async def _bands(self, session: Session, pad: str, own: OnBench) -> None:
+    async def _bands(self, session: Session, pad: str, own: BenchPad) -> None:
         """Read the bands of a chain that was sampled before, here or by a command."""
         folder = session.folder / pad
         if not all((folder / name).is_file() for name in ("curves.json", "summary.json")):
@@ -269,7 +269,7 @@ class Desk:
         """Record a guess, and return what was hidden."""
         if session.guess is None:
             raise refused(409, "nothing is to be guessed here", "open it in guess mode")
-        if session.hides:
+        if session.is_hiding:
             session.guess = {"given": {"effects": effects, "words": words}}
             session.guess["truth"] = _truth(session.truth)
             session.save()
@@ -289,7 +289,7 @@ class Desk:
             raise refused(422, f"no job {kind!r}", f"use one of {', '.join(wanted)}")
         if len(set(pads)) != wanted[kind]:
             raise refused(422, f"{kind} needs {wanted[kind]} pads", "name them")
-        if session.hides and kind in ("diagnose", "report"):
+        if session.is_hiding and kind in ("diagnose", "report"):
             raise refused(409, "a guess is owed first", "write down what you think is missing")
         spec = {"kind": kind, "out": str(session.folder), "data": session.data, "pads": pads}
         spec |= {"effects_file": self._effects_file, "models": {}}
