@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import inf, isfinite, log, log10
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,13 +15,33 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from qlvbayes.diagnosis.result import CellError
+from qlvbayes.fitting.residuals import Cell
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.plots.style import BLACK
+from qlvbayes.plots.style import BLACK, rated, shortened
 
+LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _WIDE = 50.0  # worst ratio beyond which the colour bar shows powers of ten only
 _COLOURS = "Blues"  # darker is worse, in grey too
 _DARK = 0.55  # share of the colour scale beyond which text is white
+
+_Cell = TypeVar("_Cell", Cell, CellError)
+
+
+def tests_by_rate(cells: Iterable[_Cell]) -> dict[str, _Cell]:
+    """Return one cell of each test, slowest first, tests without a rate last."""
+    ordered = sorted(cells, key=lambda cell: inf if cell.rate is None else cell.rate)
+    return {cell.test: cell for cell in ordered}
+
+
+def row_label(
+    cell: Cell | CellError, units: UnitSystem, most: int, *more: str, gap: str = ", "
+) -> str:
+    """Return a test's name, in ``most`` characters at most, and below it its rate and ``more``."""
+    below = [*([] if cell.rate is None else [rated(cell.rate, units.speed)]), *more]
+    name = shortened(cell.test, most)
+    return f"{name}\n{gap.join(below)}" if below else name
 
 
 def over_floor(rmse: float, noise: float) -> float:
@@ -40,31 +60,33 @@ def short(ratio: float) -> str:
     return f"{ratio:.{digits}f}"
 
 
-def draw_square(
-    axis: Axes, position: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
-) -> None:
-    """Draw one cell at (row, column); one that fails has a thick frame and a cross."""
-    row, column = position
-    shade = _shade(ratio, worst)
-    colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
-    axis.add_patch(
-        _square(
-            row,
-            column,
-            facecolor=colour,
-            edgecolor=BLACK,
-            linewidth=1.6 if fails else 0.0,
-            gid="fails" if fails else None,
-        )
-    )
-    axis.text(column + 0.5, row + 0.5, text, color=ink, ha="center", va="center", linespacing=1.15)
-    if fails:
-        _cross(axis, (column + 0.98, row + 0.04), ink)
+def draw_cells(
+    axis: Axes,
+    cells: Iterable[_Cell],
+    noise: float,
+    worst: float,
+    tests: Sequence[str],
+    kinds: Sequence[str],
+    *,
+    text: Callable[[_Cell], str],
+    fails: Callable[[_Cell], bool],
+) -> bool:
+    """Draw a square for each test and kind of phase; return whether some have no samples.
 
-
-def draw_empty(axis: Axes, position: tuple[int, int]) -> None:
-    """Draw a cell without samples, hatched."""
-    axis.add_patch(_square(*position, facecolor="white", edgecolor="0.8", hatch="////"))
+    ``text`` returns what is written in a cell, ``fails`` whether structure beyond noise is left.
+    """
+    by_position = {(cell.test, cell.phase): cell for cell in cells}
+    empty = False
+    for row, test in enumerate(tests):
+        for column, kind in enumerate(kinds):
+            cell = by_position.get((test, kind))
+            if cell is None:
+                empty = True
+                _draw_empty(axis, (row, column))
+                continue
+            ratio = over_floor(cell.rmse, noise)
+            _draw_square(axis, (row, column), ratio, worst, text(cell), fails=fails(cell))
+    return empty
 
 
 def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
@@ -94,6 +116,33 @@ def draw_colours(
     bar.outline.set_visible(False)
     gap = " " if below else "\n"
     bar.set_label(f"RMSE / noise floor{gap}(1 = {plain(noise)} {units.force})")
+
+
+def _draw_square(
+    axis: Axes, position: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
+) -> None:
+    """Draw one cell at (row, column); one that fails has a thick frame and a cross."""
+    row, column = position
+    shade = _shade(ratio, worst)
+    colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
+    axis.add_patch(
+        _square(
+            row,
+            column,
+            facecolor=colour,
+            edgecolor=BLACK,
+            linewidth=1.6 if fails else 0.0,
+            gid="fails" if fails else None,
+        )
+    )
+    axis.text(column + 0.5, row + 0.5, text, color=ink, ha="center", va="center", linespacing=1.15)
+    if fails:
+        _cross(axis, (column + 0.98, row + 0.04), ink)
+
+
+def _draw_empty(axis: Axes, position: tuple[int, int]) -> None:
+    """Draw a cell without samples, hatched."""
+    axis.add_patch(_square(*position, facecolor="white", edgecolor="0.8", hatch="////"))
 
 
 def _shade(ratio: float, worst: float) -> float:

@@ -133,7 +133,7 @@ def _lines(
 def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
     """Write test, rate, and fitted (bold) or predicted above the row, at the left."""
     name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
-    role, weight = role_look(prediction.trial)
+    role, weight = role_look(prediction.trial.role)
     name_row(row, f"{name}, {role}", tight=tight, weight=weight)
 
 

@@ -71,7 +71,7 @@ def plot_hysteresis(
         for axis, prediction in zip(axes.flat, shown, strict=False):
             _draw(axis, prediction)
             name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
-            (role, weight), gap = role_look(prediction.trial), "\n" if tight else " "
+            (role, weight), gap = role_look(prediction.trial.role), "\n" if tight else " "
             axis.set_title(f"{name},{gap}{role}", loc="left", weight=weight)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()

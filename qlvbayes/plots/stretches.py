@@ -53,9 +53,9 @@ def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:
     return f"{name}, {rated(trial.rate, units.speed)}" if np.isfinite(trial.rate) else name
 
 
-def role_look(trial: Trial) -> tuple[str, str]:
+def role_look(role: str) -> tuple[str, str]:
     """Return whether a test was fitted or predicted, and the weight of the letters that say so."""
-    return ("fitted", "bold") if trial.role == "fit" else ("predicted", "normal")
+    return ("fitted", "bold") if role == "fit" else ("predicted", "normal")
 
 
 def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:
