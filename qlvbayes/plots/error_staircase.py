@@ -21,6 +21,7 @@ from qlvbayes.plots.style import (
     quantity,
     style,
     titled_legend,
+    write_right,
 )
 
 _HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; the last is added for upright names
@@ -138,14 +139,7 @@ def _floor(axis: Axes, noise: float, units: UnitSystem, *, tight: bool) -> None:
     if tight:
         line.set_label(f"noise floor, {three(noise)} {units.force}")
         return
-    axis.annotate(
-        f"noise floor\n{three(noise)} {units.force}",
-        (1.0, noise),
-        xycoords=axis.get_yaxis_transform(),
-        xytext=(3, 0),
-        textcoords="offset points",
-        va="center",
-    )
+    write_right(axis, f"noise floor\n{three(noise)} {units.force}", noise, 3.0)
 
 
 def _label(
