@@ -18,8 +18,8 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.residuals import Cell
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import plain
-from qlvbayes.plots.style import BLACK, rated, shortened
+from qlvbayes.io.wording import plain, rated
+from qlvbayes.plots.style import BLACK, shortened
 
 LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _WIDE = 50.0  # worst ratio beyond which the colour bar shows powers of ten only

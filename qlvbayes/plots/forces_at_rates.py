@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import rated
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -23,7 +24,6 @@ from qlvbayes.plots.style import (
     colours,
     force_label,
     narrow,
-    rated,
     shortened,
     style,
 )

@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import rated
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import KINDS, Phase, phase_index
-from qlvbayes.plots.style import BLACK, rated, shortened
+from qlvbayes.plots.style import BLACK, shortened
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import literal
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import plain
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns
@@ -218,11 +217,6 @@ def force_label(units: UnitSystem) -> str:
 def displacement_label(units: UnitSystem) -> str:
     """Return the label of a displacement axis: 'displacement (mm)'."""
     return quantity(units.displacement_name, units.displacement)
-
-
-def rated(rate: float, unit: str) -> str:
-    """Return three digits of a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
-    return f"{plain(rate)} {unit}".replace(" 1/", "/")
 
 
 def percentage(probability: float) -> str:
