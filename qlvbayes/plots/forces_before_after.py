@@ -62,9 +62,7 @@ _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds on either side that hold 90 %
 
 
-def plot_forces_before_after(
-    diagnosis: Diagnosis, shown: Sequence[Curve] | None = None, *, width: float = DOUBLE
-) -> list[Axes]:
+def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> list[Axes]:
     """Draw every test's force as measured, by the baseline model and by the last model.
 
     There is one row for each test, slowest first, and one column for each kind of phase, dwells in
@@ -78,8 +76,6 @@ def plot_forces_before_after(
     ----------
     diagnosis
         The diagnosis.
-    shown
-        Curves that were computed already.
     width
         Width of the figure (mm).
 
@@ -88,7 +84,7 @@ def plot_forces_before_after(
     list of Axes
         The panels, row by row.
     """
-    shown = sorted(shown or curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
+    shown = sorted(curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
     units, tight = diagnosis.result.units, narrow(width)
     with style():
         parts = [divide(curve.time, curve.trial.phases) for curve in shown]
