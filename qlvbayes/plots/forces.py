@@ -20,7 +20,7 @@ from qlvbayes.plots.panels import (
     mark_left_out,
     name_row,
 )
-from qlvbayes.plots.stretches import (
+from qlvbayes.plots.phases import (
     WHOLE,
     PhaseSamples,
     by_rate,
@@ -103,7 +103,7 @@ def _draw(
 ) -> None:
     shown, palette = panel_samples(column, prediction.time, stretches), colours()
     for placed in shown:
-        colour = palette[placed.stretch.number % len(palette)]
+        colour = palette[placed.part.number % len(palette)]
         _lines(axis, placed.time, prediction, placed.rows, colour)
     if column != WHOLE and len(shown) > 1:
         number_repeats(axis, shown, prediction.mean, palette, fontsize=6.0)

@@ -28,7 +28,7 @@ from qlvbayes.plots.panels import (
     mark_left_out,
     name_row,
 )
-from qlvbayes.plots.stretches import (
+from qlvbayes.plots.phases import (
     WHOLE,
     PanelSamples,
     PhaseSamples,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.plots.stretches import DWELLS, WHOLE, PhaseSamples, panel_times, same_times
+from qlvbayes.plots.phases import DWELLS, WHOLE, PhaseSamples, panel_times, same_times
 
 GREY = "#7f7f7f"
 LABEL = "left out"
@@ -37,9 +37,10 @@ def leaders(names: Sequence[str], tight: bool) -> range:
 def lay_out_panels(
     figure: Figure, count: int, names: Sequence[str], heights: Sequence[float], *, tight: bool
 ) -> np.ndarray:
-    """Return axes (test, part, column); a test's parts are one below the other, of these heights.
+    """Return axes (test, strip, column); a test's strips lie one below the other.
 
-    Parts of a test share their force axes, panels of a column within a test their time axes.
+    ``heights`` are those of a test's strips, relative to each other. Panels of a strip share their
+    force axis, panels of a column within a test their time axis.
     """
     lines, width = lines_of(names, tight), len(names) - stacked(names, tight)
     wide_first = WHOLE in names and lines == 1
@@ -49,13 +50,14 @@ def lay_out_panels(
         rows, width, figure, width_ratios=ratios, height_ratios=[*heights] * (count * lines)
     )
     axes: Any = np.empty((count, len(heights), len(names)), dtype=object)
-    for test, part, column in np.ndindex(axes.shape):
+    for test, strip, column in np.ndindex(axes.shape):
         above = lines == 2 and column > 0
-        row = (test * lines + above) * len(heights) + part
+        row = (test * lines + above) * len(heights) + strip
         columns_at = slice(None) if lines == 2 and column == 0 else column - (lines == 2)
-        axes[test, part, column] = _panel(figure, grid, row, columns_at, axes, (test, part, column))
+        indices = (test, strip, column)
+        axes[indices] = _panel(figure, grid, row, columns_at, axes, indices)
         if column not in leaders(names, tight):
-            axes[test, part, column].tick_params(labelleft=False)
+            axes[indices].tick_params(labelleft=False)
     return axes
 
 
@@ -76,7 +78,7 @@ def name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
 
 
 def finish_columns(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
-    """Name the columns of axes (test, part, column), and let the panels of a dwell share times.
+    """Name the columns of axes (test, strip, column), and let the panels of a dwell share times.
 
     left: columns whose force axes are labelled.
     """
@@ -88,7 +90,7 @@ def finish_columns(figure: Figure, axes: np.ndarray, names: Sequence[str], left:
 
 
 def mark_left_out(
-    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, stretches: Sequence[PhaseSamples]
+    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, parts: Sequence[PhaseSamples]
 ) -> None:
     """Draw a test's left-out readings over its panels, which share their force axis.
 
@@ -101,7 +103,7 @@ def mark_left_out(
     low, high = panels[0].get_ylim()
     force = np.clip(bad.force[rows], low, high)
     for axis, column in zip(panels, columns, strict=True):
-        time = panel_times(column, bad.time[rows], trial.phases, stretches)
+        time = panel_times(column, bad.time[rows], trial.phases, parts)
         shown = np.isfinite(time)
         if not shown.any() or not axis.lines:
             continue
@@ -120,9 +122,9 @@ def _panel(
     axes: Any,
     indices: tuple[int, ...],
 ) -> Axes:
-    test, part, column = indices
+    test, strip, column = indices
     return figure.add_subplot(
         grid[row, columns_at],
-        sharey=axes[test, part, 0] if column else None,
-        sharex=axes[test, 0, column] if part else None,
+        sharey=axes[test, strip, 0] if column else None,
+        sharex=axes[test, 0, column] if strip else None,
     )

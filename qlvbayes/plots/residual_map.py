@@ -20,7 +20,7 @@ from qlvbayes.plots.cellmap import (
     tests_by_rate,
     worst_of,
 )
-from qlvbayes.plots.stretches import role_look
+from qlvbayes.plots.phases import role_look
 from qlvbayes.plots.style import MIDDLE, canvas, narrow, quantity, shortened, style
 
 _ROW, _FRAME = 9.0, 28.0  # mm: a row of cells and the margins
