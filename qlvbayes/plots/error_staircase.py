@@ -32,8 +32,8 @@ _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # ratio of highest to lowest beyond which the axis is logarithmic
 _DECADES = 50.0  # ratio of highest to lowest below which 2 and 5 have ticks too
 _RISE = (
-    "An effect is added where the evidence rises, which weighs readings by all their noise; RMSE "
-    "weighs them by stated sds alone."
+    "An effect is added where the evidence rises, which weights readings by all their noise; RMSE "
+    "weights them by stated sds alone."
 )
 
 
@@ -69,7 +69,7 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
         _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
         if np.isfinite(heldout).all():  # a single test cannot be predicted from others
             _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
-        _numbers(axis, fitted, heldout)
+        _write_values(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units, tight=tight)
         _label(axis, diagnosis, units, tight=tight, upright=upright)
         title, entries = heading(diagnosis, tight=tight), axis.get_legend_handles_labels()
@@ -111,7 +111,7 @@ def _stairs(
     )
 
 
-def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
+def _write_values(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
     """Write the larger value above its marker, the smaller below."""
     inks = colours()
     for k, (own, other) in enumerate(zip(fitted, heldout, strict=True)):

@@ -82,7 +82,7 @@ def plot_forces_at_rates(
             for axis, scale in zip(row, scales, strict=True):
                 _draw(axis, nearby)
                 if scale == "log":
-                    logarithmic(axis, trials, numbers=3 if tight else 6)
+                    logarithmic(axis, trials, ticks=3 if tight else 6)
         _label(axes, units, tight=tight)
         _legend(figure, list(chosen.values()), units, tight=tight)
     return list(by_pad.flat)

@@ -399,8 +399,8 @@ def test_without_left_out_tests_there_is_one_line_of_steps():
 def test_an_error_that_rises_is_explained():
     found = diagnosed()
     risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
-    assert "weighs readings" in words(page(plot_error_staircase, risen))
-    assert "weighs readings" not in words(page(plot_error_staircase, found))
+    assert "weights readings" in words(page(plot_error_staircase, risen))
+    assert "weights readings" not in words(page(plot_error_staircase, found))
 
 
 @pytest.fixture(scope="module")
