@@ -21,6 +21,11 @@ def plain(value: float, digits: int = 3) -> str:
     return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
+def rated(rate: float, unit: str) -> str:
+    """Return three digits of a speed or a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
+    return f"{plain(rate)} {unit}".replace(" 1/", "/")
+
+
 def to_noise(value: float, noise: float, sign: str = "") -> str:
     """Return a number to a hundredth of the noise's first digit.
 

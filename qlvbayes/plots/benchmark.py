@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.evaluation.population import kin
 from qlvbayes.evaluation.report import SEVERAL, WITH_LISTED, Confusion, Report, heldout_ratios
+from qlvbayes.plots.cellmap import draw_shaded, label_squares, square
 from qlvbayes.plots.style import BLACK, DOUBLE, canvas, colours, narrow, style
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, OUTSIDE
 
@@ -19,7 +16,7 @@ _ROW = 4.2  # mm
 _LEAST_ROWS = 6  # rows for which the columns' labels fit
 _TITLES, _LOWER = 34.0, 62.0  # mm, height of the columns' labels and of the lower panels
 _SMALL, _TINY = 6.0, 5.0  # points: the numbers; in one column the labels too
-_DARK = 0.55  # share of the colour scale beyond which text is white
+_MIDDLE = 0.54  # share of a row above the middle of a number, which has no descenders
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
 _LEGEND |= {"form": "other form", "outside": "outside the list"}
 _LEGEND |= {"outside_beside": "outside, with a listed one"}
@@ -66,40 +63,24 @@ def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
 
 
 def _draw_confusion(axis: Axes, confusion: Confusion, *, tight: bool) -> None:
+    size = _TINY if tight else _SMALL
     for row, counts in enumerate(confusion.counts):
         for column, count in enumerate(counts):
             if count:
-                size = _TINY if tight else _SMALL
-                _draw_cell(axis, row, column, count, sum(counts), size)
+                shade = count / sum(counts)
+                position = (row, column)
+                draw_shaded(axis, position, shade, str(count), middle=_MIDDLE, fontsize=size)
         for right in _right_columns(confusion.rows[row]):
-            frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
+            frame = square((row, confusion.columns.index(right)), fill=False, edgecolor=BLACK)
             axis.add_patch(frame)
-    axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
-    centres = np.arange(len(confusion.columns)) + 0.5
-    axis.set_xticks(centres, [_spaced(name) for name in confusion.columns], rotation=90)
-    labels = [_row_label(name, tight=tight) for name in confusion.rows]
-    axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
-    axis.tick_params(length=0, labeltop=True, labelbottom=False)
+    rows = [_row_label(name, tight=tight) for name in confusion.rows]
+    label_squares(axis, rows, [_spaced(name) for name in confusion.columns], rotation=90.0)
     if tight:
         axis.tick_params(labelsize=_TINY)
     axis.set_ylabel("hidden")
     gap = "\n" if tight else " "
     axis.set_xlabel(f"verdict (number of studies;{gap}shade: share of the row; frame: right)")
-    axis.spines[:].set_visible(False)
     _rule(axis, confusion)
-
-
-def _draw_cell(axis: Axes, row: int, column: int, count: int, total: int, size: float) -> None:
-    shade = count / total
-    axis.add_patch(_square(row, column, facecolor=colormaps["Blues"](shade), linewidth=0.0))
-    ink = "white" if shade > _DARK else BLACK
-    axis.text(
-        column + 0.5, row + 0.54, str(count), color=ink, ha="center", va="center", fontsize=size
-    )
-
-
-def _square(row: int, column: int, **look: Any) -> Rectangle:
-    return Rectangle((column + 0.02, row + 0.04), 0.96, 0.92, **look)
 
 
 def _rule(axis: Axes, confusion: Confusion) -> None:

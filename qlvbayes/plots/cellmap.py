@@ -1,10 +1,10 @@
-"""Draw squares of a map of tests against phases, darker where a model is further off."""
+"""Draw squares in rows and columns, and maps of tests against phases, darker where worse."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import inf, isfinite, log, log10
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,13 +15,33 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from qlvbayes.diagnosis.result import CellError
+from qlvbayes.fitting.residuals import Cell
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import plain
-from qlvbayes.plots.style import BLACK
+from qlvbayes.io.wording import plain, rated
+from qlvbayes.plots.style import BLACK, shortened
 
+LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _WIDE = 50.0  # worst ratio beyond which the colour bar shows powers of ten only
 _COLOURS = "Blues"  # darker is worse, in grey too
 _DARK = 0.55  # share of the colour scale beyond which text is white
+
+_Cell = TypeVar("_Cell", Cell, CellError)
+
+
+def tests_by_rate(cells: Iterable[_Cell]) -> dict[str, _Cell]:
+    """Return one cell of each test, slowest first, tests without a rate last."""
+    ordered = sorted(cells, key=lambda cell: inf if cell.rate is None else cell.rate)
+    return {cell.test: cell for cell in ordered}
+
+
+def row_label(
+    cell: Cell | CellError, units: UnitSystem, most: int, *more: str, gap: str = ", "
+) -> str:
+    """Return a test's name, in ``most`` characters at most, and below it its rate and ``more``."""
+    below = [*([] if cell.rate is None else [rated(cell.rate, units.speed)]), *more]
+    name = shortened(cell.test, most)
+    return f"{name}\n{gap.join(below)}" if below else name
 
 
 def over_floor(rmse: float, noise: float) -> float:
@@ -40,37 +60,41 @@ def short(ratio: float) -> str:
     return f"{ratio:.{digits}f}"
 
 
-def draw_square(
-    axis: Axes, position: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
+def draw_cells(
+    axis: Axes,
+    cells: Iterable[_Cell],
+    noise: float,
+    worst: float,
+    tests: Sequence[str],
+    kinds: Sequence[str],
+    *,
+    text: Callable[[_Cell], str],
+    fails: Callable[[_Cell], bool],
+) -> bool:
+    """Draw a square for each test and kind of phase; return whether some have no samples.
+
+    ``text`` returns what is written in a cell, ``fails`` whether structure beyond noise is left.
+    """
+    by_position = {(cell.test, cell.phase): cell for cell in cells}
+    empty = False
+    for row, test in enumerate(tests):
+        for column, kind in enumerate(kinds):
+            cell = by_position.get((test, kind))
+            if cell is None:
+                empty = True
+                _draw_empty(axis, (row, column))
+                continue
+            ratio = over_floor(cell.rmse, noise)
+            _draw_square(axis, (row, column), ratio, worst, text(cell), fails=fails(cell))
+    return empty
+
+
+def label_squares(
+    axis: Axes, rows: list[str], columns: list[str], *, rotation: float = 0.0
 ) -> None:
-    """Draw one cell at (row, column); one that fails has a thick frame and a cross."""
-    row, column = position
-    shade = _shade(ratio, worst)
-    colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
-    axis.add_patch(
-        _square(
-            row,
-            column,
-            facecolor=colour,
-            edgecolor=BLACK,
-            linewidth=1.6 if fails else 0.0,
-            gid="fails" if fails else None,
-        )
-    )
-    axis.text(column + 0.5, row + 0.5, text, color=ink, ha="center", va="center", linespacing=1.15)
-    if fails:
-        _cross(axis, (column + 0.98, row + 0.04), ink)
-
-
-def draw_empty(axis: Axes, position: tuple[int, int]) -> None:
-    """Draw a cell without samples, hatched."""
-    axis.add_patch(_square(*position, facecolor="white", edgecolor="0.8", hatch="////"))
-
-
-def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
-    """Name rows and columns, and draw no frame."""
-    axis.set(xlim=(0, len(kinds)), ylim=(len(rows), 0))
-    axis.set_xticks(np.arange(len(kinds)) + 0.5, kinds)
+    """Name rows and columns, and draw no frame; ``rotation`` turns the columns' names (degrees)."""
+    axis.set(xlim=(0, len(columns)), ylim=(max(len(rows), 1), 0))
+    axis.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=rotation)
     axis.set_yticks(np.arange(len(rows)) + 0.5, rows)
     axis.tick_params(length=0, labeltop=True, labelbottom=False)
     axis.spines[:].set_visible(False)
@@ -96,13 +120,53 @@ def draw_colours(
     bar.set_label(f"RMSE / noise floor{gap}(1 = {plain(noise)} {units.force})")
 
 
+def draw_shaded(
+    axis: Axes,
+    position: tuple[int, int],
+    shade: float,
+    text: str,
+    *,
+    middle: float = 0.5,
+    **look: Any,
+) -> tuple[Rectangle, str]:
+    """Draw a square at (row, column) with text in it; return it and the colour of the text.
+
+    ``shade`` is a position on the colour scale, 0 to 1; ``middle`` is the share of the row that is
+    above the middle of the text, whose further ``look`` may be given.
+    """
+    row, column = position
+    drawn = square(position, facecolor=colormaps[_COLOURS](shade), linewidth=0.0)
+    axis.add_patch(drawn)
+    ink = "white" if shade > _DARK else BLACK
+    axis.text(column + 0.5, row + middle, text, color=ink, ha="center", va="center", **look)
+    return drawn, ink
+
+
+def square(position: tuple[int, int], **look: Any) -> Rectangle:
+    """Return the outline of the square at (row, column)."""
+    row, column = position
+    return Rectangle((column + 0.02, row + 0.04), 0.96, 0.92, **look)
+
+
+def _draw_square(
+    axis: Axes, position: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
+) -> None:
+    """Draw one cell at (row, column); one that fails has a thick frame and a cross."""
+    drawn, ink = draw_shaded(axis, position, _shade(ratio, worst), text, linespacing=1.15)
+    if fails:
+        drawn.set(edgecolor=BLACK, linewidth=1.6, gid="fails")
+        row, column = position
+        _cross(axis, (column + 0.98, row + 0.04), ink)
+
+
+def _draw_empty(axis: Axes, position: tuple[int, int]) -> None:
+    """Draw a cell without samples, hatched."""
+    axis.add_patch(square(position, facecolor="white", edgecolor="0.8", hatch="////"))
+
+
 def _shade(ratio: float, worst: float) -> float:
     """Return the position on the colour scale, 0 to 1, even in the logarithm."""
     return min(log(max(ratio, 1.0)) / log(worst), 1.0)
-
-
-def _square(row: int, column: int, **look: Any) -> Rectangle:
-    return Rectangle((column + 0.02, row + 0.04), 0.96, 0.92, **look)
 
 
 def _cross(axis: Axes, corner: tuple[float, float], ink: str) -> None:

@@ -70,7 +70,7 @@ def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str]) -> None:
     ink = colours()
     for entry in entries:
         row = pads.index(entry.pad)
-        axis.text(0.02, row - 0.2, _numbers(entry), transform=axis.get_yaxis_transform(),
+        axis.text(0.02, row - 0.2, _values_text(entry), transform=axis.get_yaxis_transform(),
                   va="bottom", fontsize="small")  # fmt: skip
         axis.plot(
             [entry.low, entry.high], [row + _DOWN] * 2, color=ink[0], linewidth=1.6, gid="interval"
@@ -91,7 +91,7 @@ def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str]) -> None:
         axis.set_xlim(first.median - 0.5, first.median + 0.5)
 
 
-def _numbers(entry: Entry) -> str:
+def _values_text(entry: Entry) -> str:
     median, low, high = (text.replace("-", "−") for text in rounded(entry))
     return f"{median} (fixed)" if entry.low == entry.high else f"{median} ({low} to {high})"
 

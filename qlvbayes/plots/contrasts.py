@@ -13,7 +13,18 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMetho
 
 from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.plots.naming import parameter_label
-from qlvbayes.plots.style import BLACK, DOUBLE, MARKERS, canvas, colours, narrow, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    MARKERS,
+    canvas,
+    colours,
+    narrow,
+    percentage,
+    shortened,
+    style,
+    write_right,
+)
 
 _ROW, _ROW_TIGHT, _FRAME = 4.6, 7.2, 34.0  # mm
 _TEXT_AT = 4.0, 62.0  # points right of the axes where the answer and the probability begin
@@ -92,9 +103,9 @@ def _draw(
     colour = colours()[_LOOKS[contrast.answer]]
     lines = (-_HALF_LINE, _HALF_LINE) if tight else (0.0, 0.0)
     points = (_TEXT_AT[0], _TEXT_AT[0]) if tight else _TEXT_AT
-    sure = contrast.answer != "cannot tell"
-    _write_right(axis, contrast.answer, position + lines[0], points[0], bold=sure)
-    _write_right(axis, _share(contrast.direction), position + lines[1], points[1])
+    weight = "normal" if contrast.answer == "cannot tell" else "bold"
+    write_right(axis, contrast.answer, position + lines[0], points[0], weight=weight)
+    write_right(axis, percentage(contrast.direction), position + lines[1], points[1])
     ratio = contrast.ratio
     if ratio is None:
         transform = axis.get_yaxis_transform()
@@ -110,23 +121,6 @@ def _draw(
         middle, position, sign, color=colour, markersize=4.5,
         markerfacecolor="white" if hollow else colour, gid="median",
     )  # fmt: skip
-
-
-def _write_right(
-    axis: Axes, text: str, position: float, points: float, *, bold: bool = False
-) -> None:
-    axis.annotate(
-        text, (1.0, position), xycoords=axis.get_yaxis_transform(), xytext=(points, 0.0),
-        textcoords="offset points", va="center", annotation_clip=False,
-        weight="bold" if bold else "normal",
-    )  # fmt: skip
-
-
-def _share(probability: float) -> str:
-    percent = 100.0 * probability
-    if percent < 0.1:
-        return "< 0.1 %"
-    return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
 
 
 def _scale(axis: Axes, low: float, high: float, comparison: Comparison, tight: bool) -> None:
@@ -166,10 +160,9 @@ def _label(axis: Axes, rows: Sequence[Contrast | str], first: str, tight: bool) 
     axis.spines["left"].set_visible(False)
     heads = (f"{first} is,\nP(greater)",) if tight else (f"{first} is", "P(greater)")
     for text, points in zip(heads, _TEXT_AT, strict=False):
-        axis.annotate(
-            text, (1.0, 1.0), xycoords="axes fraction", xytext=(points, 2.0),
-            textcoords="offset points", va="bottom", annotation_clip=False, color=BLACK,
-        )  # fmt: skip
+        write_right(
+            axis, text, 1.0, points, up=2.0, xycoords="axes fraction", va="bottom", color=BLACK
+        )
 
 
 def _name(contrast: Contrast, tight: bool) -> str:

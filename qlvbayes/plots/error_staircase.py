@@ -21,6 +21,7 @@ from qlvbayes.plots.style import (
     quantity,
     style,
     titled_legend,
+    write_right,
 )
 
 _HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; the last is added for upright names
@@ -31,8 +32,8 @@ _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # ratio of highest to lowest beyond which the axis is logarithmic
 _DECADES = 50.0  # ratio of highest to lowest below which 2 and 5 have ticks too
 _RISE = (
-    "An effect is added where the evidence rises, which weighs readings by all their noise; RMSE "
-    "weighs them by stated sds alone."
+    "An effect is added where the evidence rises, which weights readings by all their noise; RMSE "
+    "weights them by stated sds alone."
 )
 
 
@@ -68,7 +69,7 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
         _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
         if np.isfinite(heldout).all():  # a single test cannot be predicted from others
             _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
-        _numbers(axis, fitted, heldout)
+        _write_values(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units, tight=tight)
         _label(axis, diagnosis, units, tight=tight, upright=upright)
         title, entries = heading(diagnosis, tight=tight), axis.get_legend_handles_labels()
@@ -110,7 +111,7 @@ def _stairs(
     )
 
 
-def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
+def _write_values(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
     """Write the larger value above its marker, the smaller below."""
     inks = colours()
     for k, (own, other) in enumerate(zip(fitted, heldout, strict=True)):
@@ -138,14 +139,7 @@ def _floor(axis: Axes, noise: float, units: UnitSystem, *, tight: bool) -> None:
     if tight:
         line.set_label(f"noise floor, {three(noise)} {units.force}")
         return
-    axis.annotate(
-        f"noise floor\n{three(noise)} {units.force}",
-        (1.0, noise),
-        xycoords=axis.get_yaxis_transform(),
-        xytext=(3, 0),
-        textcoords="offset points",
-        va="center",
-    )
+    write_right(axis, f"noise floor\n{three(noise)} {units.force}", noise, 3.0)
 
 
 def _label(

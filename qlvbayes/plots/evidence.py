@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
-from matplotlib.transforms import Transform
 
 from qlvbayes.diagnosis.result import DiagnosisResult, Ranked
 from qlvbayes.plots.naming import heading
@@ -20,9 +19,11 @@ from qlvbayes.plots.style import (
     canvas,
     colours,
     narrow,
+    percentage,
     shortened,
     style,
     titled_legend,
+    write_right,
 )
 
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and the margins
@@ -102,31 +103,8 @@ def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
     axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
     number = "n/a" if value is None else f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
-    for text, points in zip((number, _share(ranked.inclusion)), _TEXT_END, strict=True):
-        _write_right(axis, text, row, points, axis.get_yaxis_transform(), va="center")
-
-
-def _write_right(
-    axis: Axes, text: str, row: float, points: float, coordinates: Transform, **look: Any
-) -> None:
-    """Write text that ends at this many points right of the axes."""
-    axis.annotate(
-        text,
-        (1.0, row),
-        xycoords=coordinates,
-        xytext=(points, 0.0),
-        textcoords="offset points",
-        ha="right",
-        annotation_clip=False,
-        **look,
-    )
-
-
-def _share(probability: float) -> str:
-    percent = 100.0 * probability
-    if percent < 0.1:
-        return "< 0.1 %"
-    return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
+    for text, points in zip((number, percentage(ranked.inclusion)), _TEXT_END, strict=True):
+        write_right(axis, text, row, points, ha="right")
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
@@ -168,7 +146,7 @@ def _label(axis: Axes, diagnosis: DiagnosisResult, ranking: tuple[Ranked, ...]) 
     axis.axvline(0.0, color=BLACK, linewidth=0.6)
     axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
     for text, points in zip(("log BF", "probability"), _TEXT_END, strict=True):
-        _write_right(axis, text, 1.0, points, axis.transAxes, va="bottom")
+        write_right(axis, text, 1.0, points, xycoords="axes fraction", ha="right", va="bottom")
     axis.annotate(
         "strong",
         (_ODDS, 1.0),

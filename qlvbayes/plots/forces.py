@@ -7,32 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.panels import (
-    LABEL,
-    finish_columns,
-    lay_out_panels,
-    leaders,
-    lines_of,
-    mark_left_out,
-    name_row,
-)
-from qlvbayes.plots.stretches import (
-    WHOLE,
-    PhaseSamples,
-    by_rate,
-    columns,
-    divide,
-    finish_time,
-    number_repeats,
-    panel_samples,
-    role_look,
-    trial_name,
-)
-from qlvbayes.plots.style import BLACK, DOUBLE, canvas, colours, force_label, narrow, style
+from qlvbayes.plots.panels import LABEL, PhasePanels
+from qlvbayes.plots.phases import PanelSamples, role_look, trial_name
+from qlvbayes.plots.style import BLACK, DOUBLE, colours, force_label, narrow, style
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
@@ -72,49 +52,24 @@ def plot_forces(
     """
     tight = narrow(width)
     with style():
-        shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))
-        parts = [divide(p.time, p.trial.phases) for p in shown]
-        names = columns(parts)
-        row = (_ROW + tight * _SECOND_LINE) * lines_of(names, tight)
-        height = _FRAME + tight * _SECOND_LINE + row * len(shown)
-        figure = canvas(width, height)
-        axes = lay_out_panels(figure, len(shown), names, [1.0], tight=tight)
-        for panels, prediction, stretches in zip(axes[:, 0], shown, parts, strict=True):
-            for axis, column in zip(panels, names, strict=True):
-                _draw(axis, column, prediction, stretches, tight=tight)
-            mark_left_out(panels, names, prediction.trial, stretches)
-            for k in leaders(names, tight):
-                panels[k].set_ylabel(force_label(units))
-            _label_row(panels, prediction, units, tight=tight)
-        finish_columns(figure, axes, names, leaders(names, tight))
-        for axis in axes[:, 0, leaders(names, tight)].flat:
-            axis.yaxis.set_major_locator(MaxNLocator(4))
-        _legend(figure, axes, tight=tight)
-    return list(axes.flat)
+        extra = tight * _SECOND_LINE
+        page = PhasePanels.for_tests(predictions, width, frame=_FRAME + extra, row=_ROW + extra)
+        for row in page.rows:
+            row.paint(_draw, row.test.mean, colours(), fontsize=6.0)
+            name = trial_name(row.test.trial, units, _NAME_TIGHT if tight else _NAME)
+            role, weight = role_look(row.test.trial.role)
+            row.label(f"{name}, {role}", [force_label(units)], weight=weight)
+        page.finish([4])
+        _legend(page.figure, page.axes, tight=tight)
+    return list(page.axes.flat)
 
 
-def _draw(
-    axis: Axes,
-    column: str,
-    prediction: Prediction,
-    stretches: Sequence[PhaseSamples],
-    *,
-    tight: bool,
-) -> None:
-    shown, palette = panel_samples(column, prediction.time, stretches), colours()
-    for placed in shown:
-        colour = palette[placed.stretch.number % len(palette)]
-        _lines(axis, placed.time, prediction, placed.rows, colour)
-    if column != WHOLE and len(shown) > 1:
-        number_repeats(axis, shown, prediction.mean, palette, fontsize=6.0)
-    finish_time(axis, column, stretches, tight=tight)
-
-
-def _lines(
-    axis: Axes, time: np.ndarray, prediction: Prediction, rows: np.ndarray, colour: str
-) -> None:
+def _draw(panels: np.ndarray, samples: PanelSamples, prediction: Prediction) -> None:
+    (axis,), time, rows = panels, samples.time, samples.rows
     low, high = prediction.low[rows], prediction.high[rows]
-    dots = BLACK if colour == colours()[0] else colour
+    palette = colours()
+    colour = palette[samples.part.number % len(palette)]
+    dots = BLACK if colour == palette[0] else colour
     axis.fill_between(
         time, low, high, color=colour, alpha=0.3, linewidth=0, label="90 % predictive band"
     )
@@ -128,13 +83,6 @@ def _lines(
         label="measured",
     )
     axis.plot(time, prediction.mean[rows], color=colour, label="model's posterior mean")
-
-
-def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
-    """Write test, rate, and fitted (bold) or predicted above the row, at the left."""
-    name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
-    role, weight = role_look(prediction.trial)
-    name_row(row, f"{name}, {role}", tight=tight, weight=weight)
 
 
 def _legend(figure: Figure, axes: np.ndarray, *, tight: bool) -> None:

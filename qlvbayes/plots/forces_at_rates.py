@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import rated
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -23,7 +24,6 @@ from qlvbayes.plots.style import (
     colours,
     force_label,
     narrow,
-    rated,
     shortened,
     style,
 )
@@ -82,7 +82,7 @@ def plot_forces_at_rates(
             for axis, scale in zip(row, scales, strict=True):
                 _draw(axis, nearby)
                 if scale == "log":
-                    logarithmic(axis, trials, numbers=3 if tight else 6)
+                    logarithmic(axis, trials, ticks=3 if tight else 6)
         _label(axes, units, tight=tight)
         _legend(figure, list(chosen.values()), units, tight=tight)
     return list(by_pad.flat)

@@ -10,41 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import heading, model_lines
-from qlvbayes.plots.panels import (
-    LABEL,
-    finish_columns,
-    lay_out_panels,
-    leaders,
-    lines_of,
-    mark_left_out,
-    name_row,
-)
-from qlvbayes.plots.stretches import (
-    WHOLE,
-    PanelSamples,
-    PhaseSamples,
-    by_rate,
-    columns,
-    divide,
-    finish_time,
-    number_repeats,
-    panel_samples,
-    trial_name,
-)
+from qlvbayes.plots.panels import LABEL, PhasePanels
+from qlvbayes.plots.phases import PanelSamples, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
     MM,
-    canvas,
     colours,
     force_label,
     narrow,
@@ -62,9 +40,7 @@ _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds on either side that hold 90 %
 
 
-def plot_forces_before_after(
-    diagnosis: Diagnosis, shown: Sequence[Curve] | None = None, *, width: float = DOUBLE
-) -> list[Axes]:
+def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> list[Axes]:
     """Draw every test's force as measured, by the baseline model and by the last model.
 
     There is one row for each test, slowest first, and one column for each kind of phase, dwells in
@@ -78,8 +54,6 @@ def plot_forces_before_after(
     ----------
     diagnosis
         The diagnosis.
-    shown
-        Curves that were computed already.
     width
         Width of the figure (mm).
 
@@ -88,52 +62,26 @@ def plot_forces_before_after(
     list of Axes
         The panels, row by row.
     """
-    shown = sorted(shown or curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
     units, tight = diagnosis.result.units, narrow(width)
+    row_extra, frame_extra = (tight * extra for extra in _SECOND_LINES)
     with style():
-        parts = [divide(curve.time, curve.trial.phases) for curve in shown]
-        names = columns(parts)
-        figure, axes = _panels(len(shown), names, width)
-        left = leaders(names, tight)
-        for pair, curve, stretches in zip(axes, shown, parts, strict=True):
-            for upper, lower, name in zip(*pair, names, strict=True):
-                _draw(upper, lower, name, curve, stretches, tight=tight)
-            mark_left_out(pair[0], names, curve.trial, stretches)
-            _label_row(pair, curve, units, left, tight=tight)
-        _finish(figure, axes, names, left)
-        _legend(figure, axes, diagnosis.result, tight=tight)
-    return list(axes.flat)
+        page = PhasePanels.for_tests(
+            curves(diagnosis), width, frame=_FRAME + frame_extra, row=_ROW + row_extra,
+            heights=[1.5, 1.0], layout=ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0),
+        )  # fmt: skip
+        for row in page.rows:
+            row.paint(_draw, row.test.final.mean, fontsize=7.0)
+            name = trial_name(row.test.trial, units, _NAME_TIGHT if tight else _NAME)
+            row.label(name, [force_label(units), f"residual\n({units.force})"])
+        page.finish([4, 3])
+        _legend(page.figure, page.axes, diagnosis.result, tight=tight)
+    return list(page.axes.flat)
 
 
-def _panels(count: int, names: Sequence[str], width: float) -> tuple[Figure, np.ndarray]:
-    """Return axes (test, force or strip, column), strips below their forces."""
-    tight = narrow(width)
-    row, frame = (tight * extra for extra in _SECOND_LINES)
-    height = _FRAME + frame + (_ROW + row) * lines_of(names, tight) * count
-    layout = ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0)
-    figure = canvas(width, height, layout=layout)
-    return figure, lay_out_panels(figure, count, names, [1.5, 1.0], tight=tight)
-
-
-def _draw(
-    upper: Axes,
-    lower: Axes,
-    name: str,
-    curve: Curve,
-    stretches: Sequence[PhaseSamples],
-    *,
-    tight: bool,
-) -> None:
-    shown = panel_samples(name, curve.time, stretches)
-    for placed in shown:
-        _force(upper, placed, curve)
-        _strip(lower, placed, curve)
-    if name != WHOLE and len(shown) > 1:
-        number_repeats(upper, shown, curve.final.mean, fontsize=7.0)
-    for axis in (upper, lower):
-        finish_time(axis, name, stretches, tight=tight)
-    upper.set_xlabel("")
-    upper.tick_params(labelbottom=False)
+def _draw(panels: np.ndarray, samples: PanelSamples, curve: Curve) -> None:
+    upper, lower = panels
+    _force(upper, samples, curve)
+    _strip(lower, samples, curve)
 
 
 def _models(curve: Curve) -> list[tuple[ForceBand, str, str]]:
@@ -147,8 +95,8 @@ def _models(curve: Curve) -> list[tuple[ForceBand, str, str]]:
     )
 
 
-def _force(axis: Axes, placed: PanelSamples, curve: Curve) -> None:
-    rows, time = placed.rows, placed.time
+def _force(axis: Axes, samples: PanelSamples, curve: Curve) -> None:
+    rows, time = samples.rows, samples.time
     for band, colour, _ in _models(curve):
         axis.fill_between(
             time, band.low[rows], band.high[rows], color=colour, alpha=0.3, linewidth=0
@@ -158,32 +106,14 @@ def _force(axis: Axes, placed: PanelSamples, curve: Curve) -> None:
         axis.plot(time, band.mean[rows], line, color=colour, linewidth=0.9)
 
 
-def _strip(axis: Axes, placed: PanelSamples, curve: Curve) -> None:
-    rows, time = placed.rows, placed.time
+def _strip(axis: Axes, samples: PanelSamples, curve: Curve) -> None:
+    rows, time = samples.rows, samples.time
     half = _90 * curve.floor[rows]
     axis.fill_between(time, -half, half, color="0.9", linewidth=0, zorder=0)
     axis.axhline(0.0, color="0.4", linewidth=0.4, zorder=0.5)
     for band, colour, _ in _models(curve):
         left = (curve.observed - band.mean)[rows]
         axis.plot(time, left, ".", color=colour, markersize=2.2, markeredgewidth=0)
-
-
-def _label_row(
-    pair: np.ndarray, curve: Curve, units: UnitSystem, left: range, *, tight: bool
-) -> None:
-    """Write test and rate above the row, at the left."""
-    name = trial_name(curve.trial, units, _NAME_TIGHT if tight else _NAME)
-    name_row(pair[0], name, tight=tight)
-    for k in left:
-        pair[0, k].set_ylabel(force_label(units))
-        pair[1, k].set_ylabel(f"residual\n({units.force})")
-
-
-def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
-    finish_columns(figure, axes, names, left)
-    for upper, lower in axes[:, :, 0]:
-        upper.yaxis.set_major_locator(MaxNLocator(4))
-        lower.yaxis.set_major_locator(MaxNLocator(3))
 
 
 def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tight: bool) -> None:

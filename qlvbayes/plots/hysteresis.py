@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.stretches import DWELLS, PhaseSamples, by_rate, divide, role_look, trial_name
+from qlvbayes.plots.phases import DWELLS, PhaseSamples, by_rate, divide, role_look, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -71,7 +71,7 @@ def plot_hysteresis(
         for axis, prediction in zip(axes.flat, shown, strict=False):
             _draw(axis, prediction)
             name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
-            (role, weight), gap = role_look(prediction.trial), "\n" if tight else " "
+            (role, weight), gap = role_look(prediction.trial.role), "\n" if tight else " "
             axis.set_title(f"{name},{gap}{role}", loc="left", weight=weight)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
@@ -88,19 +88,19 @@ def _draw(axis: Axes, prediction: Prediction) -> None:
         gid="measured",
     )  # fmt: skip
     last = None
-    for stretch in divide(prediction.time, prediction.trial.phases):
-        colour, line = _look(stretch.kind)
-        rows = stretch.rows if last is None else np.r_[last, stretch.rows]
-        if stretch.kind not in DWELLS:
-            _band(axis, displacement, prediction, stretch, colour)
+    for part in divide(prediction.time, prediction.trial.phases):
+        colour, line = _look(part.kind)
+        rows = part.rows if last is None else np.r_[last, part.rows]
+        if part.kind not in DWELLS:
+            _band(axis, displacement, prediction, part, colour)
         axis.plot(displacement[rows], prediction.mean[rows], line, color=colour, gid="mean")
         last = rows[-1]
 
 
 def _band(
-    axis: Axes, displacement: np.ndarray, prediction: Prediction, stretch: PhaseSamples, colour: str
+    axis: Axes, displacement: np.ndarray, prediction: Prediction, part: PhaseSamples, colour: str
 ) -> None:
-    rows = stretch.rows[np.argsort(displacement[stretch.rows], kind="stable")]
+    rows = part.rows[np.argsort(displacement[part.rows], kind="stable")]
     axis.fill_between(
         displacement[rows], prediction.low[rows], prediction.high[rows],
         color=colour, alpha=0.3, linewidth=0,

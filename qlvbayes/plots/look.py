@@ -21,7 +21,7 @@ from qlvbayes.motion.firstlook.looking import ROUNDED
 from qlvbayes.motion.firstlook.words import span
 from qlvbayes.motion.phases import MOVING, Phase, phase_name
 from qlvbayes.plots.panels import GREY, LABEL
-from qlvbayes.plots.stretches import by_rate, trial_name
+from qlvbayes.plots.phases import by_rate, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

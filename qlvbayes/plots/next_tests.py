@@ -33,7 +33,7 @@ _NAME = 60  # characters of an explanation
 
 
 def plot_next_tests(
-    found: NextTests,
+    design_result: NextTests,
     designs: Sequence[Design],
     belief: Belief,
     rig: Rig,
@@ -49,7 +49,7 @@ def plot_next_tests(
 
     Parameters
     ----------
-    found
+    design_result
         The proposed tests.
     designs
         Their designs.
@@ -73,11 +73,11 @@ def plot_next_tests(
     with style():
         figure = canvas(width, 3.0 * _PANEL + _FRAME)
         axes = figure.subplots(3, len(shown), sharex="col", sharey="row", squeeze=False)
-        for column, design, test in zip(axes.T, shown, found.tests, strict=False):
+        for column, design, test in zip(axes.T, shown, design_result.tests, strict=False):
             _draw(column, design, belief, rig, noise, clock)
             column[0].set_title(shortened(test.name))
             clock += design.wait + design.duration
-        units = found.units
+        units = design_result.units
         force = force_label(units)
         labels = [
             displacement_label(units),
@@ -88,7 +88,7 @@ def plot_next_tests(
             axis.set_ylabel(label)
             axis.yaxis.set_major_locator(MaxNLocator(4))
         figure.align_ylabels(axes[:, 0])
-        figure.suptitle(f"{shortened(found.pad)}: the next tests")
+        figure.suptitle(f"{shortened(design_result.pad)}: the next tests")
         handles, names = axes[2, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=1 if narrow(width) else 2)
     return list(axes.flat)

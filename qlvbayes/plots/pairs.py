@@ -105,15 +105,15 @@ class _Page:
         rows, columns = max(count + len(shares), 2), max(count + extra, 1)
         page = cls(width, _LEFT, _BOTTOM, top, row, rows, columns, count if extra else deep, deep)
         page = replace(
-            page, left=_LEFT + _room([page.upright(n, units) for n in (*others, *shares)])
+            page, left=_LEFT + _room([page.row_label(n, units) for n in (*others, *shares)])
         )
-        return replace(page, bottom=_BOTTOM + _room([page.level(n, units) for n in others]))
+        return replace(page, bottom=_BOTTOM + _room([page.column_label(n, units) for n in others]))
 
-    def upright(self, name: str, units: dict[str, str]) -> str:
+    def row_label(self, name: str, units: dict[str, str]) -> str:
         """Return the label of a row."""
         return parameter_lines(name, units[name], int(self.row / _LETTER))
 
-    def level(self, name: str, units: dict[str, str]) -> str:
+    def column_label(self, name: str, units: dict[str, str]) -> str:
         """Return the label of a column; a narrow figure omits the effect, which the rows name."""
         short = name.rpartition(".")[2] if narrow(self.width) else name
         return parameter_lines(short, units[name], int(self.cell / _LETTER))
@@ -213,22 +213,22 @@ def _label(
         lowest, leftmost = below == last, along == first and below != along
         axis.tick_params(labelbottom=lowest, labelleft=leftmost)
         axis.xaxis.set_major_formatter(_NUMBER)
-        axis.xaxis.set_major_locator(FixedLocator(_numbers(spans[along], page.cell, across=True)))
+        positions = _tick_positions(spans[along], page.cell, across=True)
+        axis.xaxis.set_major_locator(FixedLocator(positions))
         if below != along:
             axis.yaxis.set_major_formatter(_NUMBER)
-            axis.yaxis.set_major_locator(
-                FixedLocator(_numbers(spans[below], page.row, across=False))
-            )
+            positions = _tick_positions(spans[below], page.row, across=False)
+            axis.yaxis.set_major_locator(FixedLocator(positions))
         if lowest:
-            axis.set_xlabel(page.level(along, units))
+            axis.set_xlabel(page.column_label(along, units))
         if leftmost:
-            axis.set_ylabel(page.upright(below, units), va="bottom")
+            axis.set_ylabel(page.row_label(below, units), va="bottom")
             axis.yaxis.set_label_coords(-_LABEL / page.cell, 0.5)
         elif below == first:
             axis.set_ylabel("density")
 
 
-def _numbers(span: tuple[float, float], length: float, *, across: bool) -> list[float]:
+def _tick_positions(span: tuple[float, float], length: float, *, across: bool) -> list[float]:
     """Return round numbers away from the ends of an axis of ``length`` mm, as many as fit."""
     margin = _INSIDE * (span[1] - span[0])
     low, high = span[0] + margin, span[1] - margin

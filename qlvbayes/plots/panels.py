@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
+from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.plots.stretches import DWELLS, WHOLE, PhaseSamples, panel_times, same_times
+from qlvbayes.plots.phases import (
+    DWELLS,
+    WHOLE,
+    PanelSamples,
+    PhaseSamples,
+    by_rate,
+    columns,
+    divide,
+    finish_time,
+    number_repeats,
+    panel_samples,
+    panel_times,
+    same_times,
+)
+from qlvbayes.plots.style import BLACK, canvas, narrow
 
 GREY = "#7f7f7f"
 LABEL = "left out"
@@ -19,29 +35,144 @@ _LARGE = 4.5  # points: larger than a dot, which may lie under the cross of a re
 _WHOLE_WIDTH = 1.8  # width of the whole test's panel over that of a phase's panel
 
 
-def stacked(names: Sequence[str], tight: bool) -> bool:
+class _Timed(Protocol):
+    """Anything that is known of a test's samples: a prediction, or the curves of models."""
+
+    @property
+    def trial(self) -> Trial: ...
+    @property
+    def time(self) -> np.ndarray: ...
+
+
+_Test = TypeVar("_Test", bound=_Timed)
+
+
+@dataclass(frozen=True, eq=False)
+class PanelRow(Generic[_Test]):
+    """A test with its samples by phase, and its axes (strip, column) with the columns' names."""
+
+    test: _Test
+    parts: Sequence[PhaseSamples]
+    axes: np.ndarray
+    names: Sequence[str]
+    tight: bool
+
+    def paint(
+        self,
+        draw: Callable[[np.ndarray, PanelSamples, _Test], None],
+        force: np.ndarray,
+        palette: Sequence[str] = (BLACK,),
+        *,
+        fontsize: float,
+    ) -> None:
+        """Paint every column: ``draw`` draws samples of the test into the column's axes (strip,).
+
+        Repeats are numbered where they end in ``force`` (n,), in the colours of ``palette`` in
+        turn; ``fontsize`` is in points. Readings that were left out are marked.
+        """
+        for panels, column in zip(self.axes.T, self.names, strict=True):
+            shown = panel_samples(column, self.test.time, self.parts)
+            for samples in shown:
+                draw(panels, samples, self.test)
+            if column != WHOLE and len(shown) > 1:
+                number_repeats(panels[0], shown, force, palette, fontsize=fontsize)
+            for axis in panels:
+                finish_time(axis, column, self.parts, tight=self.tight)
+            for axis in panels[:-1]:  # the lowest strip has the times
+                axis.set_xlabel("")
+                axis.tick_params(labelbottom=False)
+        _mark_left_out(self.axes[0], self.names, self.test.trial, self.parts)
+
+    def label(self, name: str, quantities: Sequence[str], **look: Any) -> None:
+        """Write a name above the row, at the left, and what each strip shows at its force axes."""
+        _name_row(self.axes[0], name, tight=self.tight, **look)
+        for panels, text in zip(self.axes, quantities, strict=True):
+            for k in _leaders(self.names, self.tight):
+                panels[k].set_ylabel(text)
+
+
+@dataclass(frozen=True, eq=False)
+class PhasePanels(Generic[_Test]):
+    """A figure with a row for each test, slowest first, and a column for each kind of phase.
+
+    ``axes`` are those of (test, strip, column), ``names`` those of the columns. ``tight`` figures
+    are laid out for one column of a journal.
+    """
+
+    figure: Figure
+    axes: np.ndarray
+    names: list[str]
+    tight: bool
+    rows: list[PanelRow[_Test]]
+
+    @classmethod
+    def for_tests(
+        cls,
+        tests: Iterable[_Test],
+        width: float,
+        *,
+        frame: float,
+        row: float,
+        heights: Sequence[float] = (1.0,),
+        **layout: Any,
+    ) -> PhasePanels[_Test]:
+        """Return the figure, with empty panels.
+
+        ``width``, ``frame`` (height of the margins) and ``row`` (height of a line of panels) are in
+        mm; ``heights`` are those of the strips of a test, relative to each other.
+        """
+        ordered = sorted(tests, key=lambda test: by_rate(test.trial.rate))
+        parts = [divide(test.time, test.trial.phases) for test in ordered]
+        names, tight = columns(parts), narrow(width)
+        height = frame + row * _lines_of(names, tight) * len(ordered)
+        figure = canvas(width, height, **layout)
+        axes = _lay_out(figure, len(ordered), names, heights, tight=tight)
+        rows = [
+            PanelRow(test, own, panels, names, tight)
+            for test, own, panels in zip(ordered, parts, axes, strict=True)
+        ]
+        return cls(figure, axes, names, tight, rows)
+
+    def finish(self, ticks: Sequence[int]) -> None:
+        """Name the columns, and let the panels of a dwell share their times, once all are painted.
+
+        ``ticks`` are the most steps on the force axis of each strip.
+        """
+        for k, name in enumerate(self.names):
+            self.axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
+            if name in DWELLS:
+                same_times(self.axes[:, :, k].ravel())
+        left = _leaders(self.names, self.tight)
+        self.figure.align_ylabels(self.axes[:, :, left].ravel())
+        for strips in self.axes[:, :, 0]:  # with which the other columns share their force axes
+            for axis, most in zip(strips, ticks, strict=True):
+                axis.yaxis.set_major_locator(MaxNLocator(most))
+
+
+def _stacked(names: Sequence[str], tight: bool) -> bool:
     """Return whether the whole test's panel is above those of its phases, not to their left."""
     return tight and WHOLE in names
 
 
-def lines_of(names: Sequence[str], tight: bool) -> int:
+def _lines_of(names: Sequence[str], tight: bool) -> int:
     """Return how many lines of panels a test takes."""
-    return 2 if stacked(names, tight) else 1
+    return 2 if _stacked(names, tight) else 1
 
 
-def leaders(names: Sequence[str], tight: bool) -> range:
+def _leaders(names: Sequence[str], tight: bool) -> range:
     """Return the columns whose panels have the force axis."""
-    return range(lines_of(names, tight))
+    return range(_lines_of(names, tight))
 
 
-def lay_out_panels(
+def _lay_out(
     figure: Figure, count: int, names: Sequence[str], heights: Sequence[float], *, tight: bool
 ) -> np.ndarray:
-    """Return axes (test, part, column); a test's parts are one below the other, of these heights.
+    """Return axes (test, strip, column); a test's strips lie one below the other.
 
-    Parts of a test share their force axes, panels of a column within a test their time axes.
+    ``heights`` are those of a test's strips, relative to each other. Panels of a strip share their
+    force axis, panels of a column within a test their time axis.
     """
-    lines, width = lines_of(names, tight), len(names) - stacked(names, tight)
+    lines, width = _lines_of(names, tight), len(names) - _stacked(names, tight)
     wide_first = WHOLE in names and lines == 1
     ratios = [_WHOLE_WIDTH if wide_first and k == 0 else 1.0 for k in range(width)]
     rows = count * lines * len(heights)
@@ -49,17 +180,18 @@ def lay_out_panels(
         rows, width, figure, width_ratios=ratios, height_ratios=[*heights] * (count * lines)
     )
     axes: Any = np.empty((count, len(heights), len(names)), dtype=object)
-    for test, part, column in np.ndindex(axes.shape):
+    for test, strip, column in np.ndindex(axes.shape):
         above = lines == 2 and column > 0
-        row = (test * lines + above) * len(heights) + part
+        row = (test * lines + above) * len(heights) + strip
         columns_at = slice(None) if lines == 2 and column == 0 else column - (lines == 2)
-        axes[test, part, column] = _panel(figure, grid, row, columns_at, axes, (test, part, column))
-        if column not in leaders(names, tight):
-            axes[test, part, column].tick_params(labelleft=False)
+        indices = (test, strip, column)
+        axes[indices] = _panel(figure, grid, row, columns_at, axes, indices)
+        if column not in _leaders(names, tight):
+            axes[indices].tick_params(labelleft=False)
     return axes
 
 
-def name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
+def _name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
     """Write a test's name above its first panel, from where it runs over the others.
 
     In one column a title would widen the first panel: blanks keep the room above all panels, and an
@@ -75,20 +207,8 @@ def name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
     written.set_in_layout(False)
 
 
-def finish_columns(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
-    """Name the columns of axes (test, part, column), and let the panels of a dwell share times.
-
-    left: columns whose force axes are labelled.
-    """
-    for k, name in enumerate(names):
-        axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-        if name in DWELLS:
-            same_times(axes[:, :, k].ravel())
-    figure.align_ylabels(axes[:, :, left].ravel())
-
-
-def mark_left_out(
-    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, stretches: Sequence[PhaseSamples]
+def _mark_left_out(
+    panels: Sequence[Axes], names: Sequence[str], trial: Trial, parts: Sequence[PhaseSamples]
 ) -> None:
     """Draw a test's left-out readings over its panels, which share their force axis.
 
@@ -100,8 +220,8 @@ def mark_left_out(
     rows = np.array([k for k, _ in bad.drawn])
     low, high = panels[0].get_ylim()
     force = np.clip(bad.force[rows], low, high)
-    for axis, column in zip(panels, columns, strict=True):
-        time = panel_times(column, bad.time[rows], trial.phases, stretches)
+    for axis, column in zip(panels, names, strict=True):
+        time = panel_times(column, bad.time[rows], trial.phases, parts)
         shown = np.isfinite(time)
         if not shown.any() or not axis.lines:
             continue
@@ -120,9 +240,9 @@ def _panel(
     axes: Any,
     indices: tuple[int, ...],
 ) -> Axes:
-    test, part, column = indices
+    test, strip, column = indices
     return figure.add_subplot(
         grid[row, columns_at],
-        sharey=axes[test, part, 0] if column else None,
-        sharex=axes[test, 0, column] if part else None,
+        sharey=axes[test, strip, 0] if column else None,
+        sharex=axes[test, 0, column] if strip else None,
     )

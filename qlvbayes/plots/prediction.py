@@ -25,7 +25,7 @@ _DECADES = 30.0  # ratio of whole to first stretch beyond which time is logarith
 _TITLE, _TITLE_TIGHT = 110, 48  # characters of a programme
 
 
-def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
+def plot_prediction(forecast: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the prescribed quantity above, and below it the response: median, 50 and 90 % band.
 
     Where a programme's first stretch is a thirtieth of it or less, a second column in logarithmic
@@ -33,7 +33,7 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
 
     Parameters
     ----------
-    found
+    forecast
         The prediction of ``predict_program``.
     width
         Width of the figure (mm).
@@ -45,12 +45,12 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     """
     tight = narrow(width)
     with style():
-        scales = ["linear", "log"] if _quick(found) and not tight else ["linear"]
+        scales = ["linear", "log"] if _quick(forecast) and not tight else ["linear"]
         figure = canvas(width, 2.0 * _PANEL + _FRAME)
         axes = figure.subplots(2, len(scales), sharex="col", sharey="row", squeeze=False)
         for column, scale in zip(axes.T, scales, strict=True):
-            _draw(column, found, scale)
-        units, moved = found.units, found.program.quantity == "displacement"
+            _draw(column, forecast, scale)
+        units, moved = forecast.units, forecast.program.quantity == "displacement"
         labels = [
             displacement_label(units),
             force_label(units),
@@ -60,7 +60,7 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
             axis.yaxis.set_major_locator(MaxNLocator(4))
         figure.align_ylabels(axes[:, 0])
         most = _TITLE_TIGHT if tight else _TITLE
-        figure.suptitle(shortened(f"{found.pad}: {found.program.title}", most))
+        figure.suptitle(shortened(f"{forecast.pad}: {forecast.program.title}", most))
         handles, names = axes[1, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=3)
     return list(axes.flat)

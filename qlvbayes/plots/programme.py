@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
-from qlvbayes.plots.stretches import by_rate, trial_name
+from qlvbayes.plots.phases import by_rate, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

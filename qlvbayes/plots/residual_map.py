@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,18 +10,20 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import decimals_of
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
+    LEAST_ROWS,
+    draw_cells,
     draw_colours,
-    draw_empty,
-    draw_square,
     label_squares,
     over_floor,
+    row_label,
     short,
+    tests_by_rate,
     worst_of,
 )
-from qlvbayes.plots.style import MIDDLE, canvas, narrow, quantity, rated, shortened, style
+from qlvbayes.plots.phases import role_look
+from qlvbayes.plots.style import MIDDLE, canvas, narrow, quantity, shortened, style
 
 _ROW, _FRAME = 9.0, 28.0  # mm: a row of cells and the margins
-_LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _ROW_TIGHT, _BAR = 10.5, 10.0  # mm, in one column: three lines of a row's label, the colour bar
 _NAME, _NAME_TIGHT = 28, 14  # characters of a test's name
 
@@ -54,45 +53,26 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
     """
     tight = narrow(width)
     with style():
-        tests = _tests(check.cells)
+        tests = tests_by_rate(check.cells)
         row, frame = (_ROW_TIGHT, _FRAME + _BAR) if tight else (_ROW, _FRAME)
-        height = frame + row * max(len(tests), _LEAST_ROWS)
+        height = frame + row * max(len(tests), LEAST_ROWS)
         figure = canvas(width, height)
         axis = figure.subplots()
         worst = worst_of(over_floor(cell.rmse, check.noise) for cell in check.cells)
-        for cell in check.cells:
-            _draw_cell(axis, cell, check, worst, list(tests).index(cell.test))
+        empty = draw_cells(
+            axis, check.cells, check.noise, worst, list(tests), KINDS,
+            text=lambda cell: _text(cell, check.noise), fails=lambda cell: cell.fails,
+        )  # fmt: skip
         _label(axis, check, tests, units, tight=tight)
-        _key(figure, units, empty=_hatch_empty(axis, check.cells, list(tests)), tight=tight)
+        _key(figure, units, empty=empty, tight=tight)
         draw_colours(figure, axis, worst, check.noise, units, below=tight)
     return axis
 
 
-def _tests(cells: Sequence[Cell]) -> dict[str, Cell]:
-    """Return one cell of each test, ordered by the test's rate."""
-    ordered = sorted(cells, key=lambda cell: inf if cell.rate is None else cell.rate)
-    return {cell.test: cell for cell in ordered}
-
-
-def _hatch_empty(axis: Axes, cells: Sequence[Cell], tests: Sequence[str]) -> int:
-    """Hatch the cells without samples; return how many there are."""
-    present = {(cell.test, cell.phase) for cell in cells}
-    empty = [
-        (row, column)
-        for row, test in enumerate(tests)
-        for column, kind in enumerate(KINDS)
-        if (test, kind) not in present
-    ]
-    for position in empty:
-        draw_empty(axis, position)
-    return len(empty)
-
-
-def _draw_cell(axis: Axes, cell: Cell, check: CheckResult, worst: float, row: int) -> None:
-    ratio = over_floor(cell.rmse, check.noise)
-    text = f"{short(ratio)}\n{_signed(cell.bias, max(cell.rmse, check.noise))}"
-    position = (row, KINDS.index(cell.phase))
-    draw_square(axis, position, ratio, worst, text, fails=cell.fails)
+def _text(cell: Cell, noise: float) -> str:
+    """Return a cell's error over the noise floor, and below it its bias."""
+    ratio = over_floor(cell.rmse, noise)
+    return f"{short(ratio)}\n{_signed(cell.bias, max(cell.rmse, noise))}"
 
 
 def _signed(bias: float, error: float) -> str:
@@ -107,20 +87,16 @@ def _label(
     axis: Axes, check: CheckResult, tests: dict[str, Cell], units: UnitSystem, *, tight: bool
 ) -> None:
     axis.set_title(f"pad {shortened(check.pad)}", loc="left", weight="bold")
-    rows = [_row_label(cell, units, tight=tight) for cell in tests.values()]
+    most, gap = (_NAME_TIGHT, "\n") if tight else (_NAME, ", ")
+    roles = [role_look(cell.role) for cell in tests.values()]
+    cells = zip(tests.values(), roles, strict=True)
+    rows = [row_label(cell, units, most, role, gap=gap) for cell, (role, _) in cells]
     label_squares(axis, rows, list(KINDS))
-    for tick, cell in zip(axis.get_yticklabels(), tests.values(), strict=True):
-        tick.set_fontweight("bold" if cell.role == "fit" else "normal")
+    for tick, (_, weight) in zip(axis.get_yticklabels(), roles, strict=True):
+        tick.set_fontweight(weight)
 
 
-def _row_label(cell: Cell, units: UnitSystem, *, tight: bool) -> str:
-    rate = [] if cell.rate is None else [rated(cell.rate, units.speed)]
-    role = "fitted" if cell.role == "fit" else "predicted"
-    name = shortened(cell.test, _NAME_TIGHT if tight else _NAME)
-    return f"{name}\n" + ("\n" if tight else ", ").join([*rate, role])
-
-
-def _key(figure: Figure, units: UnitSystem, *, empty: int, tight: bool) -> None:
+def _key(figure: Figure, units: UnitSystem, *, empty: bool, tight: bool) -> None:
     gap = "\n" if tight else " "
     lines = [
         "upper number: RMSE / noise floor",

@@ -11,13 +11,13 @@ from typing import Any
 
 import matplotlib
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import literal
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import plain
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns
@@ -131,6 +131,17 @@ def titled_legend(figure: Figure, title: str, *entries: Any, **look: Any) -> Non
     figure.legend(*entries, title=title, title_fontproperties=title_look(), **look)
 
 
+def write_right(
+    axis: Axes, text: str, row: float, points: float, *, up: float = 0.0, **look: Any
+) -> None:
+    """Write text at a row of the axes, this many points right of them and ``up`` points higher."""
+    position = {"xycoords": axis.get_yaxis_transform(), "va": "center", **look}
+    axis.annotate(
+        text, (1.0, row), xytext=(points, up), textcoords="offset points", annotation_clip=False,
+        **position,
+    )  # fmt: skip
+
+
 def narrow(width: float) -> bool:
     """Return whether a figure of this width (mm) is laid out for one column."""
     return width < _NARROW
@@ -208,9 +219,12 @@ def displacement_label(units: UnitSystem) -> str:
     return quantity(units.displacement_name, units.displacement)
 
 
-def rated(rate: float, unit: str) -> str:
-    """Return three digits of a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
-    return f"{plain(rate)} {unit}".replace(" 1/", "/")
+def percentage(probability: float) -> str:
+    """Return a probability in tenths of a per cent; it is never written as certain."""
+    percent = 100.0 * probability
+    if percent < 0.1:
+        return "< 0.1 %"
+    return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
 
 
 def shortened(name: str, most: int = 40) -> str:

@@ -17,6 +17,7 @@ _CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, _HEIGHT]])  # where share 0, 
 _MARGIN = 0.12  # share of the enlarged triangle that is left around the draws
 _WHOLE = 0.24  # size of the small copy of the whole triangle over the enlarged one
 _WHOLE_AT = (1.11, _HEIGHT - 0.18)
+_TICKS = 3  # most steps between the numbers along a side
 _DIGIT = 4.5  # points, width of a digit
 _AROUND = ((-0.36, 1.36), (-0.27, 0.93))
 
@@ -33,7 +34,7 @@ class _Window:
         return (shares - self.low) / self.size @ _CORNERS
 
 
-def draw_ternary(axis: Axes, shares: np.ndarray, colour: str, *, ticks: int = 3) -> None:
+def draw_ternary(axis: Axes, shares: np.ndarray, colour: str) -> None:
     """Draw the regions that hold 50 and 90 % of the draws (n, 3), each row of sum 1.
 
     Grid lines run parallel to the sides: those of c[1] are labelled below, of c[2] on the right, of
@@ -49,7 +50,7 @@ def draw_ternary(axis: Axes, shares: np.ndarray, colour: str, *, ticks: int = 3)
               gid="median")  # fmt: skip
     axis.add_patch(Polygon(_CORNERS, fill=False, linewidth=0.6, gid="enlarged"))
     for k in range(3):
-        _grid(axis, window, k, ticks)
+        _grid(axis, window, k)
     _whole(axis, window)
 
 
@@ -59,13 +60,13 @@ def _window(shares: np.ndarray) -> _Window:
     return _Window(low - margin, float(1.0 - low.sum() + 3.0 * margin))
 
 
-def _grid(axis: Axes, window: _Window, k: int, ticks: int) -> None:
+def _grid(axis: Axes, window: _Window, k: int) -> None:
     """Draw lines of equal share k, with numbers where they begin and a name next to these."""
     begin, end = {0: (2, 1), 1: (0, 2), 2: (1, 0)}[
         k
     ]  # corners without k, the numbered side's first
     first = float(window.low[k])
-    values = MaxNLocator(ticks, prune="both").tick_values(first, first + window.size)
+    values = MaxNLocator(_TICKS, prune="both").tick_values(first, first + window.size)
     turn = {0: (-4.0, 2.0, "right", "bottom"), 1: (-2.0, -3.0, "center", "top"),
             2: (3.0, 0.0, "left", "center")}[k]  # fmt: skip
     for value in values:

@@ -34,12 +34,12 @@ def first_movement(trial: Trial) -> tuple[float, float]:
     return phase.start, phase.stop
 
 
-def logarithmic(axis: Axes, trials: Iterable[Trial], *, numbers: int = 6) -> None:
+def logarithmic(axis: Axes, trials: Iterable[Trial], *, ticks: int = 6) -> None:
     """Make time logarithmic, from a hundredth of the shortest first movement on."""
     spans = [stop - start for start, stop in map(first_movement, trials)]
     axis.set_xscale("log")
     axis.set_xlim(left=_EARLIEST * min(spans))
-    axis.xaxis.set_major_locator(LogLocator(numticks=numbers))
+    axis.xaxis.set_major_locator(LogLocator(numticks=ticks))
     axis.xaxis.set_minor_formatter(NullFormatter())
 
 

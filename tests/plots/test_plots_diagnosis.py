@@ -1,5 +1,6 @@
 import dataclasses
 from functools import cache, partial
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.plots import forces_before_after
 from qlvbayes.plots.catalogue import figures_of
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
@@ -155,13 +157,19 @@ every_case_and_width = pytest.mark.parametrize(
 )
 
 
+def forces_of(found, shown, **options):
+    """The figure of curves that were made by hand."""
+    with patch.object(forces_before_after, "curves", lambda diagnosis: shown):
+        return plot_forces_before_after(Diagnosis(found, None), **options)
+
+
 @cache
 def pages(case, width=180.0):
     """The four figures of a case, drawn once, each with its renderer."""
     found, shown = CASES[case]
     made = (
         page(plot_residuals_before_after, found, width=width),
-        page(plot_forces_before_after, Diagnosis(found, None), shown, width=width),
+        page(forces_of, found, shown, width=width),
         page(plot_evidence, found, width=width),
         page(plot_error_staircase, found, width=width),
     )
@@ -256,7 +264,7 @@ def strip_dots(axis, colour):
 
 def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     (shown,) = pressed(1)
-    figure = page(plot_forces_before_after, Diagnosis(diagnosed(1), None), [shown])
+    figure = page(forces_of, diagnosed(1), [shown])
     ramp = shown.phase == "ramp"
     strip = figure.axes[4]
     assert strip.get_ylabel() == "residual\n(N)"
@@ -391,8 +399,8 @@ def test_without_left_out_tests_there_is_one_line_of_steps():
 def test_an_error_that_rises_is_explained():
     found = diagnosed()
     risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
-    assert "weighs readings" in words(page(plot_error_staircase, risen))
-    assert "weighs readings" not in words(page(plot_error_staircase, found))
+    assert "weights readings" in words(page(plot_error_staircase, risen))
+    assert "weights readings" not in words(page(plot_error_staircase, found))
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ import numpy as np
 from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import joined, plain
+from qlvbayes.io.wording import joined, plain, rated
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.firstlook.facts import (
     DEEPER,
@@ -155,15 +155,11 @@ def _speed(experiment: Experiment, facts: Facts) -> Shown:
         reason = "no test moves from one position to another"
         return Shown(about, "hardly", reason, "press at two speeds", effects=OF_SPEED)
     if len(speeds) == 1:
-        reason = f"one speed, {_per(speeds[0], unit)}, at which it looks like quick relaxation"
+        reason = f"one speed, {rated(speeds[0], unit)}, at which it looks like quick relaxation"
         remedy = f"press at another speed, {plain(_FASTER)} times as fast or more"
         return Shown(about, "hardly", reason, remedy, effects=OF_SPEED)
-    low, high = _per(speeds[0], unit), _per(max(facts.speeds), unit)
+    low, high = rated(speeds[0], unit), rated(max(facts.speeds), unit)
     return Shown(about, "yes", f"speeds from {low} to {high}", effects=OF_SPEED)
-
-
-def _per(speed: float, unit: str) -> str:
-    return f"{plain(speed)} {unit}".replace(" 1/", "/")
 
 
 def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:

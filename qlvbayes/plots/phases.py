@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import rated
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import KINDS, Phase, phase_index
-from qlvbayes.plots.style import BLACK, rated, shortened
+from qlvbayes.plots.style import BLACK, shortened
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")
@@ -42,7 +43,7 @@ class PhaseSamples:
 class PanelSamples:
     """Samples in a panel: their phase, their rows in the test and their times."""
 
-    stretch: PhaseSamples
+    part: PhaseSamples
     rows: np.ndarray
     time: np.ndarray
 
@@ -53,9 +54,9 @@ def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:
     return f"{name}, {rated(trial.rate, units.speed)}" if np.isfinite(trial.rate) else name
 
 
-def role_look(trial: Trial) -> tuple[str, str]:
+def role_look(role: str) -> tuple[str, str]:
     """Return whether a test was fitted or predicted, and the weight of the letters that say so."""
-    return ("fitted", "bold") if trial.role == "fit" else ("predicted", "normal")
+    return ("fitted", "bold") if role == "fit" else ("predicted", "normal")
 
 
 def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:
@@ -63,14 +64,14 @@ def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:
     seen = Counter[str]()
     phases = _joined(phases)
     starts = [0, *(_first_row(time, phase) for phase in phases[1:]), time.size]
-    stretches = []
+    parts = []
     for phase, (first, stop) in zip(phases, pairwise(starts), strict=True):
         if stop > first:
             elapsed = time[first:stop] - phase.start
             rows = np.arange(first, stop)
-            stretches.append(PhaseSamples(phase.kind, seen[phase.kind], rows, elapsed))
+            parts.append(PhaseSamples(phase.kind, seen[phase.kind], rows, elapsed))
         seen[phase.kind] += 1
-    return stretches
+    return parts
 
 
 def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
@@ -91,32 +92,32 @@ def _first_row(time: np.ndarray, phase: Phase) -> int:
     return first + int(np.sum(elapsed <= _AT_ONCE * interval))
 
 
-def columns(parts: Sequence[Sequence[PhaseSamples]]) -> list[str]:
+def columns(tests: Iterable[Sequence[PhaseSamples]]) -> list[str]:
     """Return the kinds of phase that occur; the whole test precedes them where a kind repeats."""
-    counts = [Counter(stretch.kind for stretch in stretches) for stretches in parts]
+    counts = [Counter(part.kind for part in parts) for parts in tests]
     kinds = [kind for kind in KINDS if any(kind in count for count in counts)]
     repeats = any(max(count.values()) > 1 for count in counts)
     return [WHOLE, *kinds] if repeats else list(kinds)
 
 
 def panel_samples(
-    column: str, time: np.ndarray, stretches: Sequence[PhaseSamples]
+    column: str, time: np.ndarray, parts: Sequence[PhaseSamples]
 ) -> list[PanelSamples]:
     """Return the samples that a column shows: the whole test, or a kind of phase since it began."""
     if column == WHOLE:
-        return [_continued(time, stretch) for stretch in stretches]
-    same = [stretch for stretch in stretches if stretch.kind == column]
+        return [_continued(time, part) for part in parts]
+    same = [part for part in parts if part.kind == column]
     scale, _ = _scale(column, same)
-    return [PanelSamples(stretch, stretch.rows, scale * stretch.elapsed) for stretch in same]
+    return [PanelSamples(part, part.rows, scale * part.elapsed) for part in same]
 
 
 def panel_times(
-    column: str, times: np.ndarray, phases: Sequence[Phase], stretches: Sequence[PhaseSamples]
+    column: str, times: np.ndarray, phases: Sequence[Phase], parts: Sequence[PhaseSamples]
 ) -> np.ndarray:
     """Return where a column shows other times (k,) of a test (s), NaN where it does not."""
     if column == WHOLE:
         return times
-    scale, _ = _scale(column, [stretch for stretch in stretches if stretch.kind == column])
+    scale, _ = _scale(column, [part for part in parts if part.kind == column])
     joined = _joined(phases)
     own = phase_index(joined, times)
     elapsed = times - np.array([phase.start for phase in joined])[own]
@@ -125,11 +126,11 @@ def panel_times(
     return np.where(there, scale * elapsed, np.nan)
 
 
-def _continued(time: np.ndarray, stretch: PhaseSamples) -> PanelSamples:
+def _continued(time: np.ndarray, part: PhaseSamples) -> PanelSamples:
     """Return the samples with the one before, so that the curve has no gap."""
-    first = stretch.rows[0]
-    rows = np.concatenate([np.arange(max(first - 1, 0), first), stretch.rows])
-    return PanelSamples(stretch, rows, time[rows])
+    first = part.rows[0]
+    rows = np.concatenate([np.arange(max(first - 1, 0), first), part.rows])
+    return PanelSamples(part, rows, time[rows])
 
 
 def _scale(column: str, same: Sequence[PhaseSamples]) -> tuple[float, str]:
@@ -139,7 +140,7 @@ def _scale(column: str, same: Sequence[PhaseSamples]) -> tuple[float, str]:
 
 
 def _length(same: Sequence[PhaseSamples]) -> float:
-    return float(max(stretch.elapsed[-1] for stretch in same))
+    return float(max(part.elapsed[-1] for part in same))
 
 
 def number_repeats(
@@ -156,14 +157,14 @@ def number_repeats(
     """
     low, high = axis.get_ylim()
     taken: list[float] = []
-    for placed in shown:
-        end, number = float(force[placed.rows[-1]]), placed.stretch.number
+    for samples in shown:
+        end, number = float(force[samples.rows[-1]]), samples.part.number
         if any(abs(end - other) < _ROOM * (high - low) for other in taken):
             continue
         taken.append(end)
         axis.annotate(
             f"{number + 1}",
-            (placed.time[-1], end),
+            (samples.time[-1], end),
             xytext=(2, 0),
             textcoords="offset points",
             va="center",
@@ -174,7 +175,7 @@ def number_repeats(
 
 
 def finish_time(
-    axis: Axes, column: str, stretches: Sequence[PhaseSamples], *, tight: bool = False
+    axis: Axes, column: str, parts: Sequence[PhaseSamples], *, tight: bool = False
 ) -> None:
     """Scale and label the time axis of a panel that has been drawn; blank it if nothing was.
 
@@ -183,7 +184,7 @@ def finish_time(
     if column == WHOLE:
         axis.set_xlabel("time (s)")
         return
-    same = [stretch for stretch in stretches if stretch.kind == column]
+    same = [part for part in parts if part.kind == column]
     if not same:
         _blank(axis)
         return
@@ -191,7 +192,7 @@ def finish_time(
     if column in DWELLS:
         axis.set_xscale("log")
     else:
-        first, length = min(stretch.elapsed[0] for stretch in same), _length(same)
+        first, length = min(part.elapsed[0] for part in same), _length(same)
         axis.set_xlim(left=scale * (max(first, -_EARLY * length) - 0.04 * length))
     gap = "\n" if tight else " "
     axis.set_xlabel(f"time in{gap}{column} ({unit})")
