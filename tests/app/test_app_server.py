@@ -76,7 +76,7 @@ class Served:
         task = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
         found = {}
         for number in task.read_text().split():
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, IndexError):  # gone, or not begun yet
                 words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
                 found.setdefault(words[-2].decode(), set()).add(int(number))
         return found
