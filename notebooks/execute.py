@@ -47,6 +47,9 @@ def _run(client: NotebookClient, notebook: nbformat.NotebookNode) -> None:
     for index, cell in enumerate(notebook.cells):
         client.execute_cell(cell, index, execution_count=client.code_cells_executed + 1)
         cell.metadata.pop("execution", None)
+        for output in cell.get("outputs", []):
+            if "execution_count" in output:  # the kernel counts on over all notebooks
+                output["execution_count"] = cell["execution_count"]
 
 
 def shrink(notebook: nbformat.NotebookNode) -> None:
