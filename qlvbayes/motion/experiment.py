@@ -34,6 +34,7 @@ from qlvbayes.motion.leavingout import (
 from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
+from qlvbayes.motion.noramp import no_ramp
 from qlvbayes.motion.past import Past, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, phase_index
 from qlvbayes.motion.polling import with_own_readings
@@ -356,21 +357,21 @@ def _trials_of(
     begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
     if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
-        trials, _ = _smoothed(part.tests, keep_all=keep_all, limited=False)
+        trials, _ = _smoothed(part.tests, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
     excluded = [
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
     tests = list(map(marked, part.tests, excluded))
-    trials, steps = _smoothed(tests, keep_all=keep_all)
+    trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
     left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
     trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
     return trials, steps, (*slow, *cuts)
 
 
 def _smoothed(
-    tests: Sequence[Test], *, keep_all: bool, limited: bool = True
+    tests: Sequence[Test], units: UnitSystem, *, keep_all: bool, limited: bool = True
 ) -> tuple[list[Trial], list[float]]:
     """Return the trials of tests, with their bad readings alone as left out, and their steps."""
     sound, bad = zip(*sound_tests(tests, keep_all=keep_all, limited=limited), strict=True)
@@ -379,10 +380,13 @@ def _smoothed(
     paths = [test.displacement[rows] for test, rows in zip(sound, read, strict=True)]
     steps = encoder_steps(paths)
     scatters = known_scatter(times, paths, steps)
-    return list(map(_trial, sound, steps, scatters, bad)), list(steps)
+    trials = [_trial(*one, units) for one in zip(sound, steps, scatters, bad, strict=True)]
+    return trials, list(steps)
 
 
-def _trial(whole: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
+def _trial(
+    whole: Test, step: float, scatter: float, left_out: BadReadings | None, units: UnitSystem
+) -> Trial:
     trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None
     if whole.used is not None:
@@ -390,7 +394,7 @@ def _trial(whole: Test, step: float, scatter: float, left_out: BadReadings | Non
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
     trajectory = crept_path(trajectory, whole, phases)
-    rate = whole.rate if whole.rate is not None else _rate(trajectory, phases)
+    rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
     return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
 
 
@@ -416,11 +420,15 @@ def _loaded_times(trial: Trial) -> str:
     return joined([f"{plain(start)} to {plain(stop)} s" for start, stop in spans])
 
 
-def _rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
+def _rate(
+    test: Test, trajectory: Trajectory, phases: tuple[Phase, ...], units: UnitSystem
+) -> float:
     """Return the loading rate; under a weight put on at once, the creep's largest speed."""
     kinds = {phase.kind for phase in phases}
     if "ramp" not in kinds and any(phase.control == Control.FORCE for phase in phases):
         return trajectory.top_speed
+    if "ramp" not in kinds:
+        raise no_ramp(test, trajectory, phases, units)
     return loading_rate(trajectory, phases)
 
 
