@@ -24,7 +24,7 @@ from qlvbayes.fitting.marginal_likelihood import (
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
-from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
+from qlvbayes.fitting.routes import LeastSquaresFit, one_step, part_notice, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
 from qlvbayes.io import catalogue
@@ -357,6 +357,8 @@ def _notices(fit: Fit) -> Iterator[str]:
     times = unresolved_times(model.relaxation, fit.experiment.scales)
     for text in (*fit.experiment.floor.notices, *times):
         yield f"pad {fit.pad}: {text}"
+    if fit.method not in SAMPLERS:
+        yield from part_notice(fit.experiment, fit.method)
 
 
 def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> Iterator[str]:

@@ -20,6 +20,7 @@ from qlvbayes.fitting.least_squares import (
     normal_approximation,
     without_noise,
 )
+from qlvbayes.io.wording import joined, plain
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior
@@ -90,6 +91,26 @@ def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
     chosen = [p for p in phases[first : first + 2] if p.kind in kinds]
     chosen = chosen or list(phases)
     return chosen[0].start, chosen[-1].stop
+
+
+def part_notice(experiment: Experiment, method: str) -> tuple[str, ...]:
+    """Return a sentence on the tests after whose first ramp and hold more was read.
+
+    Neither route uses what comes after these.
+    """
+    spans = [(trial, _span(trial, ("ramp", "hold"))) for trial in experiment.with_role("fit")]
+    parts = [
+        f"{plain(start)} to {plain(stop)} s of test {trial.name}, which ends at "
+        f"{plain(trial.used_phases[-1].stop)} s"
+        for trial, (start, stop) in spans
+        if stop < trial.used_phases[-1].stop
+    ]
+    if not parts:
+        return ()
+    return (
+        f"pad {experiment.pad}: {method} uses the first ramp and what follows it at once, which is "
+        f"{joined(parts)}; --method emcee uses whole tests",
+    )
 
 
 def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weighted: bool) -> np.ndarray:

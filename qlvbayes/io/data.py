@@ -96,6 +96,8 @@ class Test:
     used
         (n,) whether the force of each sample is used; None where all are. The displacement is the
         specimen's history and always is.
+    anew
+        (n,) whether the displacement of each sample was read anew; None where all were.
     """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
@@ -114,6 +116,7 @@ class Test:
     changes: tuple[Prescribed, ...] = ()
     contact_sd: float | None = None
     used: Mask | None = None
+    anew: Mask | None = None
 
     @property
     def states_control(self) -> bool:

@@ -94,6 +94,7 @@ class SpanOfTest(OfTest):
             force=test.force[part],
             force_sd=None if test.force_sd is None else test.force_sd[part],
             used=None if test.used is None else test.used[part],
+            anew=None if test.anew is None else test.anew[part],
             start_s=test.start_s + begin,
             changes=tuple(
                 replace(one, start=one.start - begin, stop=one.stop - begin) for one in test.changes

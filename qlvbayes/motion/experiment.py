@@ -34,8 +34,10 @@ from qlvbayes.motion.leavingout import (
 from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
+from qlvbayes.motion.noramp import no_ramp
 from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, phase_index
+from qlvbayes.motion.polling import with_own_readings
 from qlvbayes.motion.segments import known_scatter
 from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
@@ -131,7 +133,8 @@ class Experiment:
     rested
         Whether every test is taken to begin at rest, whatever came before it.
     cuts
-        One sentence on each test of which only a part is used.
+        One sentence on each test of which only a part is used, or whose displacement was read more
+        seldom than its force.
     """
 
     pad: str
@@ -349,43 +352,61 @@ def _trials_of(
 
     Phases that are left out are found first, from all readings, good or bad.
     """
+    pad, slow = with_own_readings(pad)
     part, cuts = cut(pad, use)
     begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
     if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
-        trials, _ = _smoothed(part.tests, keep_all=keep_all, limited=False)
+        trials, _ = _smoothed(part.tests, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
     excluded = [
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
     tests = list(map(marked, part.tests, excluded))
-    trials, steps = _smoothed(tests, keep_all=keep_all)
+    trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
     left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
-    return [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)], steps, cuts
+    trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
+    return trials, steps, (*slow, *cuts)
 
 
 def _smoothed(
-    tests: Sequence[Test], *, keep_all: bool, limited: bool = True
+    tests: Sequence[Test], units: UnitSystem, *, keep_all: bool, limited: bool = True
 ) -> tuple[list[Trial], list[float]]:
     """Return the trials of tests, with their bad readings alone as left out, and their steps."""
     sound, bad = zip(*sound_tests(tests, keep_all=keep_all, limited=limited), strict=True)
-    paths = [test.displacement for test in sound]
+    read = [slice(None) if test.anew is None else test.anew for test in sound]
+    times = [test.time[rows] for test, rows in zip(sound, read, strict=True)]
+    paths = [test.displacement[rows] for test, rows in zip(sound, read, strict=True)]
     steps = encoder_steps(paths)
-    scatters = known_scatter([test.time for test in sound], paths, steps)
-    return list(map(_trial, sound, steps, scatters, bad)), list(steps)
+    scatters = known_scatter(times, paths, steps)
+    trials = [_trial(*one, units) for one in zip(sound, steps, scatters, bad, strict=True)]
+    return trials, list(steps)
 
 
-def _trial(whole: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
-    trajectory = smooth(whole.time, whole.displacement, step, scatter)
+def _trial(
+    whole: Test, step: float, scatter: float, left_out: BadReadings | None, units: UnitSystem
+) -> Trial:
+    trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None
     if whole.used is not None:
         test = replace(without(whole, ~whole.used), used=None)
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
     trajectory = crept_path(trajectory, whole, phases)
-    rate = whole.rate if whole.rate is not None else _rate(trajectory, phases)
+    rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
     return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
+
+
+def _moved(test: Test, step: float, scatter: float) -> tuple[Trajectory, Test]:
+    """Return the motion of a test, and the test with it where the displacement was not read."""
+    if test.anew is None:
+        return smooth(test.time, test.displacement, step, scatter), test
+    read = test.anew.copy()
+    read[[0, -1]] = True  # the motion lasts as long as the force
+    trajectory = smooth(test.time[read], test.displacement[read], step, scatter)
+    path = np.where(read, test.displacement, trajectory.displacement(test.time))
+    return trajectory, replace(test, displacement=path, anew=None)
 
 
 def _loaded_times(trial: Trial) -> str:
@@ -399,11 +420,15 @@ def _loaded_times(trial: Trial) -> str:
     return joined([f"{plain(start)} to {plain(stop)} s" for start, stop in spans])
 
 
-def _rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
+def _rate(
+    test: Test, trajectory: Trajectory, phases: tuple[Phase, ...], units: UnitSystem
+) -> float:
     """Return the loading rate; under a weight put on at once, the creep's largest speed."""
     kinds = {phase.kind for phase in phases}
     if "ramp" not in kinds and any(phase.control == Control.FORCE for phase in phases):
         return trajectory.top_speed
+    if "ramp" not in kinds:
+        raise no_ramp(test, trajectory, phases, units)
     return loading_rate(trajectory, phases)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -47,20 +47,21 @@ def falls_of(
 
     A sudden one is more than 5 % of the test's largest force between two neighbouring readings and
     more than ten sds of the changes around it; the force stays down, and the platen goes on moving.
-    A gradual one is more than 10 % over any number of readings of a ramp, and more than six sds of
-    the noise, beyond what the platen's own speed loses: at a speed that does not fall, no
-    relaxation lets the force fall. The first gradual one is returned where it comes before all
-    sudden ones.
+    Sudden ones within three readings of each other are one. A gradual one is more than 10 % over
+    any number of readings of a ramp, and more than six sds of the noise, beyond what the platen's
+    own speed loses: at a speed that does not fall, no relaxation lets the force fall. It is looked
+    for before the first sudden one alone, as what follows has fallen by that; the first is
+    returned.
 
     noise: sd of a reading, in the unit of the force.
     """
     ramps = [phase for phase in phases if phase.kind == "ramp"]
     sudden = _sudden(test, trajectory, ramps)
-    starts = (_gradual(test, trajectory, ramp, noise) for ramp in ramps)
+    end = sudden[0].time if sudden else np.inf
+    before = (replace(ramp, stop=min(ramp.stop, end)) for ramp in ramps if ramp.start < end)
+    starts = (_gradual(test, trajectory, part, noise) for part in before)
     first = next((fall for fall in starts if fall is not None), None)
-    if first is None or (sudden and sudden[0].time <= first.time):
-        return sudden
-    return (first, *sudden)
+    return sudden if first is None else (first, *sudden)
 
 
 def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple[ForceDrop, ...]:
@@ -75,11 +76,12 @@ def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple
     middle = np.nanmedian(nearby, axis=1, keepdims=True)
     scatter = 1.4826 * np.nanmedian(np.abs(nearby - middle), axis=1)
     clear = -change[at] > _SCATTERS * scatter
-    return tuple(
-        _force_drop(test, k, float(later), sudden=True)
-        for k, later in zip(at[clear].tolist(), after[clear], strict=True)
-        if any(_goes_on(trajectory, ramp, test, k) for ramp in ramps)
-    )
+    at, after = at[clear], after[clear]
+    goes_on = [any(_goes_on(trajectory, ramp, test, k) for ramp in ramps) for k in at.tolist()]
+    at, after = at[goes_on], after[goes_on]
+    apart = np.flatnonzero(np.diff(at) > _LASTING) + 1
+    runs = np.split(np.arange(at.size), apart) if at.size else []
+    return tuple(_force_drop(test, int(at[k[0]]), float(after[k[-1]]), sudden=True) for k in runs)
 
 
 def _force_drop(test: Test, k: int, after: float, *, sudden: bool) -> ForceDrop:

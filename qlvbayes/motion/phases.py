@@ -32,6 +32,10 @@ _DWELL = 0.2  # of the shorter movement next to it: a longer slow turn is a dwel
 _SETTLING = 0.1  # of a movement: what follows it at once and is smaller is the platen settling,
 _REST = 4.0  # if the rest after it lasts so many times as long,
 _LATE = 10.0  # and it is over within so many times the movement's duration
+_CREPT = 0.05  # of a movement: what follows it at once and is smaller is the platen creeping,
+_SLOW = 0.1  # if it has at most so much of the movement's mean speed,
+_EARLY = 0.4  # half of it is over in so much of its duration, where a steady speed takes 0.5,
+_LARGER = 2.0  # and the next movement is so many times as large: small cycles do not creep
 _FEWEST_AT_REST = 3  # readings that show a rest,
 _FEWEST_MOVING = 2  # and a movement
 _WORTH = 4.5  # median intervals between readings, for which a dwell before the first movement
@@ -69,11 +73,12 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     longer than that movement, or than a tenth of it and 4.5 median intervals between readings;
     else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
     movements of less than a tenth of the one before them that follow it at once and end in a longer
-    rest belong to that rest. A rest that lasts no two intervals between readings is none, nor is a
-    movement between two readings.
+    rest belong to that rest. So does a creep, however long it lasts: less than a twentieth of the
+    movement, at less than a tenth of its speed, ever slower, and no part of small cycles. A rest
+    that lasts no two intervals between readings is none, nor is a movement between two readings.
     """
     times, depth = _turning_points(trajectory)
-    moves = _settled(_movements(times, depth, trajectory.resolution), times, depth)
+    moves = _settled(_movements(times, depth, trajectory.resolution), times, trajectory)
     start, stop = float(times[0]), float(times[-1])
     phases: list[Phase] = []
     resting: Kind = "hold"
@@ -90,33 +95,51 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     return tuple(_shown(phases, trajectory))
 
 
-def _settled(moves: list[tuple[int, int, int]], times: Array, depth: Array) -> list[Move]:
+def _settled(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Move]:
     """Return the movements without the small ones in which a platen settles after a larger one."""
+    depth = trajectory.displacement(times)
+    sizes = np.array([abs(depth[last] - depth[first]) for first, last, _ in moves])
+    durations = np.array([times[last] - times[first] for first, last, _ in moves])
     kept: list[Move] = []
     k = 0
     while k < len(moves):
-        first, last, _ = moves[k]
         kept.append(moves[k])
-        run, end = k + 1, last
-        while run < len(moves) and _follows(
-            moves[run], end, abs(depth[last] - depth[first]), depth, times
-        ):
-            end, run = moves[run][1], run + 1
+        last, run, creeping = moves[k][1], k + 1, False
+        while run < len(moves) and not creeping:
+            pause = times[moves[run][0]] - times[moves[run - 1][1]]
+            if sizes[run] >= _SETTLING * sizes[k] or pause > _DWELL * durations[run]:
+                break
+            creeping = _creeps(sizes[[k, run]], durations[[k, run]], sizes[run + 1 : run + 2])
+            creeping = creeping and _slows_down(moves[run], times, trajectory)
+            run += 1
+        end = moves[run - 1][0 if creeping else 1]  # a creep is a part of the rest
         after = float(times[moves[run][0]] if run < len(moves) else times[-1]) - times[end]
         lasted = times[end] - times[last]
-        if _REST * lasted <= after and lasted <= _LATE * (times[last] - times[first]):
-            k = run
-        else:
-            k += 1
+        k = run if _REST * lasted <= after and lasted <= _LATE * durations[k] else k + 1
     return kept
 
 
-def _follows(move: Move, end: int, size: float, depth: Array, times: Array) -> bool:
-    """Return whether a movement follows the end of another at once and is much smaller."""
-    first, last, _ = move
-    pause = times[first] - times[end]
-    small = abs(depth[last] - depth[first]) < _SETTLING * size
-    return bool(small and pause <= _DWELL * (times[last] - times[first]))
+def _creeps(sizes: Array, durations: Array, following: Array) -> bool:
+    """Return whether the second of two movements is small and slow enough for a creep.
+
+    following: size of the movement after it, if there is one. Small cycles have movements of one
+    size.
+    """
+    small = sizes[1] < _CREPT * sizes[0] and np.all(following >= _LARGER * sizes[1])
+    return bool(small and sizes[1] * durations[0] <= _SLOW * sizes[0] * durations[1])
+
+
+def _slows_down(move: Move, times: Array, trajectory: Trajectory) -> bool:
+    """Return whether most of a movement lies at its beginning.
+
+    What was loaded, a stage, a drive or a grip, gives way ever more slowly. A movement that is
+    meant has a steady speed, or speeds up and slows down alike.
+    """
+    begin, end = times[list(move[:2])]
+    start, early, stop = trajectory.displacement(
+        np.array([begin, begin + _EARLY * (end - begin), end])
+    )
+    return bool(abs(early - start) >= 0.5 * abs(stop - start))
 
 
 def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:

@@ -11,9 +11,11 @@ from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import build_posterior, fit_pad
 from qlvbayes.fitting.least_squares import least_squares, without_noise
 from qlvbayes.fitting.optimum import block_scale, starting_point
+from qlvbayes.fitting.routes import part_notice
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.phases import Phase
 
 
 def mean(found, name):
@@ -158,6 +160,18 @@ def test_least_squares_draws_stand_for_its_normal_approximation(method):
     assert summary["noise.white"].fixed
     assert all(summary[name].r_hat is None for name in found.names)
     assert all(summary[name].sd > 0.0 for name in CONSTANTS)
+
+
+def test_least_squares_says_that_it_uses_a_part_of_a_test_that_comes_back():
+    (start, stop), end = (3.0, 40.0), 60.0
+    phases = (Phase("hold", 0.0, start), Phase("ramp", start, 4.0), Phase("hold", 4.0, stop))
+    back = (*phases, Phase("unload", stop, 41.0), Phase("recovery", 41.0, end))
+    (fast,) = experiment().with_role("fit")
+    for cut, told in ((phases, False), (back, True)):
+        some = replace(experiment(), trials=(replace(fast, phases=cut),))
+        notices = part_notice(some, "least-squares")
+        assert bool(notices) == told
+        assert all(f"3 to 40 s of test {fast.name}, which ends at 60 s" in one for one in notices)
 
 
 def test_one_step_least_squares_finds_the_constants():

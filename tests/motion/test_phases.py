@@ -73,6 +73,71 @@ def test_cycles_without_rests():
     assert moving == ["ramp", "unload"] * 3 + ["ramp"]
 
 
+def relaxed(t, since, size, tau):
+    """A platen gives way by a size from a moment on, ever more slowly."""
+    return size * (1.0 - np.exp(-np.maximum(t - since, 0.0) / tau))
+
+
+def rounded(t, x, step=1e-4):
+    return smooth(t, np.round(x / step) * step)
+
+
+@pytest.mark.parametrize(
+    ("size", "tau", "until"),
+    [(0.02, 1.0, 40.0), (0.025, 5.0, 40.0), (0.04, 5.0, 40.0), (0.06, 2.0, 40.0), (0.06, 5.0, 8.0)],
+)
+def test_a_platen_that_creeps_back_is_held(size, tau, until):
+    t = np.arange(0.0, until, 0.02)
+    x = np.interp(t, [0.5, 1.5], [0.0, 2.0]) - relaxed(t, 1.5, size, tau)
+    motion = rounded(t, x)
+    phases = find_phases(motion)
+    cover(phases, t)
+    assert kinds(phases) == ["hold", "ramp", "hold"]
+    assert phases[2].start == pytest.approx(1.5, abs=0.02)
+    assert motion.displacement(t[-1]) == pytest.approx(x[-1], abs=3e-4)
+
+
+def test_a_platen_that_creeps_in_after_it_came_back_recovers():
+    t = np.arange(0.0, 60.0, 0.02)
+    x = np.interp(t, [0.5, 1.5, 20.0, 21.0], [0.0, 2.0, 2.0, 0.2]) + relaxed(t, 21.0, 0.04, 5.0)
+    assert kinds(find_phases(rounded(t, x))) == ["hold", "ramp", "hold", "unload", "recovery"]
+
+
+@pytest.mark.parametrize("way", [0.5, -0.5])
+def test_steps_after_each_of_which_the_platen_creeps_back(way):
+    t = np.arange(0.0, 90.0, 0.02)
+    begins = np.array([1.0, 31.0, 61.0])
+    x = sum(way * np.clip(t - at, 0.0, 1.0) - relaxed(t, at + 1, 0.04 * way, 4.0) for at in begins)
+    moving = ["ramp", "hold"] if way > 0.0 else ["unload", "recovery"]
+    assert kinds(find_phases(rounded(t, x))) == ["hold", *moving * 3]
+
+
+@pytest.mark.parametrize("size", [0.03, 0.06, 0.2])
+@pytest.mark.parametrize("lasting", [10.0, 38.0])
+def test_a_slow_way_back_that_is_meant_is_no_creep(size, lasting):
+    """At a steady speed, or by half a cosine: both lie as much in their last half as before."""
+    t = np.arange(0.0, 22.0 + lasting, 0.02)
+    for course in (lambda u: u, lambda u: 0.5 - 0.5 * np.cos(np.pi * u)):
+        back = size * course(np.clip((t - 1.5) / lasting, 0.0, 1.0))
+        phases = find_phases(rounded(t, np.interp(t, [0.5, 1.5], [0.0, 2.0]) - back))
+        assert kinds(phases)[:3] == ["hold", "ramp", "unload"], (size, lasting)
+
+
+def test_small_cycles_whose_ways_slow_down_are_no_creep():
+    t = np.arange(0.0, 200.0, 0.02)
+    x, size = np.interp(t, [0.5, 1.5], [0.0, 2.0]), -0.06
+    for at in np.arange(1.5, 200.0, 20.0):
+        x, size = x + relaxed(t, at, size, 3.0), -size
+    moving = [k for k in kinds(find_phases(rounded(t, x))) if k in ("ramp", "unload")]
+    assert moving == ["ramp", "unload"] * 5 + ["ramp"]
+
+
+def test_a_large_way_back_that_slows_down_is_no_creep():
+    t = np.arange(0.0, 40.0, 0.02)
+    x = np.interp(t, [0.5, 1.5], [0.0, 2.0]) - relaxed(t, 1.5, 0.4, 5.0)
+    assert kinds(find_phases(rounded(t, x)))[:3] == ["hold", "ramp", "unload"]
+
+
 def test_a_record_at_rest_is_one_hold():
     t = np.arange(0.0, 5.0, 1e-3)
     motion = smooth(t, np.full(t.size, 0.2))

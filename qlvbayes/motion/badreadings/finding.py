@@ -82,6 +82,7 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
         force=test.force[sound],
         force_sd=None if test.force_sd is None else test.force_sd[sound],
         used=None if test.used is None else test.used[sound],
+        anew=None if test.anew is None else test.anew[sound],
         start_s=test.start_s + max(float(time[0] - test.time[0]), 0.0),
     )
 
