@@ -41,6 +41,7 @@ _FURTHER = {
     "in": Unit("displacement", "mm", _INCH),
     "inch": Unit("displacement", "mm", _INCH),
     "kN": Unit("force", "N", 1e3),
+    "MN": Unit("force", "N", 1e6),
     "pN": Unit("force", "nN", 1e-3),
     "gf": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
     "g": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
@@ -48,6 +49,7 @@ _FURTHER = {
     "lbf": Unit("force", "N", _POUND),
     "%": Unit("strain", "", 0.01),
     "GPa": Unit("stress", "MPa", 1e3),
+    "mPa": Unit("stress", "Pa", 1e-3),
     "psi": Unit("stress", "kPa", 1e-3 * _POUND / (_INCH * 1e-3) ** 2),
 }
 
@@ -61,6 +63,7 @@ def _table() -> dict[str, Unit]:
 
 
 _KNOWN = _table()
+_PREFIXED = {"mm", "ms", "mN", "MN", "mPa", "MPa"}  # m is a thousandth and M a million
 _BY_LOWER: dict[str, list[str]] = {}
 for _name in _KNOWN:
     _BY_LOWER.setdefault(_name.lower(), []).append(_name)
@@ -69,15 +72,28 @@ for _name in _KNOWN:
 def unit_of(text: str, quantity: str) -> Unit | None:
     """Return the unit that a text means for a quantity, or None: '(µN)' is uN for a force.
 
-    Capitals count only where two units differ by nothing else.
+    Capitals count only where two units differ by nothing else. The prefix of a thousandth is never
+    taken for that of a million: Mm is unknown, and so is mpa, which may be either.
     """
     plain = re.sub("[µμ]", "u", text.strip(" ()[]'\"")).replace("²", "2")
     exact = _KNOWN.get(plain)
     if exact is not None and exact.quantity == quantity:
         return exact
-    alike = [_KNOWN[name] for name in _BY_LOWER.get(plain.lower(), ())]
-    meant = {unit for unit in alike if unit.quantity == quantity}
+    alike = [name for name in _BY_LOWER.get(plain.lower(), ()) if _may_mean(plain, name)]
+    meant = {unit for name in alike if (unit := _KNOWN[name]).quantity == quantity}
     return meant.pop() if len(meant) == 1 else None
+
+
+def _may_mean(written: str, name: str) -> bool:
+    """Return whether a text that differs from a unit in capitals may stand for it.
+
+    In capitals throughout, MM is mm, as no other unit is spelled so, but MPA is MPa alone. In small
+    letters throughout, mpa may be either of two.
+    """
+    if name not in _PREFIXED or not (written.isupper() or written.islower()):
+        return name not in _PREFIXED or written[:1] == name[:1]
+    several = len(_BY_LOWER[name.lower()]) > 1
+    return not several or (written.isupper() and written[:1] == name[:1])
 
 
 def named_units(text: str) -> tuple[str, str, str]:
