@@ -50,7 +50,8 @@ class BluehillUniversal(AbstractFormat):
             raise InputError("no names below 'Raw Data'", file=path, remedy="export it again")
         separator = separator_of(lines.texts[header])
         columns = in_cells(cells_of(lines.texts[header], separator))
-        return (table(columns, data[lines.starts[header + 1] :], separator, path, header),)
+        rows = data[lines.starts[header + 1] :]
+        return (table(columns, rows, separator, path, header, header + 1),)
 
 
 def _title(lines: Lines) -> int | None:

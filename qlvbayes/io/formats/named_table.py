@@ -11,10 +11,10 @@ from qlvbayes.io.formats.columns import NamedColumn, chosen, measured, plain_nam
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
-    cells_at,
     cells_of,
     decoded,
     read_rows,
+    sections,
     separator_of,
     with_header,
 )
@@ -59,13 +59,11 @@ class NamedTable(AbstractFormat):
         )
         separator = separator_of(lines.texts[number])
         picked = chosen(columns, path, number + 1)
-        names = lines.texts[number].encode() + b"\n"
-        *before, last = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
-        parts = [*(part + b"\n" for part in before), last]
+        parts = sections(data[lines.starts[first] :], lines.texts[number], first)
         recordings = []
-        for k, part in enumerate(parts, 1):
-            rows = cells_at(part, separator, [named.index for named in picked.values()])
-            read = read_rows(rows, separator, range(len(picked)), path)
+        for k, (line, part) in enumerate(parts, 1):
+            indices = [named.index for named in picked.values()]
+            read = read_rows(part, separator, indices, path, line + 1)
             name = str(k) if len(parts) > 1 else ""
             one = recording(columns, picked, read.columns, read.dropped, name)
             sheared = any(_SHEAR.search(plain_name(named.name)) for named in picked.values())

@@ -64,7 +64,7 @@ class TestXpert(AbstractFormat):
         dates = [seconds_of(cell) for _, cells in lines.cells() for cell in cells if ":" in cell]
         began = next((date for date in dates if date is not None), None)
         rows = data[lines.starts[first] :]
-        return (table(columns, rows, separator, path, header, began=began),)
+        return (table(columns, rows, separator, path, header, first, began=began),)
 
 
 def names_row(rows: Sequence[Sequence[str]]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,6 +15,13 @@ from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.testxpert import names_row
+from qlvbayes.io.formats.textfile import (
+    decimal_mark,
+    is_like_number,
+    plain_number,
+    read_rows,
+    with_point,
+)
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
 _HEADER_ROWS = 60  # rows of a sheet among which the names are
@@ -98,14 +106,32 @@ def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
     written = [column for column in one_row if column.name]
     columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
     picked = chosen(columns, path, header + 1)
-    values = [_numbers(rows[header + 1 :], named.index) for named in picked.values()]
-    good = np.logical_and.reduce([np.isfinite(column) for column in values])
-    units = int(columns is not one_row)  # the row of units is not counted as lost
-    lost = int(np.count_nonzero(~good)) - units
-    dropped = {"rows without numbers": lost} if lost else {}
-    return recording(columns, picked, [column[good] for column in values], dropped, title)
+    first = header + 1 + int(columns is not one_row)
+    used = [
+        [row[n.index] if n.index < len(row) else None for n in picked.values()]
+        for row in rows[first:]
+    ]
+    values, dropped = _numbers(used, path, first + 1)
+    return recording(columns, picked, values, dropped, title)
 
 
-def _numbers(rows: list[Any], index: int) -> Floats:
-    cells = [row[index] if index < len(row) else None for row in rows]
-    return np.array([c if isinstance(c, (int, float)) else np.nan for c in cells], dtype=float)
+def _numbers(rows: list[list[Any]], path: Path, line: int) -> tuple[list[Floats], dict[str, int]]:
+    """Return the columns of rows of cells, and counts of dropped rows; text may be a number."""
+    if all(isinstance(cell, (int, float)) for row in rows for cell in row):
+        return list(np.array(rows, dtype=float).T), {}
+    texts = [plain_number(cell) for row in rows for cell in row if isinstance(cell, str)]
+    decimal = decimal_mark((text for text in texts if is_like_number(text)), path)
+    lines = ["\t".join(_written(cell, decimal) for cell in row) for row in rows]
+    read = read_rows("\n".join([*lines, ""]).encode(), "\t", range(len(rows[0])), path, line)
+    return list(read.columns), read.dropped
+
+
+def _written(cell: Any, decimal: str) -> str:
+    """Return a cell as text, its number with a decimal point and a duration as hh:mm:ss."""
+    if isinstance(cell, str):
+        plain = plain_number(" ".join(cell.split()))
+        return with_point(plain, decimal) if is_like_number(plain) else plain
+    if isinstance(cell, timedelta):
+        minutes, seconds = divmod(cell.total_seconds(), 60.0)
+        return f"{int(minutes) // 60}:{int(minutes) % 60:02}:{seconds:09.6f}"
+    return "" if cell is None else str(cell)

@@ -51,7 +51,9 @@ def table_in_two_rows(
     names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
     rows, (name, date) = data[lines.starts[first + 2] :], said(lines, first)
     columns = in_two_rows(names, units)
-    return table(columns, rows, separator, path, first, name=name, began=seconds_of(date))
+    return table(
+        columns, rows, separator, path, first, first + 2, name=name, began=seconds_of(date)
+    )
 
 
 def are_units(cells: Sequence[str]) -> bool:
@@ -67,13 +69,14 @@ def table(
     separator: str,
     file: Path,
     line: int,
+    first: int,
     *,
     name: str = "",
     began: float | None = None,
 ) -> Recording:
     """Read the columns of time, displacement and force from rows of text.
 
-    ``line`` is the line of the names, from 0.
+    ``line`` is the line of the names and ``first`` that of the first row, from 0.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def table(
         A column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
-    read = read_rows(rows, separator, [named.index for named in picked.values()], file)
+    read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
     return recording(columns, picked, read.columns, read.dropped, name, began)
 
 

@@ -1,0 +1,131 @@
+"""Files as strangers' programs write them: read whole, or refused with the line and a remedy."""
+
+import numpy as np
+import pytest
+from support.machine_files import _workbook, pressed
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.textfile import read_rows
+
+TEST = pressed(hold=0.6, rate=50.0)
+
+
+def rows_of(test=TEST, form="{:.3f},{:.4f},{:.4f}"):
+    return [form.format(*row) for row in zip(test.time, test.way, test.load, strict=True)]
+
+
+def converted(folder, lines, name="a.csv", encoding="utf-8"):
+    path = folder / name
+    path.write_bytes("\n".join([*lines, ""]).encode(encoding))
+    return convert([path])
+
+
+def is_whole(found, force=1.0, way=1.0, rtol=1e-3):
+    """All rows of the one test are there, in the units of the numbers given."""
+    (test,) = found.tests
+    assert len(test.time) == len(TEST.time)
+    assert test.force.max() == pytest.approx(force * TEST.load.max(), rel=rtol)
+    assert np.ptp(test.displacement) == pytest.approx(way * np.ptp(TEST.way), rel=rtol)
+    return test
+
+
+# cells
+
+
+@pytest.mark.parametrize("minus", ["\u2212", "\u2013", "-"])
+def test_a_typeset_minus_is_a_minus(tmp_path, minus):
+    rows = [row.replace("-", minus) for row in rows_of()]
+    is_whole(converted(tmp_path, ["Time (s),Position (mm),Load (N)", *rows]))
+
+
+@pytest.mark.parametrize("space", ["\u202f", "\u00a0", " "])
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_spaces_at_thousands_are_no_text(tmp_path, space, encoding):
+    if encoding == "cp1252" and space == "\u202f":
+        return
+    cells = zip(TEST.time, TEST.way, 3e3 * TEST.load, strict=True)
+    rows = [f"{t:.2f};{d:.4f};{f:,.1f}".replace(",", space).replace(".", ",") for t, d, f in cells]
+    lines = ["Temps (s);Déplacement (mm);Force (mN)", *rows]
+    assert any(space in row for row in rows)
+    test = is_whole(converted(tmp_path, lines, encoding=encoding), force=3e3)
+    assert test.force.max() > 1000.0
+
+
+def test_text_in_a_column_that_is_not_used_is_no_fault(tmp_path):
+    press = int(np.argmax(TEST.way >= TEST.way.max()))
+    for event in ("Hold", "Hold, second", '"Hold, second"'):
+        rows = [row + ("," if k < press else f",{event}") for k, row in enumerate(rows_of())]
+        test = is_whole(
+            converted(tmp_path, ["Time,Extension,Load,Event", "(s),(mm),(N),(-)", *rows])
+        )
+        assert not test.dropped
+    rows = [f"Belastung;{row}".replace(".", ",") for row in rows_of(form="{:.3f};{:.4f};{:.4f}")]
+    names = "Zyklus;Prüfzeit;Standardweg;Standardkraft"
+    is_whole(converted(tmp_path, [names, ";s;mm;N", *rows], "b.txt"))
+
+
+def test_the_decimal_mark_is_sought_in_all_rows(tmp_path):
+    still = [f"{k};0;0" for k in range(500)]
+    moved = [f"{500 + k};{0.03 * k:.3f};{0.02 * k:.3f}".replace(".", ",") for k in range(60)]
+    (test,) = converted(tmp_path, ["Zeit [s];Weg [mm];Kraft [N]", *still, *moved]).tests
+    assert test.force.max() == pytest.approx(0.02 * 59)
+
+
+def test_rows_that_cannot_be_read_are_refused_where_they_are_many(tmp_path):
+    rows = rows_of()
+    few = [*rows[:30], rows[30].rsplit(",", 1)[0] + ",OVER", *rows[31:]]
+    (test,) = converted(tmp_path, ["Time (s),Position (mm),Load (N)", *few]).tests
+    assert test.dropped == {"lines without numbers": 1}
+    many = [row.rsplit(",", 1)[0] + ",OVER" if 30 <= k < 33 else row for k, row in enumerate(rows)]
+    with pytest.raises(InputError) as caught:
+        converted(tmp_path, ["# a rig", "Time (s),Position (mm),Load (N)", *many])
+    assert caught.value.line == 33
+    assert f"3 of {len(rows)} rows have no number in a column" in str(caught.value)
+    assert f"the first is '{many[30]}'; write numbers there" in str(caught.value)
+
+
+def test_a_gap_of_empty_cells_is_refused_and_cells_of_two_rates_are_not(tmp_path):
+    head = "Time (s),Position (mm),Load (N)"
+    rows = rows_of()
+    gap = [row.rsplit(",", 1)[0] + "," if 20 <= k < 35 else row for k, row in enumerate(rows)]
+    with pytest.raises(InputError, match=r"line 22: 15 of .* rows have no number"):
+        converted(tmp_path, [head, *gap])
+    slow = [row.rsplit(",", 1)[0] + "," if k % 3 else row for k, row in enumerate(rows)]
+    (test,) = converted(tmp_path, [head, *slow]).tests
+    assert len(test.time) == -(-len(rows) // 3)
+    block = "\n".join([*gap, ""]).encode()
+    assert len(read_rows(block, ",", range(3), tmp_path, sparse=True).columns[0]) == len(rows) - 15
+
+
+def test_lines_above_and_below_the_rows_are_not_among_them(tmp_path):
+    rows = rows_of()
+    below = ["", "Specimen,Fmax,dmax", "1,a,b", "2,a,b", "3,a,b", "4,a,b"]
+    test = is_whole(converted(tmp_path, ["Time (s),Position (mm),Load (N)", *rows, *below]))
+    assert sum(test.dropped.values()) == 5
+
+
+def test_a_line_of_text_alone_is_told_where_no_row_can_be_read(tmp_path):
+    rows = [row.replace(",", ";") for row in rows_of()]
+    with pytest.raises(InputError, match=r"line 2: there are no rows of numbers \(the first line"):
+        converted(tmp_path, ["Time (s),Position (mm),Load (N)", *rows])
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_numbers_that_a_workbook_holds_as_text_are_numbers(tmp_path, mark):
+    pytest.importorskip("openpyxl")
+    table = np.stack([TEST.time, TEST.way, TEST.load], 1).round(4).tolist()
+    mixed = [[t, d, f"{f:.4f}".replace(".", mark)] if f > 0.2 else [t, d, f] for t, d, f in table]
+    names = [["Zeit", "Weg", "Kraft"], ["s", "mm", "N"]]
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(_workbook({"P1": [*names, *mixed]}))
+    is_whole(convert([path]))
+    over = [[t, d, "over" if f > 0.2 else f] for t, d, f in mixed_as_numbers(table)]
+    path.write_bytes(_workbook({"P1": [*names, *over, [None, None, 1.0]]}))
+    with pytest.raises(InputError, match="rows have no number in a column that is used"):
+        convert([path])
+
+
+def mixed_as_numbers(table):
+    """The rows of a table, and a last one that can be used after them."""
+    return [*table, [table[-1][0] + 0.02, table[-1][1], 0.1]]
