@@ -129,3 +129,59 @@ def test_numbers_that_a_workbook_holds_as_text_are_numbers(tmp_path, mark):
 def mixed_as_numbers(table):
     """The rows of a table, and a last one that can be used after them."""
     return [*table, [table[-1][0] + 0.02, table[-1][1], 0.1]]
+
+
+# columns
+
+
+def three_beside(names, separator=",", above=None):
+    tables = [rows_of(pressed(hold=hold, rate=50.0, seed=seed)) for seed, hold in
+              enumerate((0.6, 0.5, 0.4))]  # fmt: skip
+    empty = separator * (names.count(separator))
+    rows = [
+        separator.join(table[k] if k < len(table) else empty for table in tables)
+        for k in range(len(tables[0]))
+    ]
+    head = [above] if above else []
+    return [*head, separator.join([names] * 3), *rows], [len(table) for table in tables]
+
+
+def test_columns_repeated_side_by_side_are_several_tests(tmp_path):
+    lines, sizes = three_beside("Time (s),Extension (mm),Load (N)")
+    found = convert_lines(tmp_path, lines)
+    assert [test.test for test in found.tests] == ["1", "2", "3"]
+    assert [len(test.time) for test in found.tests] == sizes
+    assert not any(test.dropped for test in found.tests)
+    lines, _ = three_beside("Time (s),Extension (mm),Load (N)", above="Gel A,,,Gel B,,,Gel C,,")
+    assert [test.test for test in convert_lines(tmp_path, lines).tests] == [
+        "Gel A", "Gel B", "Gel C",
+    ]  # fmt: skip
+
+
+def convert_lines(folder, lines):
+    return converted(folder, lines, "beside.csv")
+
+
+def test_tests_side_by_side_may_share_their_time(tmp_path):
+    rows = [f"{row},{row.split(',')[1]},{2 * float(row.split(',')[2]):.4f}" for row in rows_of()]
+    head = "Time (s),Position (mm),Load (N),Position (mm),Load (N)"
+    found = convert_lines(tmp_path, [head, *rows])
+    assert [test.test for test in found.tests] == ["1", "2"]
+    first, second = (test.force.max() for test in found.tests)
+    assert second == pytest.approx(2.0 * first, rel=1e-3)
+
+
+def test_specimens_side_by_side_in_a_workbook_are_several_tests(tmp_path):
+    pytest.importorskip("openpyxl")
+    table = np.stack([TEST.time, TEST.way, TEST.load], 1).tolist()
+    head = [["Probe 1", None, None, "Probe 2"], 2 * ["Zeit", "Weg", "Kraft"], 2 * ["s", "mm", "N"]]
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(_workbook({"Kurven": [*head, *([*row, *row] for row in table)]}))
+    assert [test.test for test in convert([path]).tests] == ["Kurven Probe 1", "Kurven Probe 2"]
+
+
+def test_a_column_left_out_is_named(tmp_path):
+    head = "Time (s),Crosshead (mm),Load (N),Extensometer displacement (mm),Load cell 2 (N)"
+    rows = [f"{row},0.1,0.2" for row in rows_of()]
+    test = is_whole(converted(tmp_path, [head, *rows]))
+    assert "columns not used: Extensometer displacement, Load cell 2" in test.findings

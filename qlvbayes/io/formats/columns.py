@@ -129,6 +129,42 @@ def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
     return {key: by_quantity.get(key) for key in ("time", way, load)}
 
 
+def side_by_side(
+    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
+) -> list[dict[str, NamedColumn]]:
+    """Return the picked columns of each test: several where their names are repeated in groups.
+
+    The tests may have one column of time together.
+    """
+    alike = {key: [c for c in columns if c.name == one.name] for key, one in picked.items()}
+    clocks, *others = (len(same) for same in alike.values())
+    tests = others[0]
+    if tests == 1 or set(others) != {tests} or clocks not in (1, tests):
+        return [picked]
+    return [{key: same[min(k, len(same) - 1)] for key, same in alike.items()} for k in range(tests)]
+
+
+def titles_of(tests: Sequence[dict[str, NamedColumn]], above: Sequence[str]) -> list[str]:
+    """Return a name for each of several tests side by side, from the row above or its number.
+
+    A test alone has no name.
+    """
+    if len(tests) == 1:
+        return [""]
+    first = [min(column.index for column in picked.values()) for picked in tests]
+    titles = [above[index].strip() if index < len(above) else "" for index in first]
+    if all(titles) and len(set(titles)) == len(titles):
+        return titles
+    return [str(k) for k in range(1, len(tests) + 1)]
+
+
+def columns_of(columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]) -> list[NamedColumn]:
+    """Return the columns without those of other tests side by side."""
+    own = {column.index for column in picked.values()}
+    names = {column.name for column in picked.values()}
+    return [column for column in columns if column.index in own or column.name not in names]
+
+
 def chosen(
     columns: Sequence[NamedColumn], file: Path, line: int | None = None
 ) -> dict[str, NamedColumn]:

@@ -22,7 +22,7 @@ from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
-from qlvbayes.io.wording import joined, plain
+from qlvbayes.io.wording import joined, listed, plain
 
 LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
@@ -220,7 +220,7 @@ class _Prepared:
     shown: OrientedRecording
     sampling: Sampling
     dropped: dict[str, int]
-    findings: tuple[str, str]  # on the units, on the signs
+    findings: tuple[str, ...]  # on the units, other columns and the signs
 
     @property
     def named(self) -> str:
@@ -385,7 +385,8 @@ def _in_order(
         raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
     shown = OrientedRecording(file, (pad, kind.name, units), units, way, load, signs, contact)
-    findings = f"units {unit_finding}", _sign_finding(signs, recording, answers)
+    unused = [f"columns not used: {listed(recording.unused)}"] if recording.unused else []
+    findings = f"units {unit_finding}", *unused, _sign_finding(signs, recording, answers)
     return _Prepared(file, kind, pad, recording, time, shown, sampling, dropped, findings)
 
 

@@ -10,7 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import chosen, measured, recording
+from qlvbayes.io.formats.columns import (
+    chosen,
+    columns_of,
+    measured,
+    recording,
+    side_by_side,
+    titles_of,
+)
 from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 from qlvbayes.io.formats.naming import is_mean
@@ -61,7 +68,8 @@ class TestXpertExcel(AbstractFormat):
             book.close()
         except Exception as error:  # a cut zip ends in any error of its reader
             raise damaged(path, error) from error
-        tests, means = [], 0
+        tests: list[Recording] = []
+        means = 0
         for title, rows in sheets.items():
             above = [_texts(row) for row in rows[:_HEADER_ROWS]]
             header = _names(above)
@@ -70,7 +78,7 @@ class TestXpertExcel(AbstractFormat):
             if is_mean(title) or any(map(_is_mean_title, above[:header])):
                 means += len(rows) - header - 1
                 continue
-            tests.append(_test(title, rows, header, path))
+            tests += _tests(title, rows, header, path)
         if not tests:
             raise InputError(
                 f"no sheet has time, displacement and force ({', '.join(sheets)[:80]})",
@@ -100,19 +108,25 @@ def _texts(row: Any) -> list[str]:
     return ["" if cell is None else str(cell) for cell in row]
 
 
-def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
+def _tests(title: str, rows: list[Any], header: int, path: Path) -> list[Recording]:
+    """Return the tests of a sheet, mostly one; several stand side by side."""
     names, below = _texts(rows[header]), _texts(rows[header + 1])
     one_row = in_cells(names)
     written = [column for column in one_row if column.name]
     columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
-    picked = chosen(columns, path, header + 1)
+    tests = side_by_side(columns, chosen(columns, path, header + 1))
+    titles = titles_of(tests, _texts(rows[header - 1]) if header else [])
     first = header + 1 + int(columns is not one_row)
-    used = [
-        [row[n.index] if n.index < len(row) else None for n in picked.values()]
-        for row in rows[first:]
-    ]
-    values, dropped = _numbers(used, path, first + 1)
-    return recording(columns, picked, values, dropped, title)
+    found = []
+    for picked, own in zip(tests, titles, strict=True):
+        used = [
+            [row[n.index] if n.index < len(row) else None for n in picked.values()]
+            for row in rows[first:]
+        ]
+        values, dropped = _numbers(used, path, first + 1)
+        name = f"{title} {own}".strip()
+        found.append(recording(columns_of(columns, picked), picked, values, dropped, name))
+    return found
 
 
 def _numbers(rows: list[list[Any]], path: Path, line: int) -> tuple[list[Floats], dict[str, int]]:

@@ -6,7 +6,15 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from qlvbayes.io.formats.columns import NamedColumn, chosen, recording, split_header
+from qlvbayes.io.formats.columns import (
+    NamedColumn,
+    chosen,
+    columns_of,
+    recording,
+    side_by_side,
+    split_header,
+    titles_of,
+)
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.textfile import Lines, cells_of, read_rows, separator_of, with_header
@@ -32,12 +40,12 @@ def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]
     ]
 
 
-def table_in_two_rows(
+def tables_in_two_rows(
     path: Path,
     find: Callable[[Lines], int | None],
     said: Callable[[Lines, int], tuple[str, str]],
-) -> Recording:
-    """Read the table below a row of names and a row of units.
+) -> tuple[Recording, ...]:
+    """Return the tests below a row of names and a row of units.
 
     ``find`` returns the line of the names; ``said`` the test's name and date, given that line.
 
@@ -49,11 +57,9 @@ def table_in_two_rows(
     data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
     separator = separator_of(lines.texts[first])
     names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
-    rows, (name, date) = data[lines.starts[first + 2] :], said(lines, first)
-    columns = in_two_rows(names, units)
-    return table(
-        columns, rows, separator, path, first, first + 2, name=name, began=seconds_of(date)
-    )
+    name, date = said(lines, first)
+    columns, began = in_two_rows(names, units), seconds_of(date)
+    return tables(columns, data, lines, path, first, first + 2, name=name, began=began)
 
 
 def are_units(cells: Sequence[str]) -> bool:
@@ -84,6 +90,74 @@ def table(
         A column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
+    return _recorded(columns, picked, rows, separator, file, first, name, began)
+
+
+def beside(
+    columns: Sequence[NamedColumn],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    line: int,
+    first: int,
+    *,
+    name: str = "",
+    began: float | None = None,
+    above: Sequence[str] = (),
+) -> list[Recording]:
+    """Return the tests that stand side by side in rows of text, mostly one.
+
+    ``above`` are the cells above the names, which may name the tests. Otherwise as ``table``.
+    """
+    tests = side_by_side(columns, chosen(columns, file, line + 1))
+    return [
+        _recorded(
+            columns_of(columns, picked), picked, rows, separator, file, first,
+            f"{name} {title}".strip(), began,
+        )
+        for picked, title in zip(tests, titles_of(tests, above), strict=True)
+    ]  # fmt: skip
+
+
+def tables(
+    columns: Sequence[NamedColumn],
+    data: bytes,
+    lines: Lines,
+    file: Path,
+    line: int,
+    first: int,
+    *,
+    name: str = "",
+    began: float | None = None,
+) -> tuple[Recording, ...]:
+    """Return the tests below a line of names, mostly one.
+
+    ``line`` is the line of the names and ``first`` that of the first row, from 0.
+
+    Raises
+    ------
+    InputError
+        A column is not there, or the rows cannot be read.
+    """
+    separator = separator_of(lines.texts[line])
+    above = cells_of(lines.texts[line - 1], separator) if line else []
+    rows = data[lines.starts[first] :]
+    return tuple(
+        beside(columns, rows, separator, file, line, first, name=name, began=began, above=above)
+    )
+
+
+def _recorded(
+    columns: Sequence[NamedColumn],
+    picked: dict[str, NamedColumn],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    first: int,
+    name: str,
+    began: float | None,
+) -> Recording:
+    """Return the recording of the picked columns."""
     read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
     return recording(columns, picked, read.columns, read.dropped, name, began)
 
