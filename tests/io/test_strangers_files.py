@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from support.machine_files import _workbook, pressed
+from support.machine_files import Pressed, _workbook, pressed
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.textfile import read_rows
+from qlvbayes.io.reading.unread import unread_rows
 
 TEST = pressed(hold=0.6, rate=50.0)
 
@@ -185,3 +187,54 @@ def test_a_column_left_out_is_named(tmp_path):
     rows = [f"{row},0.1,0.2" for row in rows_of()]
     test = is_whole(converted(tmp_path, [head, *rows]))
     assert "columns not used: Extensometer displacement, Load cell 2" in test.findings
+
+
+# rows before the channels were read, and signs
+
+
+@pytest.mark.parametrize("stage", [25.0, -25.0])
+def test_a_first_row_of_zeros_is_dropped_before_signs_and_contact_are_judged(tmp_path, stage):
+    late = Pressed(TEST.time + 0.02, np.sign(stage) * TEST.way + stage, TEST.load)
+    head = "Time (s),Position (mm),Load (N)"
+    test = is_whole(converted(tmp_path, [head, "0.000,0.0000,0.0000", *rows_of(late)]))
+    assert test.dropped["rows before the channels were read, both exactly 0"] == 1
+    assert abs(test.zero) == pytest.approx(25.0, abs=0.1)
+
+
+def test_a_first_row_of_zeros_in_a_tidy_file_is_dropped_and_told(tmp_path):
+    path = tmp_path / "tidy.csv"
+    late = Pressed(TEST.time + 0.02, TEST.way + 25.0, TEST.load)
+    rows = ["0.000,0.0000,0.0000,3.0", *(f"{row},3.0" for row in rows_of(late))]
+    path.write_text("\n".join(["time_s,displacement_mm,force_N,start_s", *rows, ""]))
+    read = read_measurements(path)
+    (test,) = read.pads[0].tests
+    assert len(test.time) == len(TEST.time)
+    assert test.displacement.min() > 24.0
+    assert test.start_s == pytest.approx(3.02)
+    assert "dropped 1 rows before the channels were read, both exactly 0 (line 2)" in str(
+        read.notices
+    )
+
+
+def test_records_that_begin_at_zero_keep_their_first_rows():
+    time = np.arange(60) / 50.0
+    ramp = np.clip(time - 0.1, 0.0, 0.8)
+    step = np.where(time < 0.1, 0.0, 1.5)
+    stairs = np.floor(time * 5.0) * 0.3
+    for way in (ramp, step, stairs):
+        assert unread_rows(time, way, 2.0 * way) == 0
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(60) * (time >= 0.1)
+    assert unread_rows(time, step + noise, 2.0 * step) == 0
+    assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_stress_against_the_strain_is_of_the_wrong_sign(tmp_path, sign):
+    path = tmp_path / "tidy.csv"
+    turned = Pressed(TEST.time, 0.1 * np.maximum(TEST.way, 0.0), sign * TEST.load)
+    path.write_text("\n".join(["time_s,strain,stress_kPa", *rows_of(turned), ""]))
+    if sign > 0.0:
+        assert read_measurements(path).units.dimensionless
+        return
+    with pytest.raises(InputError, match="stress_kPa of the wrong sign; multiply stress_kPa by -1"):
+        read_measurements(path)

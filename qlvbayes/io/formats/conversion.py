@@ -21,6 +21,7 @@ from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, ris
 from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
+from qlvbayes.io.reading.unread import UNREAD, unread_rows
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
 from qlvbayes.io.wording import joined, listed, plain
 
@@ -371,13 +372,18 @@ def _in_order(
     units, columns, unit_finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, sampling = _on_a_clock(file, columns, dropped)
+    if unread := unread_rows(time, way, load):
+        dropped[UNREAD] = unread
+        time, way, load = time[unread:], way[unread:], load[unread:]
+        sampling = sampling_of(time, sampling.lag)
     if (
         what := out_of_range(time, {recording.way.name: way, recording.load.name: load})
     ) is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     signs = _signs(file, way, load, recording, answers)
     way, load = way * signs.way, load * signs.load
-    if wrong := () if units.dimensionless else wrong_signs(way, load):
+    wrong = wrong_signs(way, load)
+    if wrong and not (units.dimensionless and len(wrong) > 1):
         what = f"the specimen is pressed with {joined([*wrong])} negative"
         if answers.sign is None:
             raise _unsure_of_sign(file, what)
