@@ -422,11 +422,11 @@ class _Builder:
         found: list[tuple[int, int]] = []
         sample = 0
         for stretch in rows.stretches:
-            begin = int(np.searchsorted(runs.starts, stretch.start))
+            begin = int(np.searchsorted(runs.starts, stretch.start, side="right")) - 1
             end = int(np.searchsorted(runs.starts, stretch.stop))
             codes = runs.codes[key][begin:end]
             for n in np.flatnonzero(np.diff(codes, prepend=found[-1][1] if found else -1)).tolist():
-                offset = int(runs.starts[begin + n]) - stretch.start
+                offset = max(int(runs.starts[begin + n]) - stretch.start, 0)
                 found.append((sample + offset, int(codes[n])))
             sample += stretch.stop - stretch.start
         return [(at, runs.texts[key][code]) for at, code in found]
