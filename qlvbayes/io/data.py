@@ -19,7 +19,7 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.recognition import head_of, matching, refuse_results
+from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_unknown_units
 from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
@@ -528,6 +528,7 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     if len(whole) != 1:
         if isinstance(tidy, InputError):
             refuse_results(head, file)
+            refuse_unknown_units(head, file)
         return None
     try:
         return convert([file])

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from support.machine_files import Pressed, _workbook, pressed
+from support.machine_files import Pressed, _workbook, pressed, workbook
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.textfile import read_rows
 from qlvbayes.io.reading.unread import unread_rows
 
@@ -238,3 +239,185 @@ def test_stress_against_the_strain_is_of_the_wrong_sign(tmp_path, sign):
         return
     with pytest.raises(InputError, match="stress_kPa of the wrong sign; multiply stress_kPa by -1"):
         read_measurements(path)
+
+
+# units and names
+
+
+@pytest.mark.parametrize(
+    ("unit", "newtons"),
+    [("lb", 4.4482216), ("lbs", 4.4482216), ("kg", 9.80665), ("cN", 0.01), ("daN", 10.0)],
+)
+def test_units_of_force_as_people_write_them(tmp_path, unit, newtons):
+    rows = rows_of(Pressed(TEST.time, TEST.way, TEST.load / newtons), "{:.3f},{:.4f},{:.8f}")
+    is_whole(converted(tmp_path, [f"Time (s),Position (mm),Load ({unit})", *rows]))
+    is_whole(converted(tmp_path, ["Time,Extension,Load", f"(s),(mm),({unit})", *rows]))
+
+
+@pytest.mark.parametrize(
+    ("unit", "millimetres"), [("inches", 25.4), ("mil", 0.0254), ("dm", 100.0), ("IN", 25.4)]
+)
+def test_units_of_length_as_people_write_them(tmp_path, unit, millimetres):
+    rows = rows_of(Pressed(TEST.time, TEST.way / millimetres, TEST.load), "{:.3f},{:.8f},{:.4f}")
+    is_whole(converted(tmp_path, [f"Time (s),Position ({unit}),Load (N)", *rows]))
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("Min.", 60.0), ("Sekunden", 1.0), ("hours", 3600)])
+def test_units_of_time_as_people_write_them(tmp_path, unit, seconds):
+    rows = rows_of(Pressed(TEST.time / seconds, TEST.way, TEST.load), "{:.8f},{:.4f},{:.4f}")
+    test = is_whole(converted(tmp_path, [f"Time ({unit}),Position (mm),Load (N)", *rows]))
+    assert test.time[-1] == pytest.approx(TEST.time[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ["Time (s),Position (mm),Load (furlong)"],
+        ["Time,Extension,Load", "(s),(mm),(furlong)"],
+        ["Time,Extension,Load", "s,mm,furlong"],
+        ["Load (furlong),Time (s),Position (mm)"],
+    ],
+)
+def test_an_unknown_unit_is_named(tmp_path, head):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([*head, *rows_of(), ""]))
+    for read in (convert, lambda paths: read_measurements(paths[0])):
+        with pytest.raises(InputError, match="the unit 'furlong' of Load is unknown") as caught:
+            read([path])
+        assert caught.value.line in (1, len(head))
+
+
+def test_an_unknown_unit_of_time_is_not_asked_for_as_seconds(tmp_path):
+    with pytest.raises(InputError, match="the unit 'fortnight' of Time is unknown") as caught:
+        converted(tmp_path, ["Time (fortnight),Position (mm),Load (N)", *rows_of()])
+    assert "--units s" not in str(caught.value)
+
+
+def clock(seconds):
+    return f"00:{int(seconds) // 60:02}:{seconds % 60:06.3f}"
+
+
+def test_hours_minutes_and_seconds_are_read_as_seconds(tmp_path):
+    pairs = list(zip(TEST.time, rows_of(), strict=True))
+    rows = [f"{clock(t)},{row.partition(',')[2]}" for t, row in pairs]
+    for head in (["Time (hh:mm:ss),Position (mm),Load (N)"],
+                 ["Time,Extension,Load", "hh:mm:ss.fff,mm,N"]):  # fmt: skip
+        test = is_whole(converted(tmp_path, [*head, *rows]))
+        assert test.time[-1] == pytest.approx(TEST.time[-1])
+    with pytest.raises(InputError, match="is hh:mm:ss, and its values are plain numbers"):
+        converted(tmp_path, ["Time (hh:mm:ss),Position (mm),Load (N)", *rows_of()])
+    day = [f"10:{clock(t)[3:]},{row}" for t, row in pairs]
+    head = "Time of day,Elapsed Time (s),Position (mm),Load (N)"
+    assert is_whole(converted(tmp_path, [head, *day])).time[-1] == pytest.approx(TEST.time[-1])
+
+
+@pytest.mark.parametrize(
+    "names", ["Zeit\tScherdeformation\tSchubspannung", "Step time\tStrain\tStress"]
+)
+def test_names_of_rheometers(tmp_path, names):
+    sheared = Pressed(TEST.time, 5.0 * np.maximum(TEST.way, 0.0), TEST.load)
+    rows = rows_of(sheared, "{:.3f}\t{:.4f}\t{:.4f}")
+    found = converted(tmp_path, [names, "s\t%\tPa", *rows], "a.txt")
+    assert found.units.dimensionless
+    assert found.tests[0].displacement.max() == pytest.approx(0.05 * TEST.way.max(), rel=1e-3)
+
+
+def rheometer(gap, force, strain, stress):
+    names = "Time [s],Gap [mm],Normal Force [N],Shear Strain [%],Shear Stress [Pa]"
+    cells = zip(TEST.time, gap, force, strain, stress, strict=True)
+    return [names, *("{:.3f},{:.5f},{:.5f},{:.5f},{:.5f}".format(*row) for row in cells)]
+
+
+def test_of_a_rheometer_s_two_motions_the_one_that_moves_is_taken(tmp_path):
+    noise = 1e-3 * np.random.default_rng(3).standard_normal((2, len(TEST.time)))
+    pressed_down = rheometer(6.0 - TEST.way, TEST.load, *noise)
+    found = converted(tmp_path, pressed_down)
+    test = is_whole(found)
+    assert (test.signs.way, test.signs.load) == (-1, 1)
+    assert "columns not used: Shear Strain, Shear Stress" in test.findings
+    still = 1.0 + 1e-3 * noise[0]
+    sheared = 5.0 * np.maximum(TEST.way, 0.0)
+    found = converted(tmp_path, rheometer(still, noise[1], sheared, TEST.load))
+    assert found.units.dimensionless
+    with pytest.raises(InputError, match=r"both Gap and .* and Shear Strain and") as e:
+        converted(tmp_path, rheometer(6.0 - TEST.way, TEST.load, 4.0 * sheared, TEST.load))
+    assert "delete the two columns that are not meant" in str(e.value)
+
+
+# several tests in one file
+
+
+def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
+    means = ("Mean", "Mittelwert", "Moyenne", "Average", "Eprouvette moyenne", "Mittelwertprobe",
+             "Mean curve",
+             "Silicone mean", "Moyenne des éprouvettes", "Kurven Mittelwert")  # fmt: skip
+    assert all(map(is_mean, means))
+    tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
+             "average rate", "compression moyenne")  # fmt: skip
+    assert not any(map(is_mean, tests))
+    pytest.importorskip("openpyxl")
+    path = workbook(tmp_path / "a.xlsx", ["vitesse lente", "vitesse moyenne", "Moyenne"])
+    found = convert([path])
+    assert [test.test for test in found.tests] == ["vitesse lente", "vitesse moyenne"]
+    (dropped,) = found.tests[0].dropped
+    assert dropped == "rows of the mean specimen's sheet 'Moyenne'"
+
+
+def test_a_column_without_a_unit_does_not_block_a_workbook(tmp_path):
+    pytest.importorskip("openpyxl")
+    table = np.stack([TEST.time, TEST.way, TEST.load], 1).tolist()
+    rows = [["Zeit [s]", "Weg [mm]", "Kraft [N]", "Zyklus"], *([*row, 1] for row in table)]
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(_workbook({"P1": rows}))
+    is_whole(convert([path]))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ["Raw Data", "Time (s),Displacement (mm),Force (N)"],
+        ["Time,Extension,Load", "(s),(mm),(N)"],
+        ["Test time (s),Standard travel (mm),Standard force (N)"],
+    ],
+)
+def test_a_second_header_begins_a_test_where_time_falls(tmp_path, head):
+    rows = rows_of()
+    found = converted(tmp_path, ["Specimen 1", *head, *rows, "", "Specimen 2", *head, *rows])
+    assert [test.test for test in found.tests] == ["1", "2"]
+    assert [len(test.time) for test in found.tests] == [len(rows)] * 2
+    is_whole(converted(tmp_path, ["Specimen 1", *head, *rows[:40], *head, *rows[40:]]))
+
+
+def test_time_that_falls_is_not_to_be_sorted(tmp_path):
+    rows = rows_of()
+    with pytest.raises(InputError, match=r"time falls from .* export each to a file") as caught:
+        converted(tmp_path, ["Time (s),Position (mm),Load (N)", *rows, *rows])
+    assert "sort" not in str(caught.value)
+
+
+def test_a_part_without_contact_is_left_out_where_others_are_tests(tmp_path):
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(len(TEST.time))
+    block = "<INFO>\n<{}>\n<END INFO>\n<DATA>\nTime, s\tPosition (z), mm\tFz, N\n{}\n<END DATA>\n"
+    free = rows_of(Pressed(TEST.time, TEST.way, noise), "{:.3f}\t{:.4f}\t{:.5f}")
+    rows = rows_of(TEST, "{:.3f}\t{:.4f}\t{:.5f}")
+    blocks = block.format("Move Relative", "\n".join(free)) + block.format("Ramp", "\n".join(rows))
+    found = converted(tmp_path, ["<Mach-1 File>", blocks], "a.txt")
+    assert [test.test for test in found.tests] == ["2 Ramp"]
+    why = "rows of '1 Move Relative', in which the force does not answer"
+    assert found.tests[0].dropped == {why: len(free)}
+    balanced = 1e-3 * (-1.0) ** np.arange(len(noise))
+    free = rows_of(Pressed(TEST.time, TEST.way, balanced), "{:.3f}\t{:.4f}\t{:.5f}")
+    with pytest.raises(InputError, match="the force does not answer to the displacement"):
+        converted(tmp_path, ["<Mach-1 File>", block.format("Move", "\n".join(free))], "b.txt")
+
+
+def test_a_tidy_file_may_state_its_separator(tmp_path):
+    path = tmp_path / "tidy.csv"
+    rows = [row.replace(",", ";").replace(".", ",") for row in rows_of()]
+    path.write_text("\n".join(["sep=;", "time_s;displacement_mm;force_N", *rows, ""]))
+    (test,) = read_measurements(path).pads[0].tests
+    assert test.force.max() == pytest.approx(TEST.load.max(), abs=1e-3)
+    path.write_text("\n".join(["sep=;", "time_s;displacement_mm;force_N", *rows, "1;x;2", ""]))
+    with pytest.raises(InputError, match="displacement_mm is not a number") as caught:
+        read_measurements(path)
+    assert caught.value.line == len(rows) + 3

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+
+import numpy as np
 
 from qlvbayes.io.formats.columns import (
     NamedColumn,
     chosen,
     columns_of,
+    on_clock,
     recording,
+    sheared_instead,
     side_by_side,
     split_header,
+    that_moved,
     titles_of,
 )
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.textfile import Lines, cells_of, read_rows, separator_of, with_header
+from qlvbayes.io.formats.textfile import (
+    Lines,
+    cells_of,
+    read_rows,
+    sections,
+    separator_of,
+    with_header,
+)
 
+_LEAST = 10  # lines that a test has at least below repeated names
+_PARTS = ("time", "way", "load")
 _DATES = (
     "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
     "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d/%m/%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S",
@@ -132,19 +148,50 @@ def tables(
 ) -> tuple[Recording, ...]:
     """Return the tests below a line of names, mostly one.
 
-    ``line`` is the line of the names and ``first`` that of the first row, from 0.
+    ``line`` is the line of the names and ``first`` that of the first row, from 0. Where the names
+    are repeated, a further test begins if time falls there; if not, the rows go on.
 
     Raises
     ------
     InputError
         A column is not there, or the rows cannot be read.
     """
-    separator = separator_of(lines.texts[line])
+    names = lines.texts[line]
+    separator = separator_of(names)
     above = cells_of(lines.texts[line - 1], separator) if line else []
-    rows = data[lines.starts[first] :]
+    below: list[list[Recording]] = []
+    for start, rows in sections(data[lines.starts[first] :], names, first):
+        if below and rows.count(b"\n") < _LEAST:  # names left over at the end
+            continue
+        tests = beside(
+            columns, rows, separator, file, line, start, name=name, began=began, above=above
+        )
+        if below and all(_goes_on(*pair) for pair in zip(below[-1], tests, strict=True)):
+            below[-1] = [_together(*pair) for pair in zip(below[-1], tests, strict=True)]
+        else:
+            below.append(tests)
+    if len(below) == 1:
+        return tuple(below[0])
     return tuple(
-        beside(columns, rows, separator, file, line, first, name=name, began=began, above=above)
+        replace(test, name=f"{test.name} {number}".strip())
+        for number, tests in enumerate(below, 1)
+        for test in tests
     )
+
+
+def _goes_on(before: Recording, after: Recording) -> bool:
+    return bool(after.time.values[0] >= before.time.values[-1])
+
+
+def _together(before: Recording, after: Recording) -> Recording:
+    """Return two parts of one test as one."""
+    pairs = {part: (getattr(before, part), getattr(after, part)) for part in _PARTS}
+    joined = {
+        part: replace(one, values=np.append(one.values, other.values))
+        for part, (one, other) in pairs.items()
+    }
+    dropped = Counter(before.dropped) + Counter(after.dropped)
+    return replace(before, dropped=dict(dropped), **joined)
 
 
 def _recorded(
@@ -157,9 +204,14 @@ def _recorded(
     name: str,
     began: float | None,
 ) -> Recording:
-    """Return the recording of the picked columns."""
+    """Return the recording of the picked columns; of a rheometer's two motions the larger."""
     read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
-    return recording(columns, picked, read.columns, read.dropped, name, began)
+    own = on_clock(picked, read.clocks, file)
+    recorded = recording(columns, own, read.columns, read.dropped, name, began)
+    if (other := sheared_instead(columns, picked)) is None:
+        return recorded
+    sheared = _recorded(columns, other, rows, separator, file, first, name, began)
+    return that_moved(recorded, sheared, file)
 
 
 def seconds_of(text: str) -> float | None:
