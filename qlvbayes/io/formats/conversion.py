@@ -349,7 +349,7 @@ def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], di
     if len(means) in (0, len(recordings)):
         return list(recordings), {}
     kept = [recording for recording in recordings if not is_mean(recording.name)]
-    return kept, {"rows of the mean specimen": sum(len(one.time.values) for one in means)}
+    return kept, {f"rows of the mean specimen '{m.name}'": len(m.time.values) for m in means}
 
 
 def _left_out(recordings: Sequence[Recording]) -> str:

@@ -387,12 +387,10 @@ def _fault(cells: Sequence[str], used: Sequence[str], width: int, *, short: bool
 
 def _longest_stretch(places: Sequence[int]) -> list[int]:
     """Return the longest run of places that follow one another."""
-    longest: list[int] = []
-    run: list[int] = []
-    for place in places:
-        run = [*run, place] if run and place == run[-1] + 1 else [place]
-        longest = max(longest, run, key=len)
-    return longest
+    if not places:
+        return []
+    cuts = np.flatnonzero(np.diff(places) != 1) + 1
+    return max((run.tolist() for run in np.split(np.array(places), cuts)), key=len)
 
 
 def with_point(cell: str, decimal: str) -> str:
