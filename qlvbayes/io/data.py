@@ -19,7 +19,7 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.recognition import head_of, matching, refuse_results
+from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_unknown_units
 from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
@@ -27,6 +27,7 @@ from qlvbayes.io.reading.dialect import Dialect, sniff
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
+from qlvbayes.io.reading.unread import UNREAD, unread_rows
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import listed
 
@@ -206,9 +207,11 @@ def read_measurements(path: str | Path) -> Measurements:
             return measurements_of(converted, str(path), digest(file))
         if isinstance(dialect, InputError):
             raise dialect
-        pads = _pads(file, dialect, read_table(file, dialect))
+        pads, left_out = _pads(file, dialect, read_table(file, dialect))
         sha256 = digest(file)
-    return Measurements(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
+    return Measurements(
+        pads, dialect.columns.units, str(path), sha256, (*_notices(dialect), *left_out)
+    )
 
 
 def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
@@ -237,18 +240,21 @@ def _converted(conversion: Conversion) -> tuple[Pad, ...]:
     return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
 
 
-def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
-    """Return the pads, each with its tests in order."""
+def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
+    """Return the pads, each with its tests in order, and notices about rows left out."""
     builder = _Builder(file, dialect, table)
+    notices: list[str] = []
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
-    for rows in _grouped(table):
+    for grouped in _grouped(table):
+        rows, late = builder.read(grouped, notices)
         builder.check_folder(rows, tests)
         of_pad = tests.setdefault(rows.pad, [])
-        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
+        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None, late))
         builder.add_fluid(rows, fluids)
     units = dialect.columns.units
-    return tuple(Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items())
+    pads = [Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items()]
+    return tuple(pads), tuple(notices)
 
 
 def _notices(dialect: Dialect) -> tuple[str, ...]:
@@ -293,8 +299,24 @@ class _Builder:
     dialect: Dialect
     table: Table
 
-    def test(self, rows: Rows, before: Test | None) -> Test:
-        """Return one test; `before` is the pad's previous one."""
+    def read(self, rows: Rows, notices: list[str]) -> tuple[Rows, float]:
+        """Return the rows that were read, and by how much (s) they begin later than the test."""
+        named = ("time", "displacement", "force")
+        time, way, load = (rows.take(self.table.numeric[key]) for key in named)
+        unread = unread_rows(time, way, load)
+        if not unread:
+            return rows, 0.0
+        notices.append(
+            f"test '{rows.test}' of pad '{rows.pad}': dropped {unread} {UNREAD} "
+            f"(line {self.table.line(rows.row(0))})"
+        )
+        return rows.after(unread), float(time[unread] - time[0])
+
+    def test(self, rows: Rows, before: Test | None, late: float = 0.0) -> Test:
+        """Return one test; `before` is the pad's previous one.
+
+        It begins by ``late`` (s) after the declared start.
+        """
         self._names(rows)
         columns = {key: rows.take(column) for key, column in self.table.numeric.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
@@ -315,7 +337,7 @@ class _Builder:
             force_sd=columns.get("force_sd"),
             role=self._role(rows),
             rate=self._rate(rows),
-            start_s=self._start(rows, before),
+            start_s=self._start(rows, before, late),
             start_known=self._number(rows, "start") is not None,
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),
@@ -403,13 +425,13 @@ class _Builder:
         changes: list[tuple[int, int]] = []
         sample = 0
         for stretch in rows.stretches:
-            begin = int(np.searchsorted(runs.starts, stretch.start))
+            begin = int(np.searchsorted(runs.starts, stretch.start, side="right")) - 1
             end = int(np.searchsorted(runs.starts, stretch.stop))
             codes = runs.codes[key][begin:end]
             for n in np.flatnonzero(
                 np.diff(codes, prepend=changes[-1][1] if changes else -1)
             ).tolist():
-                offset = int(runs.starts[begin + n]) - stretch.start
+                offset = max(int(runs.starts[begin + n]) - stretch.start, 0)
                 changes.append((sample + offset, int(codes[n])))
             sample += stretch.stop - stretch.start
         return [(at, runs.texts[key][code]) for at, code in changes]
@@ -480,11 +502,11 @@ class _Builder:
             self._fail(rows, rows.row(0), what, "write its standard error or leave it empty")
         return sd or None
 
-    def _start(self, rows: Rows, before: Test | None) -> float:
+    def _start(self, rows: Rows, before: Test | None, late: float) -> float:
         """Return the declared start, or the end of the pad's previous test."""
         start = self._number(rows, "start")
         if start is not None:
-            return start
+            return start + late
         if before is None:
             return 0.0
         return before.start_s + float(before.time[-1] - before.time[0])
@@ -511,6 +533,7 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     if len(whole) != 1:
         if isinstance(tidy, InputError):
             refuse_results(head, file)
+            refuse_unknown_units(head, file)
         return None
     try:
         return convert([file])

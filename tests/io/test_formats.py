@@ -296,8 +296,29 @@ def test_units_as_machines_write_them():
     ):  # fmt: skip
         unit = unit_of(text, quantity)
         assert (unit.tidy, unit.factor) == (tidy, pytest.approx(factor))
-    assert unit_of("MN", "force").tidy == "mN" if unit_of("MN", "force") else True
     assert unit_of("mm", "force") is None
+
+
+def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
+    for text, quantity, tidy, factor in (
+        ("mPa", "stress", "Pa", 1e-3), ("MPa", "stress", "MPa", 1.0), ("mN", "force", "mN", 1.0),
+        ("MN", "force", "N", 1e6), ("MM", "displacement", "mm", 1.0), ("MS", "time", "ms", 1.0),
+    ):  # fmt: skip
+        unit = unit_of(text, quantity)
+        assert (unit.tidy, unit.factor) == (tidy, pytest.approx(factor))
+    for text, quantity in (("Mm", "displacement"), ("Ms", "time"), ("mpa", "stress")):
+        assert unit_of(text, quantity) is None
+
+
+def test_millipascals_are_not_megapascals(tmp_path):
+    path = tmp_path / "a.csv"
+    stress = 1e3 * TEST.load
+    rows = zip(TEST.time, 10.0 * TEST.way, stress, strict=True)
+    body = "".join(f"{t:.3f},{e:.4f},{s:.5f}\n" for t, e, s in rows)
+    path.write_text("Time [s],Shear Strain [%],Shear Stress [mPa]\n" + body)
+    found = convert([path])
+    assert found.units.force == "Pa"
+    assert found.tests[0].force.max() == pytest.approx(1e-3 * stress.max(), rel=1e-5)
 
 
 OWN = """

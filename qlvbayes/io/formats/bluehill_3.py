@@ -10,7 +10,7 @@ from typing import ClassVar
 from qlvbayes.io.formats.columns import quantities
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, decoded
-from qlvbayes.io.formats.texttable import in_two_rows, table_in_two_rows
+from qlvbayes.io.formats.texttable import in_two_rows, tables_in_two_rows
 
 
 class BluehillThree(AbstractFormat):
@@ -39,8 +39,8 @@ class BluehillThree(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return the one test of the file."""
-        return (table_in_two_rows(path, _header, _title_and_date),)
+        """Return the tests of the file."""
+        return tables_in_two_rows(path, _header, _title_and_date)
 
 
 def _is_names(cells: list[str]) -> bool:

@@ -9,7 +9,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import quantities
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
-from qlvbayes.io.formats.texttable import in_cells, table
+from qlvbayes.io.formats.texttable import in_cells, tables
 
 _TITLES = ("raw data", "rohdaten", "donnees brutes", "données brutes", "datos sin procesar")
 
@@ -41,7 +41,7 @@ class BluehillUniversal(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return the one test of the file."""
+        """Return the tests of the file."""
         data = content(path)
         lines = Lines.from_bytes(data)
         title = _title(lines)
@@ -50,7 +50,7 @@ class BluehillUniversal(AbstractFormat):
             raise InputError("no names below 'Raw Data'", file=path, remedy="export it again")
         separator = separator_of(lines.texts[header])
         columns = in_cells(cells_of(lines.texts[header], separator))
-        return (table(columns, data[lines.starts[header + 1] :], separator, path, header),)
+        return tables(columns, data, lines, path, header, header + 1)
 
 
 def _title(lines: Lines) -> int | None:

@@ -52,7 +52,7 @@ class CellScale(AbstractFormat):
         new_index = {c.index: k for k, c in enumerate(measured)}
         rows = _without_labels(data[lines.starts[1] :], separator, len(columns) - len(measured))
         own = [type(c)(new_index[c.index], c.name, c.unit) for c in measured]
-        return (table(own, rows, separator, path, 0),)
+        return (table(own, rows, separator, path, 0, 1),)
 
 
 _LABELS = ("setname", "set name", "set", "cycle")

@@ -45,7 +45,7 @@ class Chiaro(AbstractFormat):
         settings = dict(zip(first[::2], first[1::2], strict=False))
         began = seconds_of(f"{settings.get('Date', '')} {settings.get('Time', '')}")
         rows = data[lines.starts[header + 1] :]
-        recorded = table(columns, rows, "\t", path, header, began=began)
+        recorded = table(columns, rows, "\t", path, header, header + 1, began=began)
         return (
             replace(recorded, pressing=True),
         )  # a tip is pressed in, and may stick: the sign is known

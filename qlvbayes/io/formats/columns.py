@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Channel, Floats, Recording
-from qlvbayes.io.formats.machineunits import unit_of
+from qlvbayes.io.formats.machineunits import CLOCKS, unit_of
 
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
@@ -19,10 +21,17 @@ _OF = (
     r"| (de|di|del|della|en|in|a) (la )?(compression|compresion|compressione|traction|traccion"
     r"|trazione|traverse|traversa|travesano|piston|pistone|verin))?"
 )
+_GAP = (
+    r"(measuring |mess ?)?(gap|spalt)( (width|height|size))?|(mess)?spalt(weite|hohe|breite)"
+    r"|entrefer|traferro|entrehierro"
+)
 # For each quantity, the more specific words first: the first that any column bears is taken.
 # English, German, French, Italian and Spanish, without accents.
 _WORDS = {
     "time": (
+        r"(?!(time|uhrzeit|heure|hora|ora) (of day|du jour|del dia)|(clock|day|date|step) ?time)"
+        r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*",
+        r"step ?time|schrittzeit|(abschnitts|intervall)zeit",
         r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*",
         r"(pruf|versuchs|test|mess|lauf)zeit|(duree|durata|duracion|dauer)\b.*",
     ),
@@ -42,16 +51,19 @@ _WORDS = {
         r"(traversen|pruf|verfahr|kolben|axial)?weg|travel|stroke|depth|tiefe|hub",
         r"crosshead|crosshead travel|(course|corsa|recorrido|carrera)" + _OF,
         r"profondeur|profondita|profundidad",
+        _GAP,
     ),
     "force": (
         r"(compressive |compression |axial |tensile )?(force|load)",
-        r"(standard|pruf|druck|zug|axial|normal|mess)?kraft|standard force",
+        r"(standard|pruf|druck|zug|axial|mess)?kraft|standard force",
         r"(force|fuerza|forza|effort)" + _OF,
         r"(charge|carga|carico)" + _OF + "|last|belastung",
         r"f z|fz|f",
+        r"normal ?force|normalkraft",  # of a rheometer, next to the shear force
     ),
     "strain": (
-        r"(compressive |axial |tensile |shear )?(strain|dehnung|stauchung)|scherung|scherdehnung",
+        r"(compressive |axial |tensile |shear )?(strain|dehnung|stauchung)|scherung|scherdehnung"
+        r"|scher(deformation|verformung)",
         r"(deformation|deformazione|deformacion)( (relative|relativa))?" + _OF,
         r"(deformation|deformazione|deformacion) (de|di|a|en) (cisaillement|taglio|cizalla"
         r"|cizallamiento|corte)|taux de deformation",
@@ -63,6 +75,8 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
+_CLEARLY = 3.0  # times the other strain, from which one of two motions is the test's
 _LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
 # Words of a strain that testing machines also write above a length: the unit decides.
@@ -121,12 +135,114 @@ def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
 def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
     """Return the columns of time, displacement or strain, and force or stress; None if missing.
 
-    Displacement precedes strain and force precedes stress, except where strain has stress alone.
+    Displacement and force precede strain and stress, and either pair precedes a mixture.
     """
     by_quantity = quantities(columns)
     way = "displacement" if "displacement" in by_quantity else "strain"
     load = "force" if "force" in by_quantity else "stress"
+    if (way, load) != ("displacement", "force") and {"strain", "stress"} <= set(by_quantity):
+        way, load = "strain", "stress"
     return {key: by_quantity.get(key) for key in ("time", way, load)}
+
+
+def sheared_instead(
+    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
+) -> dict[str, NamedColumn] | None:
+    """Return time, strain and stress where a rheometer's gap was picked and these are there too."""
+    by_quantity = quantities(columns)
+    way = picked.get("displacement")
+    if way is None or not re.fullmatch(_GAP, plain_name(way.name)):
+        return None
+    if not {"strain", "stress"} <= set(by_quantity):
+        return None
+    return {key: by_quantity[key] for key in ("time", "strain", "stress")}
+
+
+def that_moved(squeezed: Recording, sheared: Recording, file: Path) -> Recording:
+    """Return which of two recordings of one test moved: by gap and normal force, or in shear.
+
+    The change of the gap over the gap is compared with the change of the strain. An InputError is
+    raised where neither is clearly the larger.
+    """
+    unit = unit_of(sheared.way.unit, "strain")
+    gap, strain = squeezed.way.values, sheared.way.values
+    narrowed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
+    shear = float(np.ptp(strain)) * (unit.factor if unit else 1.0)
+    if narrowed >= _CLEARLY * shear:
+        return squeezed
+    if shear >= _CLEARLY * narrowed:
+        return sheared
+    pairs = [f"{one.way.name} and {one.load.name}" for one in (squeezed, sheared)]
+    raise InputError(
+        f"both {pairs[0]} ({narrowed:.2g} of the gap) and {pairs[1]} (a strain of {shear:.2g}) "
+        "change, and the test may be either",
+        file=file,
+        remedy="delete the two columns that are not meant",
+    )
+
+
+def unknown_unit(columns: Sequence[NamedColumn]) -> tuple[str, str] | None:
+    """Return the first unknown unit of a column that may be used, and the column's name."""
+    known = quantities(columns)
+    for column in columns:
+        name, unit = column.name, column.unit
+        if not unit and (match := _BRACKETED.fullmatch(name)):
+            name, unit = match[1].strip(), match[2].strip()
+        if not unit or any(unit_of(unit, quantity) for quantity in _WORDS):
+            continue
+        needed = [words for key, words in _WORDS.items() if key not in known or key == "time"]
+        if any(re.fullmatch(word, plain_name(name)) for words in needed for word in words):
+            return unit, name
+    return None
+
+
+def refuse_unknown_unit(
+    columns: Sequence[NamedColumn], file: Path, line: int | None = None
+) -> None:
+    """Raise InputError where a column that is needed has a unit that is not known."""
+    if (unknown := unknown_unit(columns)) is not None:
+        raise InputError(
+            f"the unit '{unknown[0]}' of {unknown[1]} is unknown",
+            file=file,
+            line=line,
+            remedy="export it in s, mm and N, or convert its values and name that unit",
+        )
+
+
+def side_by_side(
+    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
+) -> list[dict[str, NamedColumn]]:
+    """Return the picked columns of each test: several where their names are repeated in groups.
+
+    The tests may have one column of time together.
+    """
+    alike = {key: [c for c in columns if c.name == one.name] for key, one in picked.items()}
+    clocks, *others = (len(same) for same in alike.values())
+    tests = others[0]
+    if tests == 1 or set(others) != {tests} or clocks not in (1, tests):
+        return [picked]
+    return [{key: same[min(k, len(same) - 1)] for key, same in alike.items()} for k in range(tests)]
+
+
+def titles_of(tests: Sequence[dict[str, NamedColumn]], above: Sequence[str]) -> list[str]:
+    """Return a name for each of several tests side by side, from the row above or its number.
+
+    A test alone has no name.
+    """
+    if len(tests) == 1:
+        return [""]
+    first = [min(column.index for column in picked.values()) for picked in tests]
+    titles = [above[index].strip() if index < len(above) else "" for index in first]
+    if all(titles) and len(set(titles)) == len(titles):
+        return titles
+    return [str(k) for k in range(1, len(tests) + 1)]
+
+
+def columns_of(columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]) -> list[NamedColumn]:
+    """Return the columns without those of other tests side by side."""
+    own = {column.index for column in picked.values()}
+    names = {column.name for column in picked.values()}
+    return [column for column in columns if column.index in own or column.name not in names]
 
 
 def chosen(
@@ -143,6 +259,7 @@ def chosen(
     whole = {key: named for key, named in by_quantity.items() if named is not None}
     words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
     if missing := [words[key] for key in by_quantity if key not in whole]:
+        refuse_unknown_unit(columns, file, line)
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
             f"no column for {' and '.join(missing)} (the file has: {shown})",
@@ -151,6 +268,27 @@ def chosen(
             remedy="export time, displacement and force of every sample",
         )
     return whole
+
+
+def on_clock(
+    picked: dict[str, NamedColumn], clocks: Sequence[int], file: Path
+) -> dict[str, NamedColumn]:
+    """Return the columns with the unit s for a time written as hh:mm:ss, whose values are in s.
+
+    ``clocks`` are the positions of columns so written. An InputError is raised where the unit says
+    so and the values do not.
+    """
+    written = next(iter(picked)) == "time" and 0 in clocks
+    unit = re.sub(r"[.,]\w+$", "", picked["time"].unit.lower())
+    if written:
+        return picked | {"time": replace(picked["time"], unit="s")}
+    if unit in CLOCKS:
+        raise InputError(
+            f"the unit of {picked['time'].name} is {unit}, and its values are plain numbers",
+            file=file,
+            remedy="export time in s",
+        )
+    return picked
 
 
 def recording(

@@ -12,6 +12,7 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.columns import NamedColumn, refuse_unknown_unit
 from qlvbayes.io.formats.contact import FirstContact, Signs, find_contact, find_signs, is_dead
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import Unit, unit_of
@@ -21,8 +22,9 @@ from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, ris
 from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
+from qlvbayes.io.reading.unread import UNREAD, unread_rows
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
-from qlvbayes.io.wording import joined, plain
+from qlvbayes.io.wording import joined, listed, plain
 
 LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
@@ -220,7 +222,7 @@ class _Prepared:
     shown: OrientedRecording
     sampling: Sampling
     dropped: dict[str, int]
-    findings: tuple[str, str]  # on the units, on the signs
+    findings: tuple[str, ...]  # on the units, other columns and the signs
 
     @property
     def named(self) -> str:
@@ -287,6 +289,10 @@ def _name_in(file: Path, recording: Recording) -> str:
     return recording.name or file.stem
 
 
+class _DeadForceError(InputError):
+    """Exception for a test in which the force does not answer to the displacement."""
+
+
 def _usable_tests(
     file: Path,
     kind: type[AbstractFormat],
@@ -294,7 +300,7 @@ def _usable_tests(
     pad: str,
     answers: Answers,
 ) -> list[_Prepared]:
-    """Return the usable tests of a file."""
+    """Return the usable tests of a file; parts without contact are left out where others are."""
     recordings, dropped = _without_means(recordings)
     recordings = [_without_missing(recording) for recording in recordings]
     moving = [recording for recording in recordings if not _is_still(recording)]
@@ -308,14 +314,30 @@ def _usable_tests(
             file=file,
             remedy="check the channels or export it again",
         )
-    prepared = []
+    prepared: list[_Prepared] = []
+    dead: list[InputError] = []
     for recording in moving:
         own = pad
         if answers.pad_from is not None:
             own = pad_in(_name_in(file, recording), answers.pad_from)
-        prepared.append(_in_order(file, kind, recording, own, answers))
-    prepared[0].dropped.update(dropped)
-    return prepared
+        try:
+            prepared.append(_in_order(file, kind, recording, own, answers))
+        except _DeadForceError as error:
+            dropped[_dead_rows(recording)] = len(recording.time.values)
+            dead.append(error)
+    if not prepared:
+        raise dead[0]
+    live = [one for one in prepared if not is_dead(one.shown.way, one.shown.load)]
+    if live:
+        lost = [one.recording for one in prepared if one not in live]
+        dropped |= {_dead_rows(one): len(one.time.values) for one in lost}
+    kept = live or prepared
+    kept[0].dropped.update(dropped)
+    return kept
+
+
+def _dead_rows(recording: Recording) -> str:
+    return f"rows of '{recording.name}', in which the force does not answer"
 
 
 def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, int]]:
@@ -327,7 +349,7 @@ def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], di
     if len(means) in (0, len(recordings)):
         return list(recordings), {}
     kept = [recording for recording in recordings if not is_mean(recording.name)]
-    return kept, {"rows of the mean specimen": sum(len(one.time.values) for one in means)}
+    return kept, {f"rows of the mean specimen '{m.name}'": len(m.time.values) for m in means}
 
 
 def _left_out(recordings: Sequence[Recording]) -> str:
@@ -368,16 +390,24 @@ def _is_still(recording: Recording) -> bool:
 def _in_order(
     file: Path, kind: type[AbstractFormat], recording: Recording, pad: str, answers: Answers
 ) -> _Prepared:
+    if answers.units is None:
+        named = (recording.time, recording.way, recording.load)
+        refuse_unknown_unit([NamedColumn(k, c.name, c.unit) for k, c in enumerate(named)], file)
     units, columns, unit_finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, sampling = _on_a_clock(file, columns, dropped)
+    if unread := unread_rows(time, way, load):
+        dropped[UNREAD] = unread
+        time, way, load = time[unread:], way[unread:], load[unread:]
+        sampling = sampling_of(time, sampling.lag)
     if (
         what := out_of_range(time, {recording.way.name: way, recording.load.name: load})
     ) is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     signs = _signs(file, way, load, recording, answers)
     way, load = way * signs.way, load * signs.load
-    if wrong := () if units.dimensionless else wrong_signs(way, load):
+    wrong = wrong_signs(way, load)
+    if wrong and not (units.dimensionless and len(wrong) > 1):
         what = f"the specimen is pressed with {joined([*wrong])} negative"
         if answers.sign is None:
             raise _unsure_of_sign(file, what)
@@ -385,7 +415,8 @@ def _in_order(
         raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
     shown = OrientedRecording(file, (pad, kind.name, units), units, way, load, signs, contact)
-    findings = f"units {unit_finding}", _sign_finding(signs, recording, answers)
+    unused = [f"columns not used: {listed(recording.unused)}"] if recording.unused else []
+    findings = f"units {unit_finding}", *unused, _sign_finding(signs, recording, answers)
     return _Prepared(file, kind, pad, recording, time, shown, sampling, dropped, findings)
 
 
@@ -502,8 +533,7 @@ def _on_a_clock(
             return own[0][kept], way, load[kept], sampling_of(own[0][kept], lag)
         time, (way, load) = rising(time, [way, load], dropped)
     except ClockError as error:
-        remedy = "sort the rows, or export with more decimals of time"
-        raise InputError(str(error), file=file, remedy=remedy) from error
+        raise InputError(str(error), file=file, remedy=error.remedy) from error
     return time, way, load, sampling_of(time)
 
 
@@ -515,7 +545,7 @@ def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers:
     if recording.pressing:
         return replace(signs, way=1, load=1, doubt="")
     if signs.doubt and is_dead(way, load):
-        raise InputError(
+        raise _DeadForceError(
             f"the force does not answer to the displacement: its {len(load)} readings scatter by "
             f"{plain(float(np.std(load)), 2)} about one level",
             file=file,

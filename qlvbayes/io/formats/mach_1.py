@@ -43,25 +43,28 @@ class MachOne(AbstractFormat):
     def read(path: Path) -> tuple[Recording, ...]:
         """Return one test for each block; blocks of a few lines, or without force, are left out."""
         data = content(path)
-        blocks = [match.groups() for match in _BLOCK.finditer(data)]
-        long = [(info, rows) for info, rows in blocks if rows.count(b"\n") > _LEAST]
+        blocks = list(_BLOCK.finditer(data))
+        long = [block for block in blocks if block[2].count(b"\n") > _LEAST]
         if not long:
             remedy = "export the file again, with its data"
             raise InputError("there is no block <DATA> with rows", file=path, remedy=remedy)
+        several = len(long) > 1
         return tuple(
-            _test(info, rows, path, len(long) > 1, k) for k, (info, rows) in enumerate(long, 1)
+            _test(block[1], block[2], path, data.count(b"\n", 0, block.start(2)), k * several)
+            for k, block in enumerate(long, 1)
         )
 
 
-def _test(info: bytes, rows: bytes, path: Path, several: bool, number: int) -> Recording:
+def _test(info: bytes, rows: bytes, path: Path, line: int, number: int) -> Recording:
+    """Return the test of a block whose names are in a line, from 0; 0 is the number of the only."""
     header, _, rest = rows.partition(b"\n")
     columns = in_cells(cells_of(header.decode("utf-8", "replace"), "\t"))
     settings = dict(_pairs(info))
     began = seconds_of(f"{settings.get('Date', '')} {settings.get('Time', '')}".split(".")[0])
     name = _function(info)
-    title = f"{number} {name}".strip() if several else name
-    lines = _STRUCTURE.sub(b"", rest)  # marks between the parts of one function
-    return table(columns, lines, "\t", path, 0, name=title, began=began)
+    title = f"{number} {name}".strip() if number else name
+    lines = _STRUCTURE.sub(b"\n", rest)  # marks between the parts of one function
+    return table(columns, lines, "\t", path, line, line + 1, name=title, began=began)
 
 
 def _pairs(info: bytes) -> list[tuple[str, str]]:

@@ -23,7 +23,37 @@ _POUND = 4.4482216152605  # N, exact: 0.45359237 kg under standard gravity
 _INCH = 25.4  # mm, exact
 
 _SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
-    "time": {"s": ("sec", "secs", "second", "seconds", "sek"), "ms": ("msec",), "min": ()},
+    "time": {
+        "s": (
+            "sec",
+            "secs",
+            "second",
+            "seconds",
+            "sek",
+            "sekunde",
+            "sekunden",
+            "seconde",
+            "secondes",
+            "secondo",
+            "secondi",
+            "segundo",
+            "segundos",
+            "hh:mm:ss",
+            "h:mm:ss",
+            "h:m:s",
+            "hms",
+        ),
+        "ms": ("msec", "millisecond", "milliseconds", "millisekunden", "millisecondes"),
+        "min": (
+            "mins",
+            "minute",
+            "minutes",
+            "minuten",
+            "minuto",
+            "minuti",
+            "minutos",
+        ),
+    },
     "displacement": {
         "mm": ("millimeter", "millimetre"),
         "um": ("micron", "microns", "micrometer"),
@@ -37,17 +67,35 @@ _SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
 _FURTHER = {
     "h": Unit("time", "s", 3600.0),
     "us": Unit("time", "s", 1e-6),
+    "hour": Unit("time", "s", 3600.0),
+    "hours": Unit("time", "s", 3600.0),
+    "stunden": Unit("time", "s", 3600.0),
+    "heures": Unit("time", "s", 3600.0),
     "cm": Unit("displacement", "mm", 10.0),
+    "dm": Unit("displacement", "mm", 100.0),
     "in": Unit("displacement", "mm", _INCH),
     "inch": Unit("displacement", "mm", _INCH),
+    "inches": Unit("displacement", "mm", _INCH),
+    "mil": Unit("displacement", "mm", 1e-3 * _INCH),
+    "mils": Unit("displacement", "mm", 1e-3 * _INCH),
     "kN": Unit("force", "N", 1e3),
+    "MN": Unit("force", "N", 1e6),
+    "cN": Unit("force", "N", 0.01),
+    "dN": Unit("force", "N", 0.1),
+    "daN": Unit("force", "N", 10.0),
     "pN": Unit("force", "nN", 1e-3),
     "gf": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
     "g": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
     "kgf": Unit("force", "N", STANDARD_GRAVITY),
+    "kg": Unit("force", "N", STANDARD_GRAVITY),
+    "kp": Unit("force", "N", STANDARD_GRAVITY),
     "lbf": Unit("force", "N", _POUND),
+    "lb": Unit("force", "N", _POUND),
+    "lbs": Unit("force", "N", _POUND),
+    "ozf": Unit("force", "N", _POUND / 16.0),
     "%": Unit("strain", "", 0.01),
     "GPa": Unit("stress", "MPa", 1e3),
+    "mPa": Unit("stress", "Pa", 1e-3),
     "psi": Unit("stress", "kPa", 1e-3 * _POUND / (_INCH * 1e-3) ** 2),
 }
 
@@ -61,6 +109,7 @@ def _table() -> dict[str, Unit]:
 
 
 _KNOWN = _table()
+_PREFIXED = {"mm", "ms", "mN", "MN", "mPa", "MPa"}  # m is a thousandth and M a million
 _BY_LOWER: dict[str, list[str]] = {}
 for _name in _KNOWN:
     _BY_LOWER.setdefault(_name.lower(), []).append(_name)
@@ -69,15 +118,34 @@ for _name in _KNOWN:
 def unit_of(text: str, quantity: str) -> Unit | None:
     """Return the unit that a text means for a quantity, or None: '(µN)' is uN for a force.
 
-    Capitals count only where two units differ by nothing else.
+    Capitals count only where two units differ by nothing else. The prefix of a thousandth is never
+    taken for that of a million: Mm is unknown, and so is mpa, which may be either.
     """
-    plain = re.sub("[µμ]", "u", text.strip(" ()[]'\"")).replace("²", "2")
+    plain = re.sub("[µμ]", "u", text.strip(" ()[]'\".")).replace("²", "2")
+    if ":" in plain:
+        plain = re.sub(r"[.,]\w+$", "", plain)  # hh:mm:ss.fff
     exact = _KNOWN.get(plain)
     if exact is not None and exact.quantity == quantity:
         return exact
-    alike = [_KNOWN[name] for name in _BY_LOWER.get(plain.lower(), ())]
-    meant = {unit for unit in alike if unit.quantity == quantity}
+    alike = [name for name in _BY_LOWER.get(plain.lower(), ()) if _may_mean(plain, name)]
+    meant = {unit for name in alike if (unit := _KNOWN[name]).quantity == quantity}
     return meant.pop() if len(meant) == 1 else None
+
+
+def _may_mean(written: str, name: str) -> bool:
+    """Return whether a text that differs from a unit in capitals may stand for it.
+
+    In capitals throughout, MM is mm, as no other unit is spelled so, but MPA is MPa alone. In small
+    letters throughout, mpa may be either of two.
+    """
+    if name not in _PREFIXED or not (written.isupper() or written.islower()):
+        return name not in _PREFIXED or written[:1] == name[:1]
+    several = len(_BY_LOWER[name.lower()]) > 1
+    return not several or (written.isupper() and written[:1] == name[:1])
+
+
+CLOCKS = ("hh:mm:ss", "h:mm:ss", "h:m:s", "hms")
+"""Units of time that say how it is written; its values are then in s."""
 
 
 def named_units(text: str) -> tuple[str, str, str]:

@@ -7,18 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.formats.columns import NamedColumn, chosen, measured, plain_name, recording
+from qlvbayes.io.formats.columns import NamedColumn, measured, plain_name
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
-    cells_at,
     cells_of,
     decoded,
-    read_rows,
+    sections,
     separator_of,
     with_header,
 )
-from qlvbayes.io.formats.texttable import in_cells, in_two_rows
+from qlvbayes.io.formats.texttable import beside, in_cells, in_two_rows
 
 _BLANK = 2  # most empty rows between the names and their units
 _BRACKETED = re.compile(r".*[(\[][^()\[\]]+[)\]]\s*")
@@ -58,19 +57,17 @@ class NamedTable(AbstractFormat):
             path, _header, "no row of names with units", "export it again"
         )
         separator = separator_of(lines.texts[number])
-        picked = chosen(columns, path, number + 1)
-        names = lines.texts[number].encode() + b"\n"
-        *before, last = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
-        parts = [*(part + b"\n" for part in before), last]
-        recordings = []
-        for k, part in enumerate(parts, 1):
-            rows = cells_at(part, separator, [named.index for named in picked.values()])
-            read = read_rows(rows, separator, range(len(picked)), path)
+        above = cells_of(lines.texts[number - 1], separator) if number else []
+        parts = sections(data[lines.starts[first] :], lines.texts[number], first)
+        tests = []
+        for k, (start, part) in enumerate(parts, 1):
             name = str(k) if len(parts) > 1 else ""
-            one = recording(columns, picked, read.columns, read.dropped, name)
-            sheared = any(_SHEAR.search(plain_name(named.name)) for named in picked.values())
-            recordings.append(replace(one, pressing=sheared))
-        return tuple(recordings)
+            tests += beside(columns, part, separator, path, number, start, name=name, above=above)
+        return tuple(replace(test, pressing=_is_sheared(test)) for test in tests)
+
+
+def _is_sheared(test: Recording) -> bool:
+    return any(_SHEAR.search(plain_name(channel.name)) for channel in (test.way, test.load))
 
 
 def _header(lines: Lines) -> tuple[int, int, list[NamedColumn]] | None:

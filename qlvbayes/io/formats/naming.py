@@ -15,6 +15,16 @@ from qlvbayes.io.formats.columns import plain_name
 _MEAN = re.compile(
     r"\b(mean|average|mittelwert\w*|mittlere?|durchschnitt\w*|moyenn?e?|media|medio|promedio)\b"
 )
+_MEDIUM = re.compile(r"\b(mittlere?|moyenn?e?|media|medio)\b")  # adjectives of a speed too
+_OF_SPECIMENS = re.compile(
+    r"specimens?|samples?|proben?\w*|prufling\w*|eprouvettes?|echantillons?|probetas?|muestras?|provin[oi]"
+    r"|campion[ei]|curves?|kurven?|courbes?|curv[ae]s?|essais?|prov[ae]|ensayos?|tests?|versuche?"
+    r"|values?|werte?|valeurs?|valor\w*|of|de[rsnl]?|di|du|la|le|les|los|las|all\w*|n|\d+|\w{1,3}"
+)
+_CONDITION = re.compile(
+    r"\b(speeds?|velocit\w+|rates?|vitesses?|velocidad\w*|geschwindigkeit\w*|tempo|strain|load|force"
+    r"|depth|temperature\w*|pressure)\b"
+)
 DEFAULT_PAD = "pad"  # the name in a tidy file without the column
 _SHOWN = 200  # characters of a name or pattern that an error shows
 _PATTERNS = (r"^(.+?)[ _.-]*\d+$", r"^(.+?)[ _-]+[^ _-]*$", r"^[^ _-]+", r"^.+$")
@@ -96,8 +106,17 @@ def suggested_pattern(names: Sequence[str]) -> str:
 
 
 def is_mean(name: str) -> bool:
-    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'."""
-    return _MEAN.search(plain_name(name)) is not None
+    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'.
+
+    'Vitesse moyenne' and 'mean speed' are names of a test. A word that means medium too must stand
+    alone or with words of specimens.
+    """
+    plain = plain_name(name)
+    if _MEAN.search(plain) is None or _CONDITION.search(plain):
+        return False
+    if _MEAN.search(_MEDIUM.sub(" ", plain)) is not None:
+        return True
+    return all(_OF_SPECIMENS.fullmatch(word) for word in _MEDIUM.sub(" ", plain).split())
 
 
 def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> list[str]:

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import plain_name, quantities
+from qlvbayes.io.formats.columns import measured, plain_name, quantities, refuse_unknown_unit
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
 from qlvbayes.io.formats.textfile import Lines, decoded
-from qlvbayes.io.formats.texttable import in_cells
+from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.wording import joined
 
@@ -87,6 +87,7 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
     if head.startswith(OLD_OFFICE):
         raise OldWorkbookError(path)
     refuse_results(head, path)
+    refuse_unknown_units(head, path)
     if nearest is None:
         raise InputError(
             "no known layout",
@@ -146,12 +147,26 @@ def refuse_results(head: bytes, path: Path) -> None:
                     )
 
 
+def refuse_unknown_units(head: bytes, path: Path) -> None:
+    """Raise InputError where a row names time, displacement and force, one in an unknown unit."""
+    rows = list(Lines.from_bytes(decoded(head).encode()).cells())[:_HEADER]
+    for (number, names), below in zip(rows, [*(cells for _, cells in rows[1:]), []], strict=True):
+        bare = [_BRACKETED.sub("", name) for name in names]
+        if len(names) < 3 or not all(measured(in_two_rows(bare, [])).values()):
+            continue
+        refuse_unknown_unit(in_cells(names), path, number + 1)
+        if not any(character.isdigit() for cell in below for character in cell):
+            refuse_unknown_unit(in_two_rows(names, below), path, number + 2)
+
+
+_BRACKETED = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
 _MEASURED = (("displacement", "force"), ("strain", "stress"))
 
 
 def _is_tidy(head: bytes) -> bool:
     """Return whether the first line that is no comment names the columns of a tidy file."""
     lines = head.decode("utf-8-sig", "replace").splitlines()
-    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    rows = (line for line in lines if line.strip() and not line.startswith(("#", "sep=")))
+    first = next(rows, "")
     columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}
     return "time" in columns and any(columns.issuperset(pair) for pair in _MEASURED)

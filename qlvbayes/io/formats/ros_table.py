@@ -15,7 +15,6 @@ from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
 from qlvbayes.io.formats.roschannels import RosChannel, meaning, recording_of
 from qlvbayes.io.formats.textfile import (
     Lines,
-    cells_at,
     cells_of,
     decoded,
     read_rows,
@@ -87,8 +86,8 @@ class RosTable(AbstractFormat):
                 continue
             wanted = [*_clock_of(index, name, clocks).columns, index]
             try:
-                block = cells_at(rows + b"\n", separator, wanted)
-                *stamps, values = read_rows(block, separator, range(len(wanted)), path).columns
+                read = read_rows(rows + b"\n", separator, wanted, path, sparse=True)
+                *stamps, values = read.columns
             except InputError:  # a column without numbers
                 continue
             origin = float(stamps[0][0])

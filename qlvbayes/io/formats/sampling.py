@@ -54,8 +54,18 @@ def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
     return Sampling(len(time), step, low, high, missing, lag)
 
 
+_SEVERAL = "if another test begins there, export each to a file of its own; if not, mend its clock"
+
+
 class ClockError(ValueError):
-    """Exception for a clock that cannot be put in order; the text says why."""
+    """Exception for a clock that cannot be put in order; the text says why, ``remedy`` what to do.
+
+    Rows must not be sorted by a time that falls: those of two tests would be mixed.
+    """
+
+    def __init__(self, message: str, remedy: str = _SEVERAL) -> None:
+        super().__init__(message)
+        self.remedy = remedy
 
 
 def rising(
@@ -82,7 +92,8 @@ def rising(
     same = np.append(False, steps == 0)
     count = int(np.count_nonzero(same))
     if count > _REPEATED * len(time):
-        raise ClockError(f"{count} of {len(time)} rows have the time of the row above")
+        what = f"{count} of {len(time)} rows have the time of the row above"
+        raise ClockError(what, "export with more decimals of time")
     if not count:
         return time, columns
     dropped["rows with the time of the row above"] = count
@@ -107,7 +118,8 @@ def on_one_clock(
     if 2 * len(inside) < len(load_time):
         raise ClockError(
             f"the two clocks do not overlap ({time[0]:.6g} to {time[-1]:.6g} s, "
-            f"{load_time[0]:.6g} to {load_time[-1]:.6g} s)"
+            f"{load_time[0]:.6g} to {load_time[-1]:.6g} s)",
+            "export both with one clock",
         )
     kept = slice(int(inside[0]), int(inside[-1]) + 1)
     lost = len(load_time) - len(inside)

@@ -10,7 +10,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import plain_name, quantities
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
-from qlvbayes.io.formats.texttable import are_units, in_cells, in_two_rows, seconds_of, table
+from qlvbayes.io.formats.texttable import are_units, in_cells, in_two_rows, seconds_of, tables
 
 OWN_WORDS = (
     "standardkraft", "standard force", "force standard", "fuerza estandar", "forza standard",
@@ -45,7 +45,7 @@ class TestXpert(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return the one test of the file."""
+        """Return the tests of the file."""
         data = content(path)
         lines = Lines.from_bytes(data)
         header = names_row([cells for _, cells in lines.cells()])
@@ -63,8 +63,7 @@ class TestXpert(AbstractFormat):
         first = header + 1 + (kind == "next row")
         dates = [seconds_of(cell) for _, cells in lines.cells() for cell in cells if ":" in cell]
         began = next((date for date in dates if date is not None), None)
-        rows = data[lines.starts[first] :]
-        return (table(columns, rows, separator, path, header, began=began),)
+        return tables(columns, data, lines, path, header, first, began=began)
 
 
 def names_row(rows: Sequence[Sequence[str]]) -> int:

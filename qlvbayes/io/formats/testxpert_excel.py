@@ -3,17 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import chosen, measured, recording
-from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
+from qlvbayes.io.formats.columns import (
+    NamedColumn,
+    chosen,
+    columns_of,
+    measured,
+    on_clock,
+    recording,
+    sheared_instead,
+    side_by_side,
+    that_moved,
+    titles_of,
+)
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.testxpert import names_row
+from qlvbayes.io.formats.textfile import (
+    NumericRows,
+    decimal_mark,
+    is_like_number,
+    plain_number,
+    read_rows,
+    with_point,
+)
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
 _HEADER_ROWS = 60  # rows of a sheet among which the names are
@@ -53,16 +73,17 @@ class TestXpertExcel(AbstractFormat):
             book.close()
         except Exception as error:  # a cut zip ends in any error of its reader
             raise damaged(path, error) from error
-        tests, means = [], 0
+        tests: list[Recording] = []
+        means: dict[str, int] = {}
         for title, rows in sheets.items():
             above = [_texts(row) for row in rows[:_HEADER_ROWS]]
             header = _names(above)
             if header < 0 or len(rows) - header < _LEAST:
                 continue
             if is_mean(title) or any(map(_is_mean_title, above[:header])):
-                means += len(rows) - header - 1
+                means[title] = len(rows) - header - 1
                 continue
-            tests.append(_test(title, rows, header, path))
+            tests += _tests(title, rows, header, path)
         if not tests:
             raise InputError(
                 f"no sheet has time, displacement and force ({', '.join(sheets)[:80]})",
@@ -70,7 +91,8 @@ class TestXpertExcel(AbstractFormat):
                 remedy="export the curves of every sample, or save the sheet as CSV",
             )
         if means:
-            dropped = {**tests[0].dropped, "rows of the mean specimen's sheet": means}
+            lost = {f"rows of the mean specimen's sheet '{title}'": n for title, n in means.items()}
+            dropped = {**tests[0].dropped, **lost}
             tests[0] = replace(tests[0], dropped=dropped)
         return tuple(tests)
 
@@ -92,20 +114,58 @@ def _texts(row: Any) -> list[str]:
     return ["" if cell is None else str(cell) for cell in row]
 
 
-def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
+def _tests(title: str, rows: list[Any], header: int, path: Path) -> list[Recording]:
+    """Return the tests of a sheet, mostly one; several stand side by side."""
     names, below = _texts(rows[header]), _texts(rows[header + 1])
     one_row = in_cells(names)
-    written = [column for column in one_row if column.name]
-    columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
-    picked = chosen(columns, path, header + 1)
-    values = [_values(rows[header + 1 :], named.index) for named in picked.values()]
-    good = np.logical_and.reduce([np.isfinite(column) for column in values])
-    units = int(columns is not one_row)  # the row of units is not counted as lost
-    lost = int(np.count_nonzero(~good)) - units
-    dropped = {"rows without numbers": lost} if lost else {}
-    return recording(columns, picked, [column[good] for column in values], dropped, title)
+    has_units = all(named and named.unit for named in measured(one_row).values())
+    columns = one_row if has_units else in_two_rows(names, below)
+    tests = side_by_side(columns, chosen(columns, path, header + 1))
+    titles = titles_of(tests, _texts(rows[header - 1]) if header else [])
+    first = header + 1 + int(columns is not one_row)
+    return [
+        _test(columns_of(columns, picked), picked, rows, first, path, f"{title} {own}".strip())
+        for picked, own in zip(tests, titles, strict=True)
+    ]
 
 
-def _values(rows: list[Any], index: int) -> Floats:
-    cells = [row[index] if index < len(row) else None for row in rows]
-    return np.array([c if isinstance(c, (int, float)) else np.nan for c in cells], dtype=float)
+def _test(
+    columns: list[NamedColumn],
+    picked: dict[str, NamedColumn],
+    rows: list[Any],
+    first: int,
+    path: Path,
+    name: str,
+) -> Recording:
+    """Return the test of the picked columns; of a rheometer's two motions the larger."""
+    used = [
+        [row[n.index] if n.index < len(row) else None for n in picked.values()]
+        for row in rows[first:]
+    ]
+    read = _numbers(used, path, first + 1)
+    own = on_clock(picked, read.clocks, path)
+    recorded = recording(columns, own, read.columns, read.dropped, name)
+    if (other := sheared_instead(columns, picked)) is None:
+        return recorded
+    return that_moved(recorded, _test(columns, other, rows, first, path, name), path)
+
+
+def _numbers(rows: list[list[Any]], path: Path, line: int) -> NumericRows:
+    """Return the columns of rows of cells, and counts of dropped rows; text may be a number."""
+    if all(isinstance(cell, (int, float)) for row in rows for cell in row):
+        return NumericRows(tuple(np.array(rows, dtype=float).T), {})
+    texts = [plain_number(cell) for row in rows for cell in row if isinstance(cell, str)]
+    decimal = decimal_mark((text for text in texts if is_like_number(text)), path)
+    lines = ["\t".join(_written(cell, decimal) for cell in row) for row in rows]
+    return read_rows("\n".join([*lines, ""]).encode(), "\t", range(len(rows[0])), path, line)
+
+
+def _written(cell: Any, decimal: str) -> str:
+    """Return a cell as text, its number with a decimal point and a duration as hh:mm:ss."""
+    if isinstance(cell, str):
+        plain = plain_number(" ".join(cell.split()))
+        return with_point(plain, decimal) if is_like_number(plain) else plain
+    if isinstance(cell, timedelta):
+        minutes, seconds = divmod(cell.total_seconds(), 60.0)
+        return f"{int(minutes) // 60}:{int(minutes) % 60:02}:{seconds:09.6f}"
+    return "" if cell is None else str(cell)

@@ -7,8 +7,8 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,6 +17,7 @@ import pandas as pd
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.reading.clock import LARGEST_SHARE
 
 Header = TypeVar("Header")
 
@@ -24,9 +25,17 @@ _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
 _HEADER_LINES = 400  # more lines than any header has
 _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _LONG = re.compile(rb"[^\n]{%d}" % _MOST_CELLS)
-_SAMPLE = 400  # rows from which the decimal mark is taken
-_NUMERIC = re.compile(rb'^[ \t]*["+\-.\d][\d+\-.,;:eE" \t]*$', re.MULTILINE)
-_IN_ROWS = b'0123456789+-.,;:eE" \t\n'
+_SAMPLE = 400  # rows from which the decimal mark is taken where all the others agree
+_IN_ROWS = b'0123456789+-.,;eE" \t\n'  # all that lines of numbers alone have
+_MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
+_BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
+_SPACED = re.compile(rb"\d \d{3}")
+_CLOCK = re.compile(r"(\d+):(\d\d):(\d\d([.,]\d+)?)")
+_LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
+_SHOWN = 60  # characters of a line that an error shows
+_FEW_EMPTY = 10  # rows in turn with an empty cell that a logger of two rates leaves
 _EXPORT = "export the measurements again"
 
 
@@ -92,25 +101,6 @@ def separator_of(line: str) -> str:
     return max("\t;,", key=line.count)
 
 
-def cells_at(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
-    """Return only the cells at these indices, as text in other cells is no number.
-
-    A last line without an end stays so, unless another cell follows those: ``read_rows`` then sees
-    whether it is cut off.
-    """
-    mark = separator.encode()
-    kept, cells = [], []
-    for line in rows.split(b"\n"):
-        if b'"' in line:
-            cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
-        else:
-            cells = line.split(mark)
-        if len(cells) > max(indices):
-            kept.append(mark.join(cells[index] for index in indices))
-    whole = rows.endswith(b"\n") or len(cells) > max(indices) + 1
-    return b"\n".join(kept) + b"\n" * whole
-
-
 @dataclass(frozen=True)
 class Lines:
     """Lines at the beginning of a file, and the offset in bytes at which each starts."""
@@ -134,6 +124,22 @@ class Lines:
             yield number, cells_of(text, separator_of(text))
 
 
+def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
+    """Return rows in parts, cut where the line of names is repeated, each with its first line.
+
+    ``first`` is the line, from 0, at which the rows begin.
+    """
+    mark = b"\n" + names.encode() + b"\n"
+    *before, last = (b"\n" + rows).split(mark)
+    parts = [*(part + b"\n" for part in before), last]
+    parts[0] = parts[0][1:]
+    found = []
+    for part in parts:
+        found.append((first, part))
+        first += part.count(b"\n") + 1
+    return found
+
+
 def with_header(
     path: Path, find: Callable[[Lines], Header | None], lacking: str, remedy: str
 ) -> tuple[bytes, Lines, Header]:
@@ -154,40 +160,59 @@ def with_header(
 
 @dataclass(frozen=True, eq=False)
 class NumericRows:
-    """Columns of numbers, one for each index asked for, and counts of dropped lines."""
+    """Columns of numbers, one for each index asked for, and counts of dropped lines.
+
+    ``clocks`` are the positions, among the columns, of those written as hours, minutes and seconds;
+    they are in s.
+    """
 
     columns: tuple[Floats, ...]
     dropped: dict[str, int]
+    clocks: tuple[int, ...] = ()
 
 
-def read_rows(block: bytes, separator: str, indices: Sequence[int], file: Path) -> NumericRows:
+def read_rows(
+    block: bytes,
+    separator: str,
+    indices: Sequence[int],
+    file: Path,
+    line: int | None = None,
+    *,
+    sparse: bool = False,
+) -> NumericRows:
     """Return columns at the given indices of lines of numbers; other lines are counted.
 
-    The decimal mark is found from the numbers; a last line that is cut off is dropped.
+    Only cells at these indices are judged: text in others is no fault. The decimal mark is found
+    from the numbers; a last line that is cut off is dropped. ``line`` is the number of the block's
+    first line in the file. ``sparse`` is true where each channel has rows of its own, so that empty
+    cells are no fault.
 
     Raises
     ------
     InputError
-        No line holds numbers at all the indices, or the decimal mark is ambiguous.
+        No line holds numbers at all the indices, the decimal mark is ambiguous, or more than 2 % of
+        the lines between the first and the last one cannot be used.
     """
     dropped: dict[str, int] = {}
-    block = _without_endless(_whole(block, dropped), separator, dropped)
-    if block.translate(None, _IN_ROWS):
-        lines = [line for line in block.split(b"\n") if line.strip()]
-        kept = [match.group() for match in _NUMERIC.finditer(block) if match.group().strip()]
-        _count(dropped, "lines without numbers", len(lines) - len(kept))
-        block = b"\n".join(kept) + b"\n"
+    block = _with_plain_numbers(_whole(block, separator, indices, dropped))
     if not block.strip():
         raise InputError("there are no rows of numbers", file=file, remedy=_EXPORT)
-    decimal = _decimal(block, separator, indices, file)
-    columns = _parsed(block, separator, indices, decimal, file, dropped)
-    good = np.logical_and.reduce([np.isfinite(column) for column in columns])
-    _count(dropped, "rows with an empty cell", int(np.count_nonzero(~good)))
-    if not good.any():
-        raise InputError("there are no rows of numbers", file=file, remedy=_EXPORT)
-    if not good.all():
-        columns = [column[good] for column in columns]
-    return NumericRows(tuple(columns), dropped)
+    if not block.translate(None, _IN_ROWS) and not _LONG.search(block):
+        columns = _all_numbers(block, separator, indices, file)
+        if columns is not None:
+            return NumericRows(tuple(columns), dropped)
+    lines = _Lines.from_text(block.decode("utf-8", "replace"), separator, indices)
+    rows = lines.with_points(file)
+    lines.join_blank()
+    for why, lost in lines.dropped.items():
+        _count(dropped, why, len(lost))
+    if not rows:
+        raise lines.without_numbers(file, line)
+    if (error := lines.fault(file, line, sparse=sparse)) is not None:
+        raise error
+    columns = _parsed(("\n".join(rows) + "\n").encode(), "\t", range(len(indices)), ".")
+    clocks = tuple(k for k, cell in enumerate(lines.rows[0]) if ":" in cell)
+    return NumericRows(tuple(columns), dropped, clocks)
 
 
 def _count(dropped: dict[str, int], why: str, rows: int) -> None:
@@ -195,29 +220,201 @@ def _count(dropped: dict[str, int], why: str, rows: int) -> None:
         dropped[why] = dropped.get(why, 0) + rows
 
 
-def _without_endless(block: bytes, separator: str, dropped: dict[str, int]) -> bytes:
-    """Return the block without lines of more cells than a machine has channels.
-
-    Each of these cells would take a column.
-    """
-    if not _LONG.search(block):
+def _with_plain_numbers(block: bytes) -> bytes:
+    """Return the block with ASCII's minus, and without spaces at thousands."""
+    if block.isascii() and (b" " not in block or not _SPACED.search(block)):
         return block
-    mark = separator.encode()
-    lines = block.split(b"\n")
-    kept = [line for line in lines if line.count(mark) < _MOST_CELLS]
-    _count(dropped, "lines of too many cells", len(lines) - len(kept))
-    return b"\n".join(kept)
+    return plain_number(block.decode("utf-8", "replace")).encode()
 
 
-def _whole(block: bytes, dropped: dict[str, int]) -> bytes:
+def plain_number(text: str) -> str:
+    """Return numbers with ASCII's minus and without spaces at thousands: '1 234,5' -> '1234,5'."""
+    return _BETWEEN_THOUSANDS.sub("", _MINUS.sub("-", text))
+
+
+def is_like_number(cell: str) -> bool:
+    """Return whether a cell may be a number, with whatever decimal mark, or a time of hh:mm:ss."""
+    return _LIKE_NUMBER.fullmatch(cell) is not None
+
+
+def _all_numbers(
+    block: bytes, separator: str, indices: Sequence[int], file: Path
+) -> list[Floats] | None:
+    """Return the columns of a block in which every line is a row; None where one may not be."""
+    end = 0
+    for _ in range(_SAMPLE):
+        end = block.find(b"\n", end) + 1
+        if not end:
+            break
+    sample = block[: end or None].decode("utf-8", "replace").split("\n")
+    rows = [cells_of(row, separator) for row in sample if row.strip()]
+    decimal = decimal_mark((row[k] for row in rows for k in indices if k < len(row)), file)
+    try:
+        columns = _parsed(block, separator, indices, decimal)
+    except ValueError:
+        return None
+    whole = len(columns[0]) == _filled(block) and all(np.isfinite(one).all() for one in columns)
+    return columns if whole else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Lines of a block, those with a number in each cell that is used, and why others are dropped.
+
+    ``rows`` are the used cells and ``places`` the indices of their lines in ``texts``;
+    ``dropped`` are such indices by reason.
+    """
+
+    texts: list[str]
+    rows: list[list[str]] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
+    dropped: dict[str, list[int]] = field(default_factory=dict)
+
+    @classmethod
+    def from_text(cls, text: str, separator: str, indices: Sequence[int]) -> _Lines:
+        """Return the lines of a text, each judged by its cells at the indices."""
+        lines = cls(text.split("\n"))
+        width = 0
+        for place, line in enumerate(lines.texts):
+            if not line.strip():
+                continue
+            if line.count(separator) >= _MOST_CELLS:
+                lines.drop(_TOO_LONG, place)
+                continue
+            cells = (
+                cells_of(line, separator)
+                if '"' in line
+                else [cell.strip() for cell in line.split(separator)]
+            )
+            used = [cells[index] if index < len(cells) else "" for index in indices]
+            short = len(cells) <= max(indices)
+            if (why := _fault(cells, used, width, short=short)) is not None:
+                lines.drop(why, place)
+                continue
+            width = width or len(cells)
+            lines.rows.append(used)
+            lines.places.append(place)
+        return lines
+
+    def drop(self, why: str, place: int) -> None:
+        """Count a line as dropped."""
+        self.dropped.setdefault(why, []).append(place)
+
+    def with_points(self, file: Path) -> list[str]:
+        """Return each row with tabs and decimal points; one that is still none is dropped."""
+        decimal = decimal_mark((cell for row in self.rows for cell in row if ":" not in cell), file)
+        pointed = []
+        for k in range(len(self.rows) - 1, -1, -1):
+            cells = [with_point(cell, decimal) for cell in self.rows[k]]
+            if all(map(_NUMBER.fullmatch, cells)):
+                pointed.append("\t".join(cells))
+                continue
+            self.drop(_NO_NUMBERS, self.places[k])
+            del self.rows[k], self.places[k]
+        return pointed[::-1]
+
+    def join_blank(self) -> None:
+        """Count lines without any used cell as empty where rows follow, and forget the others."""
+        blank = self.dropped.pop(_BLANK, [])
+        within = [place for place in blank if self.places and place < self.places[-1]]
+        if within:
+            self.dropped[_EMPTY] = sorted([*self.dropped.get(_EMPTY, []), *within])
+
+    def without_numbers(self, file: Path, line: int | None) -> InputError:
+        """Return the error of a block in which no line is a row, with the first one that is not."""
+        places = sorted(place for lost in self.dropped.values() for place in lost)
+        shown = f" (the first line is '{self.shown(places[0])}')" if places else ""
+        at = line + places[0] if line is not None and places else None
+        what = f"there are no rows of numbers{shown}"
+        return InputError(what, file=file, line=at, remedy=_EXPORT)
+
+    def fault(self, file: Path, line: int | None, *, sparse: bool) -> InputError | None:
+        """Return the error of a block that loses more than 2 % of its rows; None otherwise.
+
+        Lines before the first row and after the last one are no rows. Empty cells count where more
+        than a few follow one another, and so leave a gap.
+        """
+        first, last = self.places[0], self.places[-1]
+        within = {
+            why: [place for place in lost if first < place < last]
+            for why, lost in self.dropped.items()
+        }
+        empty = within.pop(_EMPTY, [])
+        lost = sorted(place for places in within.values() for place in places)
+        total = len(self.rows) + len(lost) + len(empty)
+        if not sparse:
+            stretch = _longest_stretch(empty)
+            lost = sorted([*lost, *stretch]) if len(stretch) > _FEW_EMPTY else lost
+        if len(lost) <= max(LARGEST_SHARE * total, 1.0):
+            return None
+        return InputError(
+            f"{len(lost)} of {total} rows have no number in a column that is used, the first "
+            f"is '{self.shown(lost[0])}'",
+            file=file,
+            line=None if line is None else line + lost[0],
+            remedy="write numbers there or delete the rows, or export the measurements again",
+        )
+
+    def shown(self, place: int) -> str:
+        """Return the text of a line as an error shows it."""
+        text = self.texts[place].strip()
+        return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+_NO_NUMBERS = "lines without numbers"
+_EMPTY = "rows with an empty cell"
+_BLANK = "rows without any used cell"  # they count as empty between other rows, and not at the end
+_TOO_WIDE = "rows with too many cells"
+_TOO_LONG = "lines of too many cells"
+
+
+def _fault(cells: Sequence[str], used: Sequence[str], width: int, *, short: bool) -> str | None:
+    """Return why a line is no row; None where it is one.
+
+    ``width`` is the number of cells of the rows above; ``short`` is true where cells are lacking.
+    """
+    if not all(map(_LIKE_NUMBER.fullmatch, used)):
+        judged = cells if short else used  # a title in a cell of its own
+        known = all(c.lower() in _MISSING or _LIKE_NUMBER.fullmatch(c) for c in judged)
+        if not known:
+            return _NO_NUMBERS
+        return _EMPTY if any(used) else _BLANK
+    wide = 0 < width < len(cells)
+    if wide and all(not cell or _LIKE_NUMBER.fullmatch(cell) for cell in cells):
+        return _TOO_WIDE  # a decimal comma may have split a number
+    return None
+
+
+def _longest_stretch(places: Sequence[int]) -> list[int]:
+    """Return the longest run of places that follow one another."""
+    if not places:
+        return []
+    cuts = np.flatnonzero(np.diff(places) != 1) + 1
+    return max((run.tolist() for run in np.split(np.array(places), cuts)), key=len)
+
+
+def with_point(cell: str, decimal: str) -> str:
+    """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
+    if clock := _CLOCK.fullmatch(cell):
+        hours, minutes, seconds = clock[1], clock[2], clock[3].replace(",", ".")
+        return f"{3600 * int(hours) + 60 * int(minutes) + float(seconds):.9f}"
+    if len(decimal) == 2:
+        cell = cell.replace(decimal[1], "")
+    return cell.replace(decimal[0], ".")
+
+
+def _whole(block: bytes, separator: str, indices: Sequence[int], dropped: dict[str, int]) -> bytes:
     """Return the block without a last line that is cut off.
 
-    Such a line has no line end and is shorter than the one above.
+    Such a line has no line end, no cell beyond those that are used, and is shorter than the one
+    above.
     """
     block = block.rstrip(b" \t")
     if not block or block.endswith(b"\n"):
         return block
     above, _, last = block.rpartition(b"\n")
+    if b'"' not in last and last.count(separator.encode()) > max(indices):
+        return block + b"\n"
     _, _, before = above.rpartition(b"\n")
     fewer = any(last.count(mark) < before.count(mark) for mark in (b",", b";", b"\t", b'"'))
     tails = [re.search(rb"[.,](\d*)\D*$", line) for line in (before, last)]
@@ -228,17 +425,9 @@ def _whole(block: bytes, dropped: dict[str, int]) -> bytes:
     return block + b"\n"
 
 
-def _decimal(block: bytes, separator: str, indices: Sequence[int], file: Path) -> str:
+def decimal_mark(cells: Iterable[str], file: Path) -> str:
     """Return the decimal mark; '.,' for points with commas at thousands, ',.' for the reverse."""
-    end = 0
-    for _ in range(_SAMPLE):
-        end = block.find(b"\n", end) + 1
-        if not end:
-            break
-    rows = block[: end or None].decode("utf-8", "replace").split("\n")
-    cells = [cells_of(row, separator) for row in rows if row.strip()]
-    shown = [row[index] for row in cells for index in indices if index < len(row)]
-    marked = [cell for cell in shown if "." in cell or "," in cell]
+    marked = [cell for cell in cells if "." in cell or "," in cell]
     both = [cell for cell in marked if "." in cell and "," in cell]
     if both:
         last = {max(".,", key=cell.rfind) for cell in both}
@@ -272,34 +461,23 @@ def _filled(block: bytes) -> int:
     return sum(bool(line.strip()) for line in block.split(b"\n"))
 
 
-def _parsed(
-    block: bytes,
-    separator: str,
-    indices: Sequence[int],
-    decimal: str,
-    file: Path,
-    dropped: dict[str, int],
-) -> list[Floats]:
+def _parsed(block: bytes, separator: str, indices: Sequence[int], decimal: str) -> list[Floats]:
+    """Return the columns of a block; a ValueError says that a cell is no number."""
     width = cells_of(block[: block.index(b"\n")].decode("utf-8", "replace"), separator)
     options: dict = {"thousands": decimal[1]} if len(decimal) == 2 else {}
-    try:
-        frame = pd.read_csv(
-            io.BytesIO(block),
-            engine="c",
-            header=None,
-            names=list(range(max(len(width), max(indices) + 1))),
-            index_col=False,
-            usecols=sorted(set(indices)),
-            dtype=dict.fromkeys(indices, float),
-            sep=separator,
-            decimal=decimal[0],
-            skipinitialspace=True,
-            low_memory=False,
-            on_bad_lines="skip",
-            **options,
-        )
-    except ValueError as error:
-        text = str(error).split("\n")[0][:100]
-        raise InputError(f"the rows cannot be read ({text})", file=file, remedy=_EXPORT) from error
-    _count(dropped, "rows with too many cells", _filled(block) - len(frame))
+    frame = pd.read_csv(
+        io.BytesIO(block),
+        engine="c",
+        header=None,
+        names=list(range(max(len(width), max(indices) + 1))),
+        index_col=False,
+        usecols=sorted(set(indices)),
+        dtype=dict.fromkeys(indices, float),
+        sep=separator,
+        decimal=decimal[0],
+        skipinitialspace=True,
+        low_memory=False,
+        on_bad_lines="skip",
+        **options,
+    )
     return [frame[index].to_numpy(dtype=np.float64) for index in indices]

@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from qlvbayes.io.formats.columns import NamedColumn, chosen, recording, split_header
+import numpy as np
+
+from qlvbayes.io.formats.columns import (
+    NamedColumn,
+    chosen,
+    columns_of,
+    on_clock,
+    recording,
+    sheared_instead,
+    side_by_side,
+    split_header,
+    that_moved,
+    titles_of,
+)
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.textfile import Lines, cells_of, read_rows, separator_of, with_header
+from qlvbayes.io.formats.textfile import (
+    Lines,
+    cells_of,
+    read_rows,
+    sections,
+    separator_of,
+    with_header,
+)
 
+_LEAST = 10  # lines that a test has at least below repeated names
+_PARTS = ("time", "way", "load")
 _DATES = (
     "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
     "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d/%m/%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S",
@@ -32,12 +56,12 @@ def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]
     ]
 
 
-def table_in_two_rows(
+def tables_in_two_rows(
     path: Path,
     find: Callable[[Lines], int | None],
     find_title: Callable[[Lines, int], tuple[str, str]],
-) -> Recording:
-    """Read the table below a row of names and a row of units.
+) -> tuple[Recording, ...]:
+    """Return the tests below a row of names and a row of units.
 
     ``find`` returns the line of the names; given that line, ``find_title`` returns the test's name
     and date.
@@ -50,9 +74,9 @@ def table_in_two_rows(
     data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
     separator = separator_of(lines.texts[first])
     names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
-    rows, (name, date) = data[lines.starts[first + 2] :], find_title(lines, first)
-    columns = in_two_rows(names, units)
-    return table(columns, rows, separator, path, first, name=name, began=seconds_of(date))
+    name, date = find_title(lines, first)
+    columns, began = in_two_rows(names, units), seconds_of(date)
+    return tables(columns, data, lines, path, first, first + 2, name=name, began=began)
 
 
 def are_units(cells: Sequence[str]) -> bool:
@@ -68,13 +92,14 @@ def table(
     separator: str,
     file: Path,
     line: int,
+    first: int,
     *,
     name: str = "",
     began: float | None = None,
 ) -> Recording:
     """Read the columns of time, displacement and force from rows of text.
 
-    ``line`` is the line of the names, from 0.
+    ``line`` is the line of the names and ``first`` that of the first row, from 0.
 
     Raises
     ------
@@ -82,8 +107,112 @@ def table(
         A column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
-    read = read_rows(rows, separator, [named.index for named in picked.values()], file)
-    return recording(columns, picked, read.columns, read.dropped, name, began)
+    return _recorded(columns, picked, rows, separator, file, first, name, began)
+
+
+def beside(
+    columns: Sequence[NamedColumn],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    line: int,
+    first: int,
+    *,
+    name: str = "",
+    began: float | None = None,
+    above: Sequence[str] = (),
+) -> list[Recording]:
+    """Return the tests that stand side by side in rows of text, mostly one.
+
+    ``above`` are the cells above the names, which may name the tests. Otherwise as ``table``.
+    """
+    tests = side_by_side(columns, chosen(columns, file, line + 1))
+    return [
+        _recorded(
+            columns_of(columns, picked), picked, rows, separator, file, first,
+            f"{name} {title}".strip(), began,
+        )
+        for picked, title in zip(tests, titles_of(tests, above), strict=True)
+    ]  # fmt: skip
+
+
+def tables(
+    columns: Sequence[NamedColumn],
+    data: bytes,
+    lines: Lines,
+    file: Path,
+    line: int,
+    first: int,
+    *,
+    name: str = "",
+    began: float | None = None,
+) -> tuple[Recording, ...]:
+    """Return the tests below a line of names, mostly one.
+
+    ``line`` is the line of the names and ``first`` that of the first row, from 0. Where the names
+    are repeated, a further test begins if time falls there; if not, the rows go on.
+
+    Raises
+    ------
+    InputError
+        A column is not there, or the rows cannot be read.
+    """
+    names = lines.texts[line]
+    separator = separator_of(names)
+    above = cells_of(lines.texts[line - 1], separator) if line else []
+    below: list[list[Recording]] = []
+    for start, rows in sections(data[lines.starts[first] :], names, first):
+        if below and rows.count(b"\n") < _LEAST:  # names left over at the end
+            continue
+        tests = beside(
+            columns, rows, separator, file, line, start, name=name, began=began, above=above
+        )
+        if below and all(_goes_on(*pair) for pair in zip(below[-1], tests, strict=True)):
+            below[-1] = [_together(*pair) for pair in zip(below[-1], tests, strict=True)]
+        else:
+            below.append(tests)
+    if len(below) == 1:
+        return tuple(below[0])
+    return tuple(
+        replace(test, name=f"{test.name} {number}".strip())
+        for number, tests in enumerate(below, 1)
+        for test in tests
+    )
+
+
+def _goes_on(before: Recording, after: Recording) -> bool:
+    return bool(after.time.values[0] >= before.time.values[-1])
+
+
+def _together(before: Recording, after: Recording) -> Recording:
+    """Return two parts of one test as one."""
+    pairs = {part: (getattr(before, part), getattr(after, part)) for part in _PARTS}
+    joined = {
+        part: replace(one, values=np.append(one.values, other.values))
+        for part, (one, other) in pairs.items()
+    }
+    dropped = Counter(before.dropped) + Counter(after.dropped)
+    return replace(before, dropped=dict(dropped), **joined)
+
+
+def _recorded(
+    columns: Sequence[NamedColumn],
+    picked: dict[str, NamedColumn],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    first: int,
+    name: str,
+    began: float | None,
+) -> Recording:
+    """Return the recording of the picked columns; of a rheometer's two motions the larger."""
+    read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
+    own = on_clock(picked, read.clocks, file)
+    recorded = recording(columns, own, read.columns, read.dropped, name, began)
+    if (other := sheared_instead(columns, picked)) is None:
+        return recorded
+    sheared = _recorded(columns, other, rows, separator, file, first, name, began)
+    return that_moved(recorded, sheared, file)
 
 
 def seconds_of(text: str) -> float | None:

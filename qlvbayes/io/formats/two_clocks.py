@@ -67,7 +67,7 @@ class TwoClocks(AbstractFormat):
         wanted = [*picked.values(), clocks[1]]
         separator = separator_of(lines.texts[number])
         rows = read_rows(
-            data[lines.starts[number + 1] :], separator, [w.index for w in wanted], path
+            data[lines.starts[number + 1] :], separator, [w.index for w in wanted], path, number + 2
         )
         *values, second = rows.columns
         read = recording(columns, picked, values, rows.dropped)

@@ -7,7 +7,14 @@ from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.textfile import (
+    Lines,
+    cells_of,
+    content,
+    decoded,
+    sections,
+    separator_of,
+)
 from qlvbayes.io.formats.texttable import in_two_rows, table
 
 
@@ -46,15 +53,15 @@ class WinTest(AbstractFormat):
         text = lines.texts[header]
         separator = separator_of(text)
         columns = in_two_rows(cells_of(text, separator), _units(lines, header))
-        scans = data[lines.starts[header] :].split(text.encode() + b"\n")[1:]
-        filled = [scan for scan in scans if scan.count(b"\n") > _LEAST]
+        scans = sections(data[lines.starts[header + 1] :], text, header + 1)
+        filled = [(first, scan) for first, scan in scans if scan.count(b"\n") > _LEAST]
         several = len(filled) > 1
         return tuple(
             table(
-                columns, scan.partition(b"\n")[2], separator, path, header,
+                columns, scan.partition(b"\n")[2], separator, path, header, first + 1,
                 name=f"scan {number}" if several else "",
             )
-            for number, scan in enumerate(filled, 1)
+            for number, (first, scan) in enumerate(filled, 1)
         )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from qlvbayes.io.reading.csvtext import head
 from qlvbayes.io.reading.header import Columns, read_columns
 
 _SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
+_SEPARATOR_LINE = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _FRACTION = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
@@ -49,8 +50,11 @@ def sniff(path: Path) -> Dialect:
         raise InputError(
             "there are only comments", file=path, remedy="export the measurements again"
         )
+    stated = _SEPARATOR_LINE.fullmatch(written[0][1].strip())  # Excel's own line
+    if stated and len(written) > 1:
+        written = written[1:]
     line, text = written[0]
-    separator = max(_SEPARATORS, key=text.count)
+    separator = stated[1] if stated else max(_SEPARATORS, key=text.count)
     columns = read_columns(split_row(text, separator), path, line)
     if len(written) == 1:
         remedy = "export the measurements again"

@@ -32,6 +32,16 @@ class Rows:
             return column[self.stretches[0]]
         return np.concatenate([column[stretch] for stretch in self.stretches])
 
+    def after(self, samples: int) -> Rows:
+        """Return the rows without the first samples."""
+        kept = []
+        for stretch in self.stretches:
+            lost = min(samples, stretch.stop - stretch.start)
+            samples -= lost
+            if stretch.start + lost < stretch.stop:
+                kept.append(slice(stretch.start + lost, stretch.stop))
+        return Rows(self.pad, self.test, tuple(kept))
+
     def row(self, sample: int) -> int:
         """Return the row of the table that holds a sample of the test."""
         for stretch in self.stretches:
@@ -81,8 +91,7 @@ class Checker:
             bad = int(np.argmax(readings["force_sd"] <= 0))
             what = f"{self._name('force_sd')} is not positive ({readings['force_sd'][bad]:g})"
             self.fail(rows, bad, what, "write its standard deviation or delete the column")
-        if not self.columns.units.dimensionless:
-            self._signs(rows, readings["displacement"][used], force)
+        self._signs(rows, readings["displacement"][used], force)
 
     def fail(self, rows: Rows, sample: int, message: str, remedy: str) -> NoReturn:
         """Raise the error at a sample of the test."""
@@ -111,11 +120,14 @@ class Checker:
         self.fail(rows, index, f"{name} restarts {where}", remedy)
 
     def _signs(self, rows: Rows, displacement: Floats, force: Floats) -> None:
-        """Refuse a pad whose force or displacement is clearly of the wrong sign."""
+        """Refuse a pad whose force or displacement is clearly of the wrong sign.
+
+        Strain and stress that are both negative may be a specimen sheared the other way.
+        """
         wrong = wrong_signs(displacement, force)
-        if wrong:
+        if wrong and not (self.columns.units.dimensionless and len(wrong) > 1):
             names = " and ".join(self._name(key) for key in wrong)
-            what = f"in {_title(rows)} the pad is loaded with {names} of the wrong sign"
+            what = f"in {_title(rows)} the specimen is loaded with {names} of the wrong sign"
             self.fail(rows, 0, what, f"multiply {names} by -1")
 
 
