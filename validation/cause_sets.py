@@ -16,15 +16,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
-from certainty import FOLDS, given, learnt, runs_asked_for
+from certainty import FOLDS, columns, given, learnt, names_of, runs_asked_for
 from numpy.typing import NDArray
 from page import Origin
 
-from qlvbayes.diagnosis.certainty import STRUCTURE, features
-from qlvbayes.evaluation.counting import Case, true_names
+from qlvbayes.diagnosis.certainty import STRUCTURE
+from qlvbayes.evaluation.counting import Case
 from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,7 +40,7 @@ KINDS = {
     "outside": "something unlisted",
     "outside_beside": "something unlisted and an effect",
 }
-_NO_FACTOR = -5.0  # log Bayes factor of an effect that was not looked at: little speaks for it
+_UNLIKELY = 0.01  # certainty of an effect that is sure to be there, if it has no support: below all
 _LEAST = 1e-6  # probability below which odds no longer count
 
 _HEAD = """# Validation: how many causes must a set hold?
@@ -90,12 +89,6 @@ def class_of(cause: str) -> str:
     return cause if cause in (NOTHING, ELSE) else "effect"
 
 
-def _effect_features(case: Case, effect: str) -> Array:
-    factor = case["log_bayes_factors"].get(effect)
-    steps = [SimpleNamespace(**stage) for stage in case["stages"]]
-    return features(effect, _NO_FACTOR if factor is None else factor, steps, case["floor"])
-
-
 def _study_features(case: Case, surest: float) -> Array:
     """Return what tells *nothing* and *something else*: odds, structure and error left."""
     last = case["stages"][-1]
@@ -117,15 +110,16 @@ def _odds(probability: float) -> float:
 
 def scored(cases: Sequence[Case], fold: NDArray[np.intp]) -> list[Scored]:
     """Return every study's certainties, learnt from the other folds."""
-    effects = [[name for name in case["probabilities"] if name != "none"] for case in cases]
-    study = np.repeat(np.arange(len(cases)), [len(names) for names in effects])
-    x = np.array([_effect_features(cases[k], e) for k, names in enumerate(effects) for e in names])
-    there = np.array(
-        [float(e in true_names(cases[k])) for k, names in enumerate(effects) for e in names]
-    )
-    sure = _left_out(x, there, fold[study])
-    by_study = np.split(sure, np.cumsum([len(names) for names in effects])[:-1])
-    known = [dict(zip(e, v.tolist(), strict=True)) for e, v in zip(effects, by_study, strict=True)]
+    position = {case["index"]: k for k, case in enumerate(cases)}
+    names = list(names_of("", cases))
+    x, there = columns(names)
+    sure = _left_out(x, there, fold[[position[name.study] for name in names]])
+    known = [
+        {name: _UNLIKELY * p for name, p in case["probabilities"].items() if name != "none"}
+        for case in cases
+    ]
+    for name, value in zip(names, sure.tolist(), strict=True):
+        known[position[name.study]][name.effect] = value
     of_study = np.array(
         [_study_features(c, max(v.values())) for c, v in zip(cases, known, strict=True)]
     )

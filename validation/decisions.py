@@ -18,6 +18,7 @@ from pathlib import Path
 from certainty import Name, columns, given, learnt, left_out, names_of, seen_cases
 from page import Origin
 
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.evaluation.counting import COUNTS, LARGEST_GROUP, Case, Count, counted
 from qlvbayes.io.files import write_whole
 
@@ -27,9 +28,9 @@ THRESHOLDS = (0.9, 0.8, 0.7, 0.6)
 """Certainties from which an effect is named."""
 GROUPED = 0.5
 """Certainty from which an effect belongs to a group."""
-CONFIRMED = 0.6
-"""Least certainty of an effect that is named by its probability and passes the vetoes, in a rule
-that asks for all three."""
+CONFIRMED = DiagnosisSettings().confirmed
+"""Least certainty of an effect that is named by its probability and passes the vetoes, in the rule
+that asks for all three, which is that of `diagnose`."""
 
 _HEAD = """# Validation: would certainty alone decide better?
 
@@ -37,11 +38,9 @@ _HEAD = """# Validation: would certainty alone decide better?
 are predicted worse, its strength would have to vary, something unmodelled takes more of the error).
 The other way is to name what has a [certainty](certainty.md) of some value or more, without vetoes;
 effects with a certainty of {grouped:.0%} or more that are not named are a group. A third way takes
-back the names of a certainty below {confirmed:.0%}, a value chosen on these studies: the next
-registered run, `support`, is to show whether it holds. Counted over the
-{studies} studies of the runs behind those certainties in which what is hidden could be seen. (These
-certainties come from answers that vetoes had shaped; a run whose cases hold the support for every
-likely effect is to show whether more can be had.)
+back the names of a certainty below {confirmed:.0%}: this is what `diagnose` does. Counted over the
+{studies} studies of the runs behind those certainties in which what is hidden could be seen, each
+with the certainties that the other studies give.
 
 | | |
 |---|---|
@@ -56,8 +55,13 @@ likely effect is to show whether more can be had.)
 Certainty keeps its word: of what it names from 90 % on next to nothing is wrong. But it is an
 average over studies, and gives few effects that much. It names as often as probability and vetoes
 do where it is also wrong as often, and is right in fewer studies. Therefore the verdict stays with
-these, and the certainty is stated for each name. To ask for all three takes back a quarter of the
-wrong names and leaves as many studies right.
+these, and the certainty is stated for each name. To ask for all three takes back a quarter of
+the wrong names, and more studies are right.
+
+The third way was registered with the run *support* before it, with a certainty of 60 % by the four
+features of the answer alone that was learnt on the runs *bounds* and *beam*. There it took back 7
+of 22 wrong names and left 122 of 212 studies right, as many as without it (single effects 21 of 33
+instead of 24).
 """
 
 
@@ -99,7 +103,7 @@ def confirmed(case: Case, certainty: Mapping[str, float]) -> Case:
         Certainty of each effect that is likely.
     """
     named = [name for name in case["effects"] if name not in case["group"]]
-    kept = [name for name in named if certainty.get(name, 0.0) >= CONFIRMED]
+    kept = [name for name in named if certainty.get(name, 1.0) >= CONFIRMED]
     if kept == named:
         return case
     verdict = "partly_explained" if kept else "unexplained"

@@ -4,75 +4,70 @@ The posterior over hypotheses is right only where the truth is among them. The c
 by what happened in registered blind studies away from the paper's rig, in which unmodelled things
 were hidden too. It is how often an effect with such evidence was there, by a logistic regression,
 
-.. math:: \ln \frac{c}{1 - c} = w_0 + \sum_{k=1}^4 w_k x_k,
+.. math:: \ln \frac{c}{1 - c} = w_0 + \sum_{k=1}^7 w_k x_k,
 
-on four features of a finished diagnosis: how strong the evidence for the effect is, how much better
-tests left out are predicted once it is in the model, how large the error of the answer still is,
-and whether the answer leaves structure. `validation/certainty.py` learns the weights and checks
-them on studies that they were not learnt from; ``certainty.json`` names the runs.
+on the evidence for the effect and its support (`checks.support`): how much better and how surely
+better tests left out are predicted with it, how much structure it explains, whether its strength
+would have to vary, and how large an error and which structure are left with it.
+`validation/certainty.py` learns the weights and checks them on studies that they were not learnt
+from; ``certainty.json`` names the runs.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from qlvbayes.diagnosis.result import Stage
+from qlvbayes.diagnosis.result import Support
 from qlvbayes.io.arrays import Array
 
-FEATURES = ("evidence", "heldout_gain", "error_left", "structure_left")
+FEATURES = (
+    "evidence",
+    "heldout_gain",
+    "heldout_sds",
+    "structure_explained",
+    "varying",
+    "error_left",
+    "structure_left",
+)
 """Names of the features, in the order of the weights."""
 STRUCTURE = 0.01
-"""P-value of the adequacy test below which the answer counts as leaving structure."""
+"""P-value of the adequacy test below which a hypothesis counts as leaving structure."""
+_SURE = 5.0  # sds beyond which a gain on tests left out counts as no surer
 LEAST = 0.1
 """Least posterior probability of an effect: less probable ones were not learnt from."""
 
 
-def features(effect: str, log_bayes_factor: float, steps: Sequence[Stage], noise: float) -> Array:
-    """Return the features (4,) of an effect.
+def features(log_bayes_factor: float, support: Support) -> Array:
+    """Return the features (7,) of an effect.
 
-    The evidence is asinh of the log Bayes factor, which is a logarithm where that is large. The
-    gain is the log of the error on tests left out before the step that adds the effect over that
-    after it, and 0 where the answer does not hold the effect. The error left is the log of the
-    answer's error over the noise floor. The structure left is 1 where the answer leaves
-    structure, and 0 elsewhere.
+    The evidence, the structure that it explains and the log Bayes factor of a varying strength are
+    taken as asinh, which is a logarithm where they are large. The last feature is 1 where the
+    hypothesis with the effect leaves structure, and 0 elsewhere.
 
     Parameters
     ----------
-    effect
-        Name of the effect.
     log_bayes_factor
         Its log Bayes factor.
-    steps
-        Hypotheses from the baseline to the answer.
-    noise
-        Sd of the noise floor (N).
+    support
+        Its support.
     """
-    last = steps[-1]
     return np.array(
         [
             math.asinh(log_bayes_factor),
-            _gain(effect, steps),
-            math.log(max(last.rmse, 1e-300) / noise),
-            float(last.p_value < STRUCTURE),
+            support.heldout_gain,
+            min(max(support.heldout_sds, -_SURE), _SURE),
+            math.asinh(support.share),
+            math.asinh(support.varying),
+            support.error_left,
+            float(support.p_left < STRUCTURE),
         ]
     )
-
-
-def _gain(effect: str, steps: Sequence[Stage]) -> float:
-    """Return the log of the factor by which an effect lowers the error on tests left out."""
-    for before, after in pairwise(steps):
-        if effect in after.effects and effect not in before.effects:
-            first, then = before.heldout_rmse, after.heldout_rmse
-            return math.log(first / then) if first and then else 0.0
-    return 0.0
 
 
 @dataclass(frozen=True)
@@ -82,9 +77,9 @@ class Calibration:
     Parameters
     ----------
     weights
-        The weights (5,), the constant first.
+        The weights (8,), the constant first.
     low, high
-        Range (4,) of each feature in the studies.
+        Range (7,) of each feature in the studies.
     names, studies
         Numbers of effects and of studies that were learnt from.
     runs
@@ -103,7 +98,7 @@ class Calibration:
     bins: tuple[tuple[float, float, int, int], ...]
 
     def __call__(self, x: Array) -> float | None:
-        """Return the certainty at features (4,); None outside the range that was learnt from."""
+        """Return the certainty at features (7,); None outside the range that was learnt from."""
         if not bool(np.all((x >= self.low) & (x <= self.high))):
             return None
         return float(1.0 / (1.0 + math.exp(-self.weights[0] - float(np.dot(self.weights[1:], x)))))
@@ -120,22 +115,14 @@ def calibration() -> Calibration:
 
 
 def certainty(
-    effect: str,
-    probability: float,
-    log_bayes_factor: float | None,
-    steps: Sequence[Stage],
-    noise: float,
+    probability: float, log_bayes_factor: float | None, support: Support | None
 ) -> float | None:
     """Return the calibrated probability that an effect is there.
 
     Parameters
     ----------
-    effect, probability, log_bayes_factor
-        The effect with its inclusion probability and its log Bayes factor.
-    steps
-        Hypotheses from the baseline to the answer.
-    noise
-        Sd of the noise floor (N).
+    probability, log_bayes_factor, support
+        The inclusion probability of the effect, its log Bayes factor and its support.
 
     Returns
     -------
@@ -143,6 +130,6 @@ def certainty(
         None where the inclusion probability is below `LEAST`, where no hypothesis without the
         effect was evaluated, or where a feature lies outside the range that was learnt from.
     """
-    if probability < LEAST or log_bayes_factor is None or not noise > 0.0:
+    if probability < LEAST or log_bayes_factor is None or support is None:
         return None
-    return calibration()(features(effect, log_bayes_factor, steps, noise))
+    return calibration()(features(log_bayes_factor, support))

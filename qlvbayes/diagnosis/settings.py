@@ -161,6 +161,9 @@ class DiagnosisSettings:
     named
         Inclusion probability from which an effect is named, and probability of one more effect
         from which a group is sought for it.
+    confirmed
+        Certainty below which an effect is not named. One half: in blind studies with such evidence
+        and support it was as often there as not.
     covered
         Probability with which a group must hold the missing effect.
     false_alarms
@@ -199,6 +202,7 @@ class DiagnosisSettings:
     chosen_law: float = 0.5
     candidate: float = 0.5
     named: float = 0.9
+    confirmed: float = 0.5
     covered: float = 0.95
     false_alarms: float = 0.001
     rise: float = 0.001

@@ -5,52 +5,59 @@ import math
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from qlvbayes.diagnosis.certainty import FEATURES, LEAST, calibration, certainty, features
+from qlvbayes.diagnosis.result import Support
 
 ROOT = Path(__file__).parents[2]
-NOISE = 0.01
-
-
-def step(effects, rmse, heldout, p=0.5):
-    return SimpleNamespace(effects=effects, rmse=rmse, heldout_rmse=heldout, p_value=p)
-
-
-def answer(rmse=0.011, heldout=0.011, p=0.5, before=0.04):
-    return [step((), 0.03, before), step(("drag",), rmse, heldout, p)]
+SUPPORT = Support(
+    heldout_gain=1.0,
+    heldout_sds=3.0,
+    share=2.0,
+    varying=-3.0,
+    error_left=0.2,
+    p_left=0.5,
+    effects=1,
+)
 
 
 def test_features_are_what_they_are_called():
-    x = features("drag", 50.0, answer(p=0.001), NOISE)
+    x = features(50.0, SUPPORT)
     assert len(x) == len(FEATURES)
-    assert np.allclose(x, [math.asinh(50.0), math.log(0.04 / 0.011), math.log(1.1), 1.0])
-    besides = features("lag", 50.0, answer(), NOISE)
-    assert besides[1] == 0.0  # it is not in the answer
-    alone = features("drag", 50.0, [step((), 0.03, None), step(("drag",), 0.011, None)], NOISE)
-    assert alone[1] == 0.0  # there is one test only
+    expected = [math.asinh(50.0), 1.0, 3.0, math.asinh(2.0), -math.asinh(3.0), 0.2, 0.0]
+    assert np.allclose(x, expected)
+    surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
+    assert (surely[2], surely[-1]) == (5.0, 1.0)
 
 
 def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_doubt():
     def sure(factor=20.0, **changes):
-        return certainty("drag", 0.99, factor, answer(**changes), NOISE)
+        return certainty(0.99, factor, structs.replace(SUPPORT, **changes))
 
     assert sure(factor=100.0) > sure(factor=5.0)
-    assert sure(before=0.06) > sure(before=0.012)
-    assert sure(p=0.0) < sure(p=0.5)
-    assert sure(rmse=0.03) < sure(rmse=0.011)
+    assert sure(heldout_gain=1.5) > sure(heldout_gain=0.1)
+    assert sure(heldout_sds=4.0) > sure(heldout_sds=0.5)
+    assert sure(varying=3.0) < sure(varying=-3.0)
+    assert sure(p_left=0.0) < sure(p_left=0.5)
+    assert sure(error_left=1.0) < sure(error_left=0.1)
 
 
 @pytest.mark.parametrize(
-    ("probability", "factor", "before"),
-    [(0.5 * LEAST, 20.0, 0.04), (0.99, None, 0.04), (0.99, 20.0, 40.0)],
-    ids=["hardly likely", "nothing to compare with", "beyond all studies"],
+    ("probability", "factor", "own"),
+    [
+        (0.5 * LEAST, 20.0, SUPPORT),
+        (0.99, None, SUPPORT),
+        (0.99, 20.0, None),
+        (0.99, 20.0, structs.replace(SUPPORT, heldout_gain=40.0)),
+    ],
+    ids=["hardly likely", "nothing to compare with", "no support", "beyond all studies"],
 )
-def test_what_no_study_showed_has_no_certainty(probability, factor, before):
-    assert certainty("drag", probability, factor, answer(before=before), NOISE) is None
+def test_what_no_study_showed_has_no_certainty(probability, factor, own):
+    assert certainty(probability, factor, own) is None
 
 
 def test_the_weights_are_those_that_the_published_studies_give(tmp_path):

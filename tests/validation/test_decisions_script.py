@@ -28,15 +28,16 @@ def test_a_decision_by_certainty(stated, certainty, verdict, effects, group):
     ("stated", "named", "certainty", "verdict", "kept"),
     [
         ("missing_effect", ["drag"], {"drag": 0.6}, "missing_effect", ["drag"]),
-        ("missing_effect", ["drag"], {"drag": 0.5}, "unexplained", []),
+        ("missing_effect", ["drag"], {"drag": 0.4}, "unexplained", []),
         (
             "missing_effect",
             ["drag", "lag"],
-            {"drag": 0.9, "lag": 0.5},
+            {"drag": 0.9, "lag": 0.4},
             "partly_explained",
             ["drag"],
         ),
-        ("partly_explained", ["drag"], {}, "unexplained", []),
+        ("partly_explained", ["drag"], {"drag": 0.1}, "unexplained", []),
+        ("partly_explained", ["drag"], {}, "partly_explained", ["drag"]),
         ("adequate", [], {}, "adequate", []),
     ],
 )

@@ -15,12 +15,35 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from msgspec import structs
 
+from qlvbayes.diagnosis.certainty import LEAST, certainty
 from qlvbayes.diagnosis.checks.constancy import log_odds_of_varying
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
-from qlvbayes.diagnosis.result import Support
+from qlvbayes.diagnosis.result import Ranked, Support
 
 _NONE_LEFT = 1e-3  # of the noise floor: a structured part that counts as none
+
+
+def supported(outcome: SearchOutcome) -> tuple[Ranked, ...]:
+    """Return the ranking with the support for each probable effect, and with its certainty.
+
+    Parameters
+    ----------
+    outcome
+        The posterior over the hypotheses of a search.
+    """
+    return tuple(
+        one
+        if one.effect == "none" or one.inclusion < LEAST
+        else _with_support(one, support(outcome, one.effect))
+        for one in outcome.ranking()
+    )
+
+
+def _with_support(ranked: Ranked, own: Support | None) -> Ranked:
+    sure = certainty(ranked.inclusion, ranked.log_bayes_factor, own)
+    return structs.replace(ranked, support=own, certainty=sure)
 
 
 def support(outcome: SearchOutcome, effect: str) -> Support | None:

@@ -2,7 +2,8 @@
 
 An effect is refused where tests left out are predicted worse with it, where its strength would have
 to vary from test to test, or where something unmodelled takes more of the error than the effect.
-Nothing counts as explained where structure that matters is left.
+It is also refused where its certainty is small: in blind studies with such evidence and support
+the effect was mostly not there. Nothing counts as explained where structure that matters is left.
 
 Effects that follow the largest depth so far are distinguished by how they grow with it. One test
 that loads to one depth does not show this: it then hangs on the elastic law alone which of them is
@@ -30,26 +31,36 @@ from qlvbayes.diagnosis.decision import (
     one_of,
     restrict_to,
 )
-from qlvbayes.diagnosis.search import Report
+from qlvbayes.diagnosis.result import Ranked
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
 
 RISES = "tests left out are predicted worse with it"
 VARIES = "its strength would have to vary between tests or phases: something else looks like it"
+UNCONFIRMED = "in blind studies an effect with such evidence and support was mostly not there"
 IMITATES = "it explains less of the error than what no effect explains, and may be a part of that"
 
 
 def final_decision(
-    outcome: SearchOutcome, report: Report
+    outcome: SearchOutcome, ranking: Sequence[Ranked]
 ) -> tuple[Decision, tuple[tuple[str, str], ...]]:
-    """Return the decision after all vetoes, and the refused effects with the reason of each."""
-    report("tests left out, and what is left")
+    """Return the decision after all vetoes, and the refused effects with the reason of each.
+
+    Parameters
+    ----------
+    outcome
+        The posterior over the hypotheses of a search.
+    ranking
+        All effects, the probable ones with their certainty.
+    """
+    settings = outcome.search.settings
     weights, refused = outcome.weights, dict[str, str]()
     decision = _decision_after_adequacy(outcome, weights)
-    while new := _refused(outcome, decision):
+    while new := _refused(outcome, decision) or _unconfirmed(decision, ranking, settings):
         refused |= new
         weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
         decision = _decision_after_adequacy(outcome, weights)
-    decision = one_of(decision, outcome.alike, outcome.search.settings.group)
+    decision = one_of(decision, outcome.alike, settings.group)
     return decision, tuple(refused.items())
 
 
@@ -79,6 +90,15 @@ def _refused(outcome: SearchOutcome, decision: Decision) -> dict[str, str]:
     if refused or decision.verdict is not Verdict.PARTLY_EXPLAINED:
         return refused
     return {name: IMITATES for name in decision.effects if _takes_little(outcome, selected, name)}
+
+
+def _unconfirmed(
+    decision: Decision, ranking: Sequence[Ranked], settings: DiagnosisSettings
+) -> dict[str, str]:
+    """Return the named effects of little certainty; an effect without a certainty stays."""
+    known = {one.effect: one.certainty for one in ranking if one.certainty is not None}
+    named = [name for name in decision.effects if name not in decision.group]
+    return {name: UNCONFIRMED for name in named if known.get(name, 1.0) < settings.confirmed}
 
 
 def _is_adequate(outcome: SearchOutcome, candidate: Candidate) -> bool:

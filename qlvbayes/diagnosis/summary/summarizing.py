@@ -7,11 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
-from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.certainty import LEAST as LEAST_PROBABLE
-from qlvbayes.diagnosis.certainty import certainty
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
@@ -20,7 +17,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
     unmeasured,
     unseen,
 )
-from qlvbayes.diagnosis.checks.support import support
+from qlvbayes.diagnosis.checks.support import supported
 from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
@@ -28,9 +25,7 @@ from qlvbayes.diagnosis.result import (
     Base,
     Checked,
     DiagnosisResult,
-    Ranked,
     Refused,
-    Stage,
     Suggestion,
     Worst,
 )
@@ -71,7 +66,9 @@ def summarize(
         Is called with a line of text before each step that takes a while.
     """
     outcome = SearchOutcome(experiment, search)
-    decision, refused = final_decision(outcome, report)
+    report("tests left out, and what is left")
+    ranking = supported(outcome)
+    decision, refused = final_decision(outcome, ranking)
     selected = outcome.candidates[decision.selected]
     path = _path(search, selected)
     report("what these tests cannot show")
@@ -82,6 +79,7 @@ def summarize(
         refused=tuple(Refused(name, why) for name, why in refused),
         checks=tuple(Checked(name, **vars(one)) for name, one in search.checks.items()),
         **_decided(outcome, decision, selected),
+        ranking=ranking,
         **_left(outcome, selected, path),
         **_not_shown(outcome, kinds, bonded),
         notices=_notices(outcome, decision, selected),
@@ -116,7 +114,6 @@ def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]
     remainder, worst = outcome.remainder(selected), stages[0].worst
     return {
         "stages": stages,
-        "ranking": _supported(outcome, stages),
         "heldout_of_all": outcome.heldout_of_all(),
         "discrepancy": selected.mode.size,
         "tolerance": remainder.tolerance,
@@ -151,21 +148,6 @@ def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) ->
         *_alike(outcome, decision),
         *_not_counted(outcome),
         *_of_tests(outcome.experiment, outcome.search, selected),
-    )
-
-
-def _supported(outcome: SearchOutcome, stages: Sequence[Stage]) -> tuple[Ranked, ...]:
-    """Return the ranking with the support for each probable effect, and with its certainty."""
-    noise = outcome.experiment.floor.total
-    return tuple(
-        one
-        if one.effect == "none" or one.inclusion < LEAST_PROBABLE
-        else structs.replace(
-            one,
-            certainty=certainty(one.effect, one.inclusion, one.log_bayes_factor, stages, noise),
-            support=support(outcome, one.effect),
-        )
-        for one in outcome.ranking()
     )
 
 
