@@ -26,6 +26,7 @@ from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 
+_LITTLE = 1.0 / 3.0  # of a test from its first ramp on: less is said to be little
 _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 
 
@@ -94,22 +95,24 @@ def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
 
 
 def part_notice(experiment: Experiment, method: str) -> tuple[str, ...]:
-    """Return a sentence on the tests after whose first ramp and hold more was read.
+    """Return a sentence on the tests of which a route uses a small part only.
 
-    Neither route uses what comes after these.
+    Both routes use the first ramp and hold. What follows them in a test that presses, holds and
+    comes back is left out as the paper does it; a hold that ends early, or a staircase, leaves
+    little.
     """
     spans = [(trial, _span(trial, ("ramp", "hold"))) for trial in experiment.with_role("fit")]
     parts = [
         f"{plain(start)} to {plain(stop)} s of test {trial.name}, which ends at "
         f"{plain(trial.used_phases[-1].stop)} s"
         for trial, (start, stop) in spans
-        if stop < trial.used_phases[-1].stop
+        if stop - start < _LITTLE * (trial.used_phases[-1].stop - start)
     ]
     if not parts:
         return ()
     return (
-        f"pad {experiment.pad}: {method} uses the first ramp and what follows it at once, which is "
-        f"{joined(parts)}; --method emcee uses whole tests",
+        f"pad {experiment.pad}: {method} uses only the first ramp and what follows at once, which "
+        f"is {joined(parts)}; --method emcee uses whole tests",
     )
 
 

@@ -18,7 +18,9 @@ from qlvbayes.report.collect import PadResults, Results
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
     "chosen_law": "that the elastic law is the one chosen it is {}, as for the relaxation",
+    "candidate": "a candidate effect has {} of its family's prior probability",
     "named": "an effect is named when it is in the model with probability {} over all hypotheses",
+    "confirmed": "no effect is named whose certainty by blind studies is below {}",
     "covered": "a group holds the effect with probability {}",
     "tolerance": "effects and systematic errors below {:.2g} of the peak force do not matter",
     "false_alarms": "a right model is found to fail with probability {}",

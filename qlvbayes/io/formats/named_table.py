@@ -17,7 +17,7 @@ from qlvbayes.io.formats.textfile import (
     separator_of,
     with_header,
 )
-from qlvbayes.io.formats.texttable import beside, in_cells, in_two_rows
+from qlvbayes.io.formats.texttable import adjacent_tests, in_cells, in_two_rows
 
 _BLANK = 2  # most empty rows between the names and their units
 _BRACKETED = re.compile(r".*[(\[][^()\[\]]+[)\]]\s*")
@@ -62,7 +62,9 @@ class NamedTable(AbstractFormat):
         tests = []
         for k, (start, part) in enumerate(parts, 1):
             name = str(k) if len(parts) > 1 else ""
-            tests += beside(columns, part, separator, path, number, start, name=name, above=above)
+            tests += adjacent_tests(
+                columns, part, separator, path, number, start, name=name, above=above
+            )
         return tuple(replace(test, pressing=_is_sheared(test)) for test in tests)
 
 

@@ -110,7 +110,7 @@ def table(
     return _recorded(columns, picked, rows, separator, file, first, name, began)
 
 
-def beside(
+def adjacent_tests(
     columns: Sequence[NamedColumn],
     rows: bytes,
     separator: str,
@@ -164,7 +164,7 @@ def tables(
     for start, rows in sections(data[lines.starts[first] :], names, first):
         if below and rows.count(b"\n") < _LEAST:  # names left over at the end
             continue
-        tests = beside(
+        tests = adjacent_tests(
             columns, rows, separator, file, line, start, name=name, began=began, above=above
         )
         if below and all(_goes_on(*pair) for pair in zip(below[-1], tests, strict=True)):
