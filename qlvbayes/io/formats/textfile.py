@@ -133,11 +133,11 @@ def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
     *before, last = (b"\n" + rows).split(mark)
     parts = [*(part + b"\n" for part in before), last]
     parts[0] = parts[0][1:]
-    found = []
+    numbered = []
     for part in parts:
-        found.append((first, part))
+        numbered.append((first, part))
         first += part.count(b"\n") + 1
-    return found
+    return numbered
 
 
 def with_header(
@@ -261,13 +261,13 @@ def _all_numbers(
 class _Lines:
     """Lines of a block, those with a number in each cell that is used, and why others are dropped.
 
-    ``rows`` are the used cells and ``places`` the indices of their lines in ``texts``;
+    ``rows`` are the used cells and ``positions`` the indices of their lines in ``texts``;
     ``dropped`` are such indices by reason.
     """
 
     texts: list[str]
     rows: list[list[str]] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
+    positions: list[int] = field(default_factory=list)
     dropped: dict[str, list[int]] = field(default_factory=dict)
 
     @classmethod
@@ -275,11 +275,11 @@ class _Lines:
         """Return the lines of a text, each judged by its cells at the indices."""
         lines = cls(text.split("\n"))
         width = 0
-        for place, line in enumerate(lines.texts):
+        for position, line in enumerate(lines.texts):
             if not line.strip():
                 continue
             if line.count(separator) >= _MOST_CELLS:
-                lines.drop(_TOO_LONG, place)
+                lines.drop(_TOO_LONG, position)
                 continue
             cells = (
                 cells_of(line, separator)
@@ -289,16 +289,16 @@ class _Lines:
             used = [cells[index] if index < len(cells) else "" for index in indices]
             short = len(cells) <= max(indices)
             if (why := _fault(cells, used, width, short=short)) is not None:
-                lines.drop(why, place)
+                lines.drop(why, position)
                 continue
             width = width or len(cells)
             lines.rows.append(used)
-            lines.places.append(place)
+            lines.positions.append(position)
         return lines
 
-    def drop(self, why: str, place: int) -> None:
+    def drop(self, why: str, position: int) -> None:
         """Count a line as dropped."""
-        self.dropped.setdefault(why, []).append(place)
+        self.dropped.setdefault(why, []).append(position)
 
     def with_points(self, file: Path) -> list[str]:
         """Return each row with tabs and decimal points; one that is still none is dropped."""
@@ -309,22 +309,24 @@ class _Lines:
             if all(map(_NUMBER.fullmatch, cells)):
                 pointed.append("\t".join(cells))
                 continue
-            self.drop(_NO_NUMBERS, self.places[k])
-            del self.rows[k], self.places[k]
+            self.drop(_NO_NUMBERS, self.positions[k])
+            del self.rows[k], self.positions[k]
         return pointed[::-1]
 
     def join_blank(self) -> None:
         """Count lines without any used cell as empty where rows follow, and forget the others."""
         blank = self.dropped.pop(_BLANK, [])
-        within = [place for place in blank if self.places and place < self.places[-1]]
+        within = [
+            position for position in blank if self.positions and position < self.positions[-1]
+        ]
         if within:
             self.dropped[_EMPTY] = sorted([*self.dropped.get(_EMPTY, []), *within])
 
     def without_numbers(self, file: Path, line: int | None) -> InputError:
         """Return the error of a block in which no line is a row, with the first one that is not."""
-        places = sorted(place for lost in self.dropped.values() for place in lost)
-        shown = f" (the first line is '{self.shown(places[0])}')" if places else ""
-        at = line + places[0] if line is not None and places else None
+        positions = sorted(position for lost in self.dropped.values() for position in lost)
+        shown = f" (the first line is '{self.shown(positions[0])}')" if positions else ""
+        at = line + positions[0] if line is not None and positions else None
         what = f"there are no rows of numbers{shown}"
         return InputError(what, file=file, line=at, remedy=_EXPORT)
 
@@ -334,13 +336,13 @@ class _Lines:
         Lines before the first row and after the last one are no rows. Empty cells count where more
         than a few follow one another, and so leave a gap.
         """
-        first, last = self.places[0], self.places[-1]
+        first, last = self.positions[0], self.positions[-1]
         within = {
-            why: [place for place in lost if first < place < last]
+            why: [position for position in lost if first < position < last]
             for why, lost in self.dropped.items()
         }
         empty = within.pop(_EMPTY, [])
-        lost = sorted(place for places in within.values() for place in places)
+        lost = sorted(position for positions in within.values() for position in positions)
         total = len(self.rows) + len(lost) + len(empty)
         if not sparse:
             stretch = _longest_stretch(empty)
@@ -355,9 +357,9 @@ class _Lines:
             remedy="write numbers there or delete the rows, or export the measurements again",
         )
 
-    def shown(self, place: int) -> str:
+    def shown(self, position: int) -> str:
         """Return the text of a line as an error shows it."""
-        text = self.texts[place].strip()
+        text = self.texts[position].strip()
         return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
@@ -385,12 +387,12 @@ def _fault(cells: Sequence[str], used: Sequence[str], width: int, *, short: bool
     return None
 
 
-def _longest_stretch(places: Sequence[int]) -> list[int]:
-    """Return the longest run of places that follow one another."""
-    if not places:
+def _longest_stretch(positions: Sequence[int]) -> list[int]:
+    """Return the longest run of positions that follow one another."""
+    if not positions:
         return []
-    cuts = np.flatnonzero(np.diff(places) != 1) + 1
-    return max((run.tolist() for run in np.split(np.array(places), cuts)), key=len)
+    cuts = np.flatnonzero(np.diff(positions) != 1) + 1
+    return max((run.tolist() for run in np.split(np.array(positions), cuts)), key=len)
 
 
 def with_point(cell: str, decimal: str) -> str:
