@@ -21,6 +21,19 @@ _BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel
 _NO_SOURCE = shutil.ignore_patterns("__pycache__", "*.pyc")
 
 
+def test_the_top_of_the_repository_has_only_what_belongs_there():
+    if not (ROOT / ".git").exists():
+        pytest.skip("no clone: what is committed cannot be listed")
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
+    )
+    top = {name.split("/")[0] for name in listed.stdout.split("\0") if name}
+    folders = {"qlvbayes", "tests", "docs", "data", "notebooks", "validation", "benchmarks", ".ci"}
+    files = {"README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE"}
+    built = {"pyproject.toml", "setup.py", "Makefile", "MANIFEST.in", ".gitignore"}
+    assert top == folders | files | built
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """The names in a wheel built from a copy of the package."""

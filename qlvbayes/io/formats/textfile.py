@@ -316,9 +316,8 @@ class _Lines:
     def join_blank(self) -> None:
         """Count lines without any used cell as empty where rows follow, and forget the others."""
         blank = self.dropped.pop(_BLANK, [])
-        within = [
-            position for position in blank if self.positions and position < self.positions[-1]
-        ]
+        last = self.positions[-1] if self.positions else 0
+        within = [position for position in blank if position < last]
         if within:
             self.dropped[_EMPTY] = sorted([*self.dropped.get(_EMPTY, []), *within])
 
