@@ -63,6 +63,14 @@ Area = Annotated[
         help="Area (mm2), where strain meets force or displacement stress.", show_default=False
     ),
 ]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        help="Columns of time, displacement (or strain) and force (or stress), by name as t,x,F "
+        "or by number as 1,2,3: for a table whose columns are not recognised.",
+        show_default=False,
+    ),
+]
 FormatsFile = Annotated[
     Path | None, typer.Option(help="A Python file with formats of your own.", show_default=False)
 ]
@@ -79,6 +87,7 @@ class ReadingOptions:
     contact: Contact = None
     units: Units = None
     area: Area = None
+    columns: Columns = None
     formats_file: FormatsFile = None
 
     @property
@@ -91,7 +100,7 @@ class ReadingOptions:
         """Return the answers for reading files; raise InputError where one cannot be used."""
         pads, tests = tuple(split_names(self.pad)), tuple(split_names(self.test))
         return Answers.from_words(
-            self.sign, self.contact, self.units, self.area, pads, tests, self.pad_from
+            self.sign, self.contact, self.units, self.area, pads, tests, self.pad_from, self.columns
         )
 
     def arguments(self) -> list[str]:
@@ -101,6 +110,7 @@ class ReadingOptions:
             "--contact": self.contact,
             "--units": self.units,
             "--area": None if self.area is None else plain(self.area, 6),
+            "--columns": self.columns,
             "--pad": ",".join(split_names(self.pad)),
             "--pad-from": self.pad_from,
             "--test": ",".join(split_names(self.test)),

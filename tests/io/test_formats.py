@@ -271,10 +271,11 @@ def test_a_wrong_sign_is_refused(tmp_path):
     ("text", "says"),
     [
         ("a,b\n1,2\n", "no known layout; export CSV"),
-        ("Time,Extension,Load\n1,2,3\n", "nearest is bluehill-3, which shows .* but not units in"),
+        ("Time,Extension,Load\n1,2,3\n", "no test of 10 rows"),
+        ("Time,Extension,Load\n", "nearest is bluehill-3, which shows .* but not units in"),
         ("SetName,Cycle,Clock\n", "nearest is cellscale, .* but not a column Time_S"),
         ("\0\0\0", "the file is empty"),
-        (bluehill(TEST).replace("Load", "Weight"), "no known layout"),
+        (bluehill(TEST).replace("(N)", "(N s)"), "the unit 'N s' of Load is unknown"),
         (bluehill(TEST)[:33], "no rows of numbers"),
         (bluehill(Pressed(TEST.time[::-1], TEST.way, TEST.load)), "time falls from"),
         (bluehill(Pressed(TEST.time.round(1), TEST.way, TEST.load)), "the time of the row above"),

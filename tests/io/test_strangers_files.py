@@ -6,6 +6,8 @@ from support.machine_files import Pressed, _workbook, pressed, workbook
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
+from qlvbayes.io.formats.answers import Answers, UnsureError
+from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.textfile import read_rows
@@ -421,3 +423,135 @@ def test_a_tidy_file_may_state_its_separator(tmp_path):
     with pytest.raises(InputError, match="displacement_mm is not a number") as caught:
         read_measurements(path)
     assert caught.value.line == len(rows) + 3
+
+
+# columns
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "Zeit / s;Weg / mm;Kraft / N",  # ISO 80000-1: a quantity over its unit
+        "Zeit in s;Weg in mm;Kraft in N",
+        "time in seconds,displacement in millimeters,force in newtons",
+        "TIME_S,DISPLACEMENT_MM,FORCE_N",
+        "t [s],x [mm],F [N]",
+        "Tijd (s);Verplaatsing (mm);Kracht (N)",
+        "時間(s),変位(mm),荷重(N)",
+        "Time (s),Crosshead (mm),Load cell (N),Temperature (°C)",
+        "Czas,Droga,Siła\n[s],[mm],[N]",
+    ],
+)
+def test_units_show_which_column_is_which(tmp_path, names):
+    mark = ";" if ";" in names else ","
+    more = f"{mark}23.1" if "Temperature" in names else ""
+    rows = [row.replace(",", mark) + more for row in rows_of()]
+    is_whole(converted(tmp_path, [*names.split("\n"), *rows]))
+
+
+def test_two_columns_in_one_unit_are_not_chosen_between(tmp_path):
+    rows = [f"{row},{row.rpartition(',')[2]}" for row in rows_of()]
+    with pytest.raises(
+        UnsureError, match=r"the file has: t .s., x .mm., cell 1 .N., cell 2"
+    ) as told:
+        converted(tmp_path, ["t (s),x (mm),cell 1 (N),cell 2 (N)", *rows])
+    assert told.value.option == "columns"
+    stated = Answers.from_words(columns="t, x, cell 2")
+    is_whole(convert([tmp_path / "a.csv"], stated))
+
+
+@pytest.mark.parametrize(
+    ("cell", "name", "unit"),
+    [
+        ("Speed mm/s", "Speed mm/s", ""),
+        ("F/N", "F", "N"),
+        ("s/mm", "s/mm", ""),
+        ("Force in the middle", "Force in the middle", ""),
+        ("Strain mm/mm", "Strain mm/mm", ""),
+    ],
+)
+def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
+    assert split_header(cell) == (name, unit)
+
+
+def test_known_names_without_units_are_asked_for_them(tmp_path):
+    with pytest.raises(UnsureError, match=r"'Time' .* has no unit") as told:
+        converted(tmp_path, ["Time,Position,Force", *rows_of()])
+    assert told.value.option == "units"
+    is_whole(convert([tmp_path / "a.csv"], Answers.from_words(units="s,mm,N")))
+
+
+@pytest.mark.parametrize(
+    ("head", "mark", "columns", "units"),
+    [
+        (["t,x,F"], ",", "t,x,F", "s,mm,N"),
+        (["t,x,F"], ",", "T,X,f", "s,mm,N"),  # other capitals
+        (["t,x,F", "s,mm,N"], ",", "t,x,F", None),
+        (["t_s,x_mm,F_N"], ",", "t,x,F", None),
+        ([], ",", "1,2,3", "s,mm,N"),
+        (["a preamble; of the logger", "Время, с;Перемещение, мм;Сила, Н"], ";", "1,2,3", "s,mm,N"),
+        (["# time position force"], " ", "1,2,3", "s,mm,N"),  # numpy.savetxt
+        (["% time   position   force"], "   ", "time,position,force", "s,mm,N"),
+    ],
+)
+def test_stated_columns_are_read(tmp_path, head, mark, columns, units):
+    rows = [row.replace(",", mark) for row in rows_of()]
+    (tmp_path / "a.csv").write_text("\n".join([*head, *rows, ""]), encoding="utf-8")
+    answers = Answers.from_words(columns=columns, units=units)
+    test = is_whole(convert([tmp_path / "a.csv"], answers))
+    assert test.time[-1] == pytest.approx(TEST.time[-1] - TEST.time[0], abs=2e-3)
+
+
+def test_stated_columns_may_stand_in_any_order_with_decimal_commas(tmp_path):
+    cells = zip(TEST.load, TEST.way, TEST.time, strict=True)
+    rows = [f"{f:.4f};{d:.4f};{t:.3f};on".replace(".", ",") for f, d, t in cells]
+    (tmp_path / "a.csv").write_text("\n".join(["A;B;C;D", *rows, ""]))
+    is_whole(convert([tmp_path / "a.csv"], Answers.from_words(columns="C,B,A", units="s,mm,N")))
+
+
+def test_each_repetition_of_the_stated_names_is_a_test(tmp_path):
+    lines = ["t,x,F", *rows_of(), "t,x,F", *rows_of(), ""]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    answers = Answers.from_words(columns="t,x,F", units="s,mm,N")
+    assert [len(test.time) for test in convert([tmp_path / "a.csv"], answers).tests] == [
+        len(TEST.time)
+    ] * 2
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ("t,x", "not three different columns; write the names"),
+        ("t,x,x", "not three different columns"),
+        ("t,x,Q", r"columns t, x and Q are not there \(the file has: t, x, F\)"),
+        ("1,2,9", "columns 1, 2 and 9 are not there"),
+        ("0,1,2", "columns 0, 1 and 2 are not there"),
+    ],
+)
+def test_columns_that_are_not_there_are_refused(tmp_path, columns, says):
+    (tmp_path / "a.csv").write_text("\n".join(["t,x,F", *rows_of(), ""]))
+    with pytest.raises(InputError, match=says):
+        convert([tmp_path / "a.csv"], Answers.from_words(columns=columns, units="s,mm,N"))
+
+
+def test_a_header_that_is_nearly_tidy_is_to_be_mended(tmp_path):
+    """Read as a machine's, its column of tests would be lost."""
+    rows = [f"slow,{row}" for row in rows_of()]
+    with pytest.raises(InputError, match=r"line 1: .* rename 'load_N' to force_N"):
+        converted(tmp_path, ["test,time_s,displacement_mm,load_N", *rows])
+
+
+def test_decimal_commas_between_commas_are_refused_with_the_line(tmp_path):
+    rows = [row.replace(".", ",") for row in rows_of()]
+    with pytest.raises(InputError, match=r"line 2: 6 numbers are below 3 names.*semicolons"):
+        converted(tmp_path, ["Time (s),Displacement (mm),Force (N)", *rows])
+
+
+def test_dates_with_hours_are_a_clock_that_goes_on_at_midnight(tmp_path):
+    start = np.datetime64("2026-02-28T23:59:59.5")
+    dates = start + np.round(1e3 * TEST.time).astype("timedelta64[ms]")
+    cells = zip(dates, TEST.way, TEST.load, strict=True)
+    rows = [f"{str(when).replace('T', ' ')},{d:.4f},{f:.4f}" for when, d, f in cells]
+    assert len({row[:10] for row in rows}) == 2  # two days
+    test = is_whole(converted(tmp_path, ["Timestamp,Position (mm),Load (N)", *rows]))
+    np.testing.assert_allclose(test.time, TEST.time - TEST.time[0], atol=1e-3)

@@ -9,6 +9,7 @@ from pathlib import Path
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.formats.machineunits import named_units
 from qlvbayes.io.formats.naming import pattern_of
+from qlvbayes.io.formats.stated_columns import named_columns
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
 """Choices of the columns that change sign, with the factors of displacement and force."""
@@ -35,6 +36,8 @@ class Answers:
         Their names.
     pad_from
         The pattern that finds a pad's name in a test's own.
+    columns
+        The columns of time, displacement and force, by name or by number from 1.
     """
 
     sign: str | None = None
@@ -44,6 +47,7 @@ class Answers:
     pads: tuple[str, ...] = ()
     tests: tuple[str, ...] = ()
     pad_from: re.Pattern[str] | None = None
+    columns: tuple[str, str, str] | None = None
 
     @classmethod
     def from_words(
@@ -55,6 +59,7 @@ class Answers:
         pads: tuple[str, ...] = (),
         tests: tuple[str, ...] = (),
         pad_from: str | None = None,
+        columns: str | None = None,
     ) -> Answers:
         """Return answers from the words of the command line.
 
@@ -70,7 +75,8 @@ class Answers:
             remedy = "give one of them"
             raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
         pattern = None if pad_from is None else pattern_of(pad_from)
-        return cls(sign, position, named, area, pads, tests, pattern)
+        chosen = None if columns is None else named_columns(columns)
+        return cls(sign, position, named, area, pads, tests, pattern, chosen)
 
 
 class UnsureError(InputError):

@@ -13,7 +13,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Channel, Floats, Recording
-from qlvbayes.io.formats.machineunits import CLOCKS, unit_of
+from qlvbayes.io.formats.machineunits import CLOCKS, QUANTITIES, unit_of
 
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
@@ -34,6 +34,7 @@ _WORDS = {
         r"step ?time|schrittzeit|(abschnitts|intervall)zeit",
         r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*",
         r"(pruf|versuchs|test|mess|lauf)zeit|(duree|durata|duracion|dauer)\b.*",
+        r"time ?stamp|date ?time|zeitstempel|horodatage",
     ),
     "displacement": (
         r"indentation|eindringtiefe|eindruckung|enfoncement|penetration|penetrazione|penetracion",
@@ -76,6 +77,14 @@ _WORDS = {
     ),
 }
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
+_WITH_UNIT = (
+    r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]",
+    r"(.*),\s*([^,\s]+)",
+    r"(.+)_([^_\s]+)",
+    r"(.+?)\s*/\s*([^/\s]+)",  # ISO 80000-1: a quantity over its unit
+    r"(.+)\s+in\s+(\S+)",
+)
+"""Ways to write a column's unit after its name."""
 _CLEARLY = 3.0  # times the other strain, from which one of two motions is the test's
 _LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
@@ -94,16 +103,22 @@ class NamedColumn:
 
 @lru_cache  # each layout asks for the same cells
 def split_header(cell: str) -> tuple[str, str]:
-    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N' or 'Load [kN]'."""
+    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N', 'Weg / mm' or 'Zeit in s'.
+
+    A quotient of two units is no name over its unit: 'Speed mm/s' has none.
+    """
     if len(cell) > _LONGEST:
         return cell.strip(), ""
-    patterns = (r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]", r"(.*),\s*([^,\s]+)", r"(.+)_([^_\s]+)")
-    for pattern in patterns:
+    for pattern in _WITH_UNIT:
         if match := re.fullmatch(pattern, cell.strip()):
             name, unit = match[1].strip(), match[2].strip()
-            if any(unit_of(unit, quantity) for quantity in _WORDS):
+            if _is_unit(unit) and not ("/" in pattern and _is_unit(name.rpartition(" ")[2])):
                 return name, unit
     return cell.strip(), ""
+
+
+def _is_unit(text: str) -> bool:
+    return any(unit_of(text, quantity) for quantity in _WORDS)
 
 
 @lru_cache
@@ -135,14 +150,29 @@ def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
 def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
     """Return the columns of time, displacement or strain, and force or stress; None if missing.
 
-    Displacement and force precede strain and stress, and either pair precedes a mixture.
+    Displacement and force precede strain and stress, and either pair precedes a mixture. A quantity
+    that no column is named after is that of the one column in a unit of it, whatever its name.
     """
     by_quantity = quantities(columns)
+    for either in QUANTITIES:
+        if not set(either) & set(by_quantity):
+            by_quantity |= _by_unit(columns, either)
     way = "displacement" if "displacement" in by_quantity else "strain"
     load = "force" if "force" in by_quantity else "stress"
     if (way, load) != ("displacement", "force") and {"strain", "stress"} <= set(by_quantity):
         way, load = "strain", "stress"
     return {key: by_quantity.get(key) for key in ("time", way, load)}
+
+
+def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str, NamedColumn]:
+    """Return the only column with a unit of one of the quantities; empty where there are more.
+
+    The units of a strain are those of other shares too, such as humidity.
+    """
+    kinds = [quantity for quantity in either if quantity != "strain"]
+    named = [column for column in columns if column.name and column.unit]
+    alike = [(kind, column) for kind in kinds for column in named if unit_of(column.unit, kind)]
+    return dict(alike) if len(alike) == 1 else {}
 
 
 def sheared_instead(

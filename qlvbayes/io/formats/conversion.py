@@ -19,6 +19,7 @@ from qlvbayes.io.formats.machineunits import Unit, unit_of
 from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, pads_of_tests, tests_of
 from qlvbayes.io.formats.recognition import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
+from qlvbayes.io.formats.stated_columns import stated_columns
 from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
@@ -151,6 +152,8 @@ def convert(
     InputError
         A file is of no known layout, damaged, or holds no usable test.
     """
+    if answers.columns is not None:
+        kinds = (stated_columns(answers.columns),)
     pads = pads_of(files, answers.pads)  # None: one a test
     faults: dict[Path, InputError] = {}
     read: list[_Prepared] = []

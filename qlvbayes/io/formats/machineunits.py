@@ -55,10 +55,10 @@ _SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "displacement": {
-        "mm": ("millimeter", "millimetre"),
-        "um": ("micron", "microns", "micrometer"),
+        "mm": ("millimeter", "millimetre", "millimeters", "millimetres"),
+        "um": ("micron", "microns", "micrometer", "micrometers", "micrometres"),
         "nm": (),
-        "m": ("meter", "metre"),
+        "m": ("meter", "metre", "meters", "metres"),
     },
     "force": {"N": ("newton", "newtons"), "mN": (), "uN": (), "nN": ()},
     "strain": {"": ("mm/mm", "m/m", "1", "-", "strain")},

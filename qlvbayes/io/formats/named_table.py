@@ -11,6 +11,7 @@ from qlvbayes.io.formats.columns import NamedColumn, measured, plain_name
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
+    are_numbers,
     cells_of,
     decoded,
     sections,
@@ -18,15 +19,17 @@ from qlvbayes.io.formats.textfile import (
     with_header,
 )
 from qlvbayes.io.formats.texttable import adjacent_tests, in_cells, in_two_rows
+from qlvbayes.io.reading.header import is_tidy_name
 
 _BLANK = 2  # most empty rows between the names and their units
-_BRACKETED = re.compile(r".*[(\[][^()\[\]]+[)\]]\s*")
 _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
 
 
 class NamedTable(AbstractFormat):
     """Table with names in one of five languages, units after or below them, then numbers.
 
+    A name that is not known is that of the only column with such a unit. Where known names have no
+    units at all, the user is asked for them.
     Cells of text among the numbers (a status) are ignored; where the names are repeated, a new test
     begins. Shear has no side that presses: its signs are kept.
     """
@@ -40,13 +43,15 @@ class NamedTable(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Look for a row of names, and for their units."""
+        """Look for a row of names that are not those of a tidy file, and for units or numbers."""
         lines = Lines.from_bytes(decoded(head).encode())
         named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
+        header = _header(lines)
         return Sight.from_marks(
             {
-                "a row that names time, displacement or strain, and force or stress": named,
-                "their units in brackets or in the row below": _header(lines) is not None,
+                "a row that names time, displacement or strain, and force or stress": named
+                or header is not None,
+                "their units or numbers below them, and no name of a tidy file": header is not None,
             }
         )
 
@@ -73,17 +78,25 @@ def _is_sheared(test: Recording) -> bool:
 
 
 def _header(lines: Lines) -> tuple[int, int, list[NamedColumn]] | None:
-    """Return the line of the names, the first line below names and units, and the columns."""
+    """Return the line of the names, the first line below names and units, and the columns.
+
+    Numbers directly below known names are rows without units. A row with a name of a tidy file is
+    none of a machine: its columns of pads and tests would be lost.
+    """
     rows = list(lines.cells())
     for number, names in rows:
-        by_quantity = measured(in_cells(names)).values()
-        if not all(by_quantity):
+        if any(map(is_tidy_name, names)):
             continue
-        if all(_BRACKETED.fullmatch(names[named.index]) for named in by_quantity if named):
-            return number, number + 1, in_cells(names)
+        in_row = in_cells(names)
+        by_quantity = measured(in_row).values()
+        if all(named and named.unit for named in by_quantity):
+            return number, number + 1, in_row
         below = next((k for k, cells in rows[number + 1 :][: _BLANK + 1] if any(cells)), None)
         if below is None:
             continue
+        picked = [named.index for named in by_quantity if named]
+        if all(by_quantity) and are_numbers(rows[below][1], picked):
+            return number, number + 1, in_row
         columns = in_two_rows(
             names, cells_of(lines.texts[below], separator_of(lines.texts[number]))
         )

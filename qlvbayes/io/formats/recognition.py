@@ -9,13 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.columns import measured, plain_name, quantities, refuse_unknown_unit
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.formats.stated_columns import columns_in
 from qlvbayes.io.formats.textfile import Lines, decoded
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
+from qlvbayes.io.reading.dialect import sniff
+from qlvbayes.io.reading.header import is_tidy_name
 from qlvbayes.io.wording import joined
 
+_SHOWN = 200  # characters of a file's own names that an error shows
 _NEAR = 0.5  # share of its marks that a layout must show to be reported as the nearest
 
 
@@ -66,6 +71,8 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
 
     Raises
     ------
+    UnsureError
+        The file is a table of numbers, and its names and units do not show which is which.
     InputError
         No format fits, with the nearest and what it lacks; or several do.
     """
@@ -84,10 +91,7 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         raise InputError(
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
-    if head.startswith(OLD_OFFICE):
-        raise OldWorkbookError(path)
-    refuse_results(head, path)
-    refuse_unknown_units(head, path)
+    _refuse_by_content(head, path)
     if nearest is None:
         raise InputError(
             "no known layout",
@@ -100,6 +104,30 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         f"but not {joined(list(sight.missing))}",
         file=path,
         remedy="export it again, or describe the layout with --formats-file",
+    )
+
+
+def _refuse_by_content(head: bytes, path: Path) -> None:
+    """Raise the error, or the question, of what an unknown layout shows that it holds."""
+    if head.startswith(OLD_OFFICE):
+        raise OldWorkbookError(path)
+    refuse_results(head, path)
+    refuse_unknown_units(head, path)
+    if any(map(is_tidy_name, _first_names(head))):
+        sniff(path)  # its error says which column is to be renamed
+    if names := columns_in(head):
+        raise _unsure_of_columns(names, path)
+
+
+def _unsure_of_columns(names: Sequence[str], path: Path) -> UnsureError:
+    shown = ", ".join(names)[:_SHOWN]
+    return UnsureError(
+        "the names and units do not show which columns are time, displacement and force (the file "
+        f"has: {shown})",
+        file=path,
+        option="columns",
+        question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
+        say="TIME,DISPLACEMENT,FORCE",
     )
 
 
@@ -165,8 +193,12 @@ _MEASURED = (("displacement", "force"), ("strain", "stress"))
 
 def _is_tidy(head: bytes) -> bool:
     """Return whether the first line that is no comment names the columns of a tidy file."""
+    columns = {name.partition("_")[0] for name in _first_names(head)}
+    return "time" in columns and any(columns.issuperset(pair) for pair in _MEASURED)
+
+
+def _first_names(head: bytes) -> set[str]:
+    """Return the cells of the first line that is no comment."""
     lines = head.decode("utf-8-sig", "replace").splitlines()
     rows = (line for line in lines if line.strip() and not line.startswith(("#", "sep=")))
-    first = next(rows, "")
-    columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}
-    return "time" in columns and any(columns.issuperset(pair) for pair in _MEASURED)
+    return {name.strip(' "') for name in re.split("[,;\t]", next(rows, ""))}

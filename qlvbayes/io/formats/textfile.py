@@ -25,12 +25,13 @@ _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
 _HEADER_LINES = 400  # more lines than any header has
 _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _LONG = re.compile(rb"[^\n]{%d}" % _MOST_CELLS)
+_LEAST_MARKS = 2  # separators of a row of time, displacement and force
 _SAMPLE = 400  # rows from which the decimal mark is taken where all the others agree
 _IN_ROWS = b'0123456789+-.,;eE" \t\n'  # all that lines of numbers alone have
 _MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
 _BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
 _SPACED = re.compile(rb"\d \d{3}")
-_CLOCK = re.compile(r"(\d+):(\d\d):(\d\d([.,]\d+)?)")
+_CLOCK = re.compile(r"(\d{4}-\d\d-\d\d[T ])?(\d+):(\d\d):(\d\d([.,]\d+)?)Z?")  # ISO 8601
 _LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
@@ -97,8 +98,12 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 
 def separator_of(line: str) -> str:
-    """Return the tab, semicolon or comma that separates the cells of a line of names."""
-    return max("\t;,", key=line.count)
+    """Return the tab, semicolon or comma that separates three cells or more of a line.
+
+    A semicolon precedes the comma, which is also in 'Kraft, N' and in decimals.
+    """
+    several = (mark for mark in "\t;," if line.count(mark) >= _LEAST_MARKS)
+    return next(several, max("\t;,", key=line.count))
 
 
 @dataclass(frozen=True)
@@ -235,6 +240,26 @@ def plain_number(text: str) -> str:
 def is_like_number(cell: str) -> bool:
     """Return whether a cell may be a number, with whatever decimal mark, or a time of hh:mm:ss."""
     return _LIKE_NUMBER.fullmatch(cell) is not None
+
+
+def are_numbers(cells: Sequence[str], indices: Sequence[int]) -> bool:
+    """Return whether there are numbers in all the cells at these indices."""
+    return len(cells) > max(indices) and all(is_like_number(cells[index]) for index in indices)
+
+
+def refuse_split_numbers(rows: bytes, separator: str, names: int, file: Path, line: int) -> None:
+    """Raise InputError where decimal commas split the numbers below as many names, at this line."""
+    first = next((row for row in rows.split(b"\n", 9) if row.strip()), b"")
+    cells = cells_of(first.decode("utf-8", "replace"), separator)
+    whole = all(cell.lstrip("+-").isdecimal() for cell in cells)
+    if separator == "," and len(cells) > names and whole:
+        raise InputError(
+            f"{len(cells)} numbers are below {names} names: the comma separates columns and marks "
+            "decimals",
+            file=file,
+            line=line,
+            remedy="export with semicolons or tabs between the columns, or with decimal points",
+        )
 
 
 def _all_numbers(
@@ -395,10 +420,11 @@ def _longest_stretch(positions: Sequence[int]) -> list[int]:
 
 
 def with_point(cell: str, decimal: str) -> str:
-    """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
+    """Return a cell with a decimal point; a date, hours, minutes and seconds become seconds."""
     if clock := _CLOCK.fullmatch(cell):
-        hours, minutes, seconds = clock[1], clock[2], clock[3].replace(",", ".")
-        return f"{3600 * int(hours) + 60 * int(minutes) + float(seconds):.9f}"
+        days = np.datetime64(clock[1][:-1]).astype(int) if clock[1] else 0
+        minutes = 1440 * days + 60 * int(clock[2]) + int(clock[3])
+        return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:
         cell = cell.replace(decimal[1], "")
     return cell.replace(decimal[0], ".")

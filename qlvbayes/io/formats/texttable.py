@@ -28,6 +28,7 @@ from qlvbayes.io.formats.textfile import (
     Lines,
     cells_of,
     read_rows,
+    refuse_split_numbers,
     sections,
     separator_of,
     with_header,
@@ -206,6 +207,7 @@ def _recorded(
     began: float | None,
 ) -> Recording:
     """Return the recording of the picked columns; of a rheometer's two motions the larger."""
+    refuse_split_numbers(rows, separator, len(columns), file, first + 1)
     read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
     own = on_clock(picked, read.clocks, file)
     recorded = recording(columns, own, read.columns, read.dropped, name, began)

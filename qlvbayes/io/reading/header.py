@@ -131,6 +131,12 @@ def split_name(name: str) -> tuple[str, str] | None:
     return None
 
 
+def is_tidy_name(name: str) -> bool:
+    """Return whether a column is named exactly as in a tidy file: time_s or pad, not Time [s]."""
+    parts = split_name(name) if name[:1].islower() else None
+    return parts is not None and parts[1] in SUFFIXES.get(parts[0], {"": SAME})
+
+
 @dataclass(frozen=True)
 class _Header:
     names: list[str]
@@ -206,6 +212,8 @@ class _Header:
         elif len(remedies) < len(missing):
             wanted = ", ".join(_default(quantity) for quantity in missing)
             remedies.append(f"the columns needed are {wanted}")
+        if len(self.names) >= len(needed):
+            remedies.append("or state the columns with qlvbayes convert --columns")
         shown = ", ".join(self.names[:12])[:200]
         self.fail(
             f"no column for {' and '.join(missing)} (the file has: {shown})", "; ".join(remedies)
