@@ -32,6 +32,15 @@ _UNITS = {
 _WORDS = {"time": "time", "displacement": "displacement (or strain)", "force": "force (or stress)"}
 
 
+def is_table(file: Path) -> bool:
+    """Return whether a file is a text with names above columns of numbers."""
+    try:
+        _Table.from_file(file)
+    except InputError:
+        return False
+    return True
+
+
 def asked(file: Path) -> dict[str, Any]:
     """Return the questions about a table; an InputError is raised where the file has no table."""
     table = _Table.from_file(file)

@@ -99,6 +99,8 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
     try:
         conversion = convert(files, stated)
     except UnsureError as error:
+        if error.option in ("units", "columns") and len(files) == 1 and columns.is_table(files[0]):
+            return _described(folder, files[0], answers)
         choices = list(SIGNS) if error.option == "sign" else None
         ask: Answer = {"name": error.option, "text": error.question, "choices": choices}
         ask |= {"value": answers.get(error.option), "optional": False}
@@ -115,8 +117,8 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
 
 
 def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
-    """Convert a table of unknown columns, once the user has stated them."""
-    if not answers:
+    """Convert a table of unknown columns or units, once the user has stated them."""
+    if "time" not in answers:
         return {"questions": columns.asked(file)}
     described = folder / DATA
     write_whole(described, columns.renamed(file, answers))
