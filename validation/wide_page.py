@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from textwrap import fill
 
 from page import Origin
@@ -46,15 +47,27 @@ def wide_page(report: Report, registered: Registration, origin: Origin) -> str:
         seconds="-" if report.seconds is None else f"{report.seconds:.0f}",
     )  # fmt: skip
     note = [fill(f"{registered.note} {_unfinished(report, registered)}".strip(), 100) + "\n"]
-    parts = [head, *note, _rates(report, registered), _strata(report), _reliability(report)]
-    return "\n".join([*parts, _wrong(report)])
+    return "\n".join([head, *note, *tables(report, registered.asked)])
 
 
-def _rates(report: Report, registered: Registration) -> str:
+def tables(report: Report, asked: Mapping[str, float]) -> list[str]:
+    """Return the sections of a page: rates, strata, reliability and the wrong verdicts.
+
+    Parameters
+    ----------
+    report
+        Finished studies.
+    asked
+        Shares that are required of rates, by the name of the count.
+    """
+    return [_rates(report, asked), _strata(report), _reliability(report), _wrong(report)]
+
+
+def _rates(report: Report, shares: Mapping[str, float]) -> str:
     lines = ["## Rates\n", "| hidden: verdict | asked | found | 95 % bound | n | |"]
     lines.append("|---|---|---|---|---|---|")
     for count in COUNTS:
-        rate, asked = report.rate(count), registered.asked.get(count.name)
+        rate, asked = report.rate(count), shares.get(count.name)
         if rate.share is None:
             continue
         sign, most = (">", "at least") if count.good else ("<", "at most")

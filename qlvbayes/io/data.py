@@ -29,7 +29,7 @@ from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.reading.unread import UNREAD, unread_rows
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import listed
+from qlvbayes.io.wording import listed, of_lines
 
 Role = Literal["fit", "validate"]
 
@@ -307,7 +307,7 @@ class _Builder:
         if not unread:
             return rows, 0.0
         notices.append(
-            f"test '{rows.test}' of pad '{rows.pad}': dropped {unread} {UNREAD} "
+            f"test '{rows.test}' of pad '{rows.pad}': dropped {of_lines(unread, UNREAD)} "
             f"(line {self.table.line(rows.row(0))})"
         )
         return rows.after(unread), float(time[unread] - time[0])

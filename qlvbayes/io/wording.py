@@ -54,6 +54,12 @@ def listed(words: Collection[str], most: int = 20) -> str:
     return ", ".join(list(words)[:most]) + more
 
 
+def of_lines(count: int, what: str) -> str:
+    """Return '1 row with a gap' or '3 rows with a gap' of 'rows with a gap'."""
+    first, _, rest = what.partition(" ")
+    return f"{count} {first.removesuffix('s') if count == 1 else first} {rest}"
+
+
 def capitalized(text: str) -> str:
     """Return the text with its first letter in upper case, the others as they are."""
     return f"{text[:1].upper()}{text[1:]}"

@@ -214,7 +214,7 @@ def test_a_first_row_of_zeros_in_a_tidy_file_is_dropped_and_told(tmp_path):
     assert len(test.time) == len(TEST.time)
     assert test.displacement.min() > 24.0
     assert test.start_s == pytest.approx(3.02)
-    assert "dropped 1 rows before the channels were read, both exactly 0 (line 2)" in str(
+    assert "dropped 1 row before the channels were read, both exactly 0 (line 2)" in str(
         read.notices
     )
 

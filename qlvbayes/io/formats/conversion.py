@@ -25,7 +25,7 @@ from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.reading.unread import UNREAD, unread_rows
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
-from qlvbayes.io.wording import joined, listed, plain
+from qlvbayes.io.wording import joined, listed, of_lines, plain
 
 LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
@@ -116,7 +116,7 @@ class Conversion:
 
 def findings_of(test: Tidied) -> list[str]:
     """Return the findings of a test, as lines that begin with its name."""
-    dropped = [f"dropped: {rows} {why}" for why, rows in test.dropped.items()]
+    dropped = [f"dropped: {of_lines(rows, why)}" for why, rows in test.dropped.items()]
     same = test.file.stem == test.test  # then the name stands before the colon already
     source = f"read as {test.format.machine}"
     first = source if same else f"{test.file.name} {source}"
@@ -357,7 +357,9 @@ def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], di
 
 def _left_out(recordings: Sequence[Recording]) -> str:
     """Return a note on rows that are no measurements: ' (9 rows with no number in Force ...)'."""
-    counted = [f"{rows} {why}" for one in recordings for why, rows in one.dropped.items() if rows]
+    counted = [
+        of_lines(rows, why) for one in recordings for why, rows in one.dropped.items() if rows
+    ]
     return f" ({', '.join(counted[:3])} are left out)" if counted else ""
 
 
