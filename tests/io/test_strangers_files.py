@@ -449,6 +449,14 @@ def test_units_show_which_column_is_which(tmp_path, names):
     is_whole(converted(tmp_path, [*names.split("\n"), *rows]))
 
 
+def test_an_indenter_of_two_load_cells_has_one_force(tmp_path):
+    """Anton Paar's bioindenter: Pd is the penetration depth, FnRef the reference's force."""
+    rows = [f"{row.replace(',', chr(9))}\t5.35\t1" for row in rows_of()]
+    names = "Time (s)\tPd (µm)\tFn (µN)\tFnRef (µN)\tSegmentID"
+    found = converted(tmp_path, ["Date :6/9/2026", "Measured values", names, "", *rows])
+    assert is_whole(found).units.force == "uN"
+
+
 def test_two_columns_in_one_unit_are_not_chosen_between(tmp_path):
     rows = [f"{row},{row.rpartition(',')[2]}" for row in rows_of()]
     with pytest.raises(

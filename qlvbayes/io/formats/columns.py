@@ -37,7 +37,8 @@ _WORDS = {
         r"time ?stamp|date ?time|zeitstempel|horodatage",
     ),
     "displacement": (
-        r"indentation|eindringtiefe|eindruckung|enfoncement|penetration|penetrazione|penetracion",
+        r"(indentation|penetration)( depth)?|pd|eindringtiefe|eindruckung|enfoncement|penetrazione"
+        r"|penetracion",
         r"(compressive |compression |tensile )?(extension|displacement|disp|elongation)",
         r"axial (displacement|disp)|displacement axial",
         r"standard travel|(standard|druck|zug)weg"
@@ -59,7 +60,7 @@ _WORDS = {
         r"(standard|pruf|druck|zug|axial|mess)?kraft|standard force",
         r"(force|fuerza|forza|effort)" + _OF,
         r"(charge|carga|carico)" + _OF + "|last|belastung",
-        r"f z|fz|f",
+        r"f z|fz|fn|f",
         r"normal ?force|normalkraft",  # of a rheometer, next to the shear force
     ),
     "strain": (
