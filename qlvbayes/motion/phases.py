@@ -40,6 +40,7 @@ _FEWEST_AT_REST = 3  # readings that show a rest,
 _FEWEST_MOVING = 2  # and a movement
 _WORTH = 4.5  # median intervals between readings, for which a dwell before the first movement
 _SHARE = 0.1  # of that movement's duration is a hold
+_ROUNDING = 1e-12  # of the record's duration
 _LEAST_SPEED = 1e-4  # of the record's top speed
 
 
@@ -206,8 +207,14 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
 
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return knots and reversals with their depth: the motion is monotone between two of them."""
+    """Return knots and reversals with their depth: the motion is monotone between two of them.
+
+    A reversal at a knot is found next to it, within rounding.
+    """
     times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
+    least = _ROUNDING * float(times[-1] - times[0])
+    apart = (np.diff(times[:-1]) > least) & (times[-1] - times[1:-1] > least)
+    times = times[np.concatenate([[True], apart, [True]])]
     return times, trajectory.displacement(times)
 
 

@@ -18,6 +18,7 @@ from qlvbayes.motion.freeknots import FEWEST_PER_PIECE
 from qlvbayes.motion.splines import Joints, Pieces, Stretch, Window
 
 _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
+_NEXT_TO = 0.25  # of the time between two readings: nearer than that there is no further piece
 _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 
 
@@ -104,11 +105,13 @@ def patched(stretch: Stretch, tol: Tolerance) -> Stretch:
     between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
     off = strays_between(path, stretch.at(between.ravel()).reshape(between.shape), x, tol.farthest)
     for k in np.flatnonzero(off):
-        stretch = _patch(stretch, time, x, time[k], time[k + 1])
+        stretch = _patch(stretch, time, x, time[k], time[k + 1], tol)
     return stretch
 
 
-def _patch(stretch: Stretch, time: Array, x: Array, begin: float, end: float) -> Stretch:
+def _patch(
+    stretch: Stretch, time: Array, x: Array, begin: float, end: float, tol: Tolerance
+) -> Stretch:
     """Replace the pieces, or parts of pieces, that few readings around two of them show."""
     knots = stretch.pieces.knots
     few = np.diff(np.searchsorted(time, knots)) < FEWEST_PER_PIECE
@@ -121,14 +124,28 @@ def _patch(stretch: Stretch, time: Array, x: Array, begin: float, end: float) ->
     first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
     last = min(int(np.searchsorted(time, end)), time.size - 1) + 1
     at, values = time[first:last], x[first:last].copy()
-    if low < 0 and at[0] > knots[0]:
-        at, values = np.append(knots[0], at), np.append(0.0, values)
-    if high == few.size and at[-1] < knots[-1]:
-        at, values = np.append(at, knots[-1]), np.append(values, 0.0)
+    if low < 0:
+        at, values = (one[::-1] for one in _up_to(knots[0], at[::-1], values[::-1], stretch, tol))
+    if high == few.size:
+        at, values = _up_to(knots[-1], at, values, stretch, tol)
     values[[0, -1]] = stretch.at(at[[0, -1]])
     ends = stretch.joints
     rests = low < 0 and ends.left is not None, high == few.size and ends.right is not None
     return _spliced(stretch, monotone(at, values, rests=rests))
+
+
+def _up_to(
+    end: float, time: Array, x: Array, stretch: Stretch, tol: Tolerance
+) -> tuple[Array, Array]:
+    """Return readings (n,) in either order of time with the end of the path as their last.
+
+    A reading next to it in time and in displacement is taken to be there: the piece from one to the
+    other would have any speed.
+    """
+    near = abs(end - time[-1]) < _NEXT_TO * abs(time[-1] - time[-2])
+    if near and abs(x[-1] - stretch.at(np.array([end]))[0]) <= tol.rest:
+        return np.append(time[:-1], end), x
+    return np.append(time, end), np.append(x, 0.0)
 
 
 def _spliced(stretch: Stretch, made: Pieces) -> Stretch:

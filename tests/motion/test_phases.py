@@ -183,3 +183,25 @@ def test_measured_adhesive_staircases():
         else:
             up, down = ["ramp", "hold"] * 5, ["unload", "recovery"] * 4 + ["unload"]
             assert kinds(phases) == up + down, test
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    start=st.floats(0.4, 0.5),
+    depth=st.floats(3.0, 7.0),
+    brake=st.floats(0.01, 0.15),
+    over=st.sampled_from([0.0, 2e-5, 5e-5]),
+)
+def test_a_ramp_ends_anywhere_between_two_readings(start, depth, brake, over):
+    """A testing machine's file: 10 readings a second, a controlled stop, a trace of overshoot.
+
+    Where the stop is at a reading, within rounding, there is no piece of any speed in between.
+    """
+    time = np.round(np.arange(0.0, 17.9, 0.1), 10)
+    moving = np.clip(time - start, 0.0, None)  # at 1 mm/s
+    left = np.clip(depth + 0.5 * brake - moving, 0.0, brake)
+    way = np.where(left < brake, depth - left**2 / (2.0 * brake), moving)
+    way += over * np.where(moving > depth, np.exp((depth - moving) / 0.3), 0.0)
+    motion = smooth(time, way, 0.0)
+    assert motion.top_speed < 3.0
+    assert [phase.kind for phase in find_phases(motion)][-2:] == ["ramp", "hold"]
