@@ -449,6 +449,37 @@ def test_units_show_which_column_is_which(tmp_path, names):
     is_whole(converted(tmp_path, [*names.split("\n"), *rows]))
 
 
+def test_a_channel_before_a_name_is_no_part_of_it(tmp_path):
+    """Walter+Bai writes two displacements of one channel, and a separator after the last."""
+    cells = zip(TEST.time, TEST.load, 0.3 * TEST.way, TEST.way, strict=True)
+    rows = [f"{k};{t:.3f};{f:.4f};{own:.4f};{d:.4f};" for k, (t, f, own, d) in enumerate(cells)]
+    names = "S/No;C_1_Temps[s];C_1_Force[kN];C_1_Déform1[mm];C_1_Déplacement[mm];"
+    is_whole(converted(tmp_path, [names, *rows]), force=1e3)
+
+
+def test_a_crosshead_in_french_side_by_side(tmp_path):
+    cells = (f"{t:.3f},{f:.4f},{d:.4f}" for t, d, f in zip(*vars(TEST).values(), strict=True))
+    head = ["Brut,,,Recuit 250°C,,", "Temps,Force,Course_Traverse," * 2, "sec,N,mm," * 2]
+    found = converted(
+        tmp_path, [*(line.rstrip(",") for line in head), *(f"{c},{c}" for c in cells)]
+    )
+    assert [test.named for test in found.tests] == ["Brut", "Recuit 250°C"]
+
+
+@pytest.mark.parametrize(
+    ("head", "shown"),
+    [
+        (["A;B;C;", "s;N;N;"], "A, B, C, 4"),  # the names, not the units below them
+        (["A;B;C;"], "A, B, C, 4"),
+        ([], "1, 2, 3, 4"),
+    ],
+)
+def test_a_question_for_columns_shows_what_may_be_stated(tmp_path, head, shown):
+    rows = [f"{row.replace(',', ';')};" for row in rows_of()]
+    with pytest.raises(UnsureError, match=f"the file has: {shown}"):
+        converted(tmp_path, [*head, *rows])
+
+
 def test_an_indenter_of_two_load_cells_has_one_force(tmp_path):
     """Anton Paar's bioindenter: Pd is the penetration depth, FnRef the reference's force."""
     rows = [f"{row.replace(',', chr(9))}\t5.35\t1" for row in rows_of()]

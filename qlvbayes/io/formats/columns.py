@@ -18,7 +18,7 @@ from qlvbayes.io.formats.machineunits import CLOCKS, QUANTITIES, unit_of
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
     r"( (axial|axiale|assiale|normal|normale|estandar|standard)"
-    r"| (de|di|del|della|en|in|a) (la )?(compression|compresion|compressione|traction|traccion"
+    r"|( (de|di|del|della|en|in|a))? (la )?(compression|compresion|compressione|traction|traccion"
     r"|trazione|traverse|traversa|travesano|piston|pistone|verin))?"
 )
 _GAP = (
@@ -77,6 +77,7 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_CHANNEL = re.compile(r"^(c|ch|channel|kanal|voie|canal) ?\d+ (?=\D)")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
 _WITH_UNIT = (
     r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]",
@@ -130,12 +131,17 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9%]+", " ", text).strip()
 
 
+def _without_channel(name: str) -> str:
+    """Return a plain name without the channel before it: 'C_1_Force' or 'Ch 1 Force' -> 'force'."""
+    return _CHANNEL.sub("", plain_name(name))
+
+
 def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
     """Return the column of each quantity that is there; of equal names the first is taken."""
     by_quantity = {}
     for quantity, patterns in _WORDS.items():
         for pattern in patterns:
-            alike = [c for c in columns if re.fullmatch(pattern, plain_name(c.name))]
+            alike = [c for c in columns if re.fullmatch(pattern, _without_channel(c.name))]
             fitting = [c for c in alike if not c.unit or unit_of(c.unit, quantity)]
             if fitting:
                 by_quantity[quantity] = fitting[0]

@@ -201,12 +201,14 @@ def columns_in(head: bytes) -> list[str]:
     for number, cells in lines.cells():
         if len(cells) < len(_QUANTITIES) or not are_numbers(cells, range(len(_QUANTITIES))):
             continue
-        above = (
-            cells_of(lines.texts[number - 1], separator_of(lines.texts[number])) if number else []
-        )
-        if len(above) == len(cells) and all(above):
-            return above
-        return [str(k + 1) for k in range(len(cells))]
+        separator = separator_of(lines.texts[number])
+        above = [cells_of(text, separator) for text in lines.texts[max(number - 2, 0) : number]]
+        named = [
+            row for row in above if len(row) == len(cells) and not any(map(is_like_number, row))
+        ]
+        names = named[0] if named else []
+        shown = [name or str(k + 1) for k, name in enumerate(names)]
+        return shown or [str(k + 1) for k in range(len(cells))]
     return []
 
 
