@@ -176,17 +176,21 @@ def _bounds(right: int, count: int) -> str:
     return f"{low:.0%} to {high:.0%}"
 
 
+def rows(certainties: Array, there: Array) -> list[str]:
+    """Return the rows of the table of bins: names, those there with bounds, mean certainty."""
+    return [
+        f"| {low:.1f} to {high:.1f} | {count} | {right} ({right / count:.0%}) | "
+        f"{_bounds(right, count)} | {mean:.2f} |"
+        for low, high, count, right, mean in bins(certainties, there)
+    ]
+
+
 def page(names: Sequence[Name], weights: Array, command: str) -> str:
     """The page."""
     x, there = columns(names)
     found = left_out(names)
     runs = list(dict.fromkeys(name.run for name in names))
     origin = Origin.now(command, ROOT)
-    rows = [
-        f"| {low:.1f} to {high:.1f} | {count} | {right} ({right / count:.0%}) | "
-        f"{_bounds(right, count)} | {mean:.2f} |"
-        for low, high, count, right, mean in bins(found, there)
-    ]
     about = zip(FEATURES, x.min(axis=0), x.max(axis=0), weights[1:], strict=True)
     return _HEAD.format(
         studies=len({(name.run, name.study) for name in names}),
@@ -199,7 +203,7 @@ def page(names: Sequence[Name], weights: Array, command: str) -> str:
         date=origin.date,
         commit=origin.commit,
         machine=origin.machine,
-        table="\n".join(rows),
+        table="\n".join(rows(found, there)),
         loss=loss(found, there),
         stated=loss(np.array([name.stated for name in names]), there),
         share=loss(np.full(len(names), there.mean()), there),

@@ -42,7 +42,7 @@ A 90 % credible interval should hold the truth nine times out of ten; asked for 
 {low:.0%} and {high:.0%} for every constant of the pad.
 
 The comparison of two pads is validated on [its own page](pairs.md), the diagnosis on
-[another](blind_studies.md).
+[another](rig_studies.md).
 Why each wrong verdict of a run of blind studies was wrong is looked for by
 `validation/why.py RUN`; whether fits follow the readings as least squares does, by
 `validation/budget.py`.
