@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from msgspec import structs
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.result import Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
+from qlvbayes.diagnosis.summary.words import _runner_up
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
 
@@ -53,6 +56,17 @@ def test_what_is_not_on_the_list_is_left(clipped):
     assert clipped.result.verdict in ("unexplained", "partly_explained")
     assert clipped.result.outside > 0.5
     assert clipped.result.stages[-1].p_value < DiagnosisSettings().false_alarms
+
+
+def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped):
+    support = Support(0.1, 1.0, 0.1, 0.1, 1.0, 0.0, effects=len(clipped.result.tried) + 3)
+    shown = {*clipped.result.tried, *clipped.result.group, "none"}
+    ranking = tuple(
+        one if one.effect in shown else structs.replace(one, support=support)
+        for one in clipped.result.ranking
+    )
+    said = "; ".join(_runner_up(structs.replace(clipped.result, ranking=ranking)))
+    assert "to add it with 2 more effects, as in its likeliest hypothesis, would" in said
 
 
 def test_its_size_and_place_are_told(clipped):

@@ -357,9 +357,14 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
     without, with_it = (_error(d, rmse) for rmse in (d.stages[-1].rmse, rival.rmse))
     same = f"leave the error at {without}"
     change = same if without == with_it else f"change the error from {without} to {with_it}"
+    added = f"to add it would {change}"
+    more = 0 if rival.support is None else rival.support.effects - len(d.tried) - 1
+    if more > 0:
+        count = "one more effect" if more == 1 else f"{more} more effects"
+        added = f"to add it with {count}, as in its likeliest hypothesis, would {change}"
     return [
         f"Of the effects that are not named, but that these tests can show, {rival.effect} is the "
-        f"likeliest ({percent(rival.inclusion)}); to add it would {change}."
+        f"likeliest ({percent(rival.inclusion)}); {added}."
     ]
 
 
