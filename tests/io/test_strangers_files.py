@@ -594,3 +594,151 @@ def test_dates_with_hours_are_a_clock_that_goes_on_at_midnight(tmp_path):
     assert len({row[:10] for row in rows}) == 2  # two days
     test = is_whole(converted(tmp_path, ["Timestamp,Position (mm),Load (N)", *rows]))
     np.testing.assert_allclose(test.time, TEST.time - TEST.time[0], atol=1e-3)
+
+
+# what would be read wrongly
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        ["Time,Displacement,Force", "s,mm,mN"],
+        ["Time,Force,Displacement", "s,N,mm"],
+        ["Time (s),Temp (C),Displacement (mm),Force (N)"],
+        ["s,um,N"],
+    ],
+)
+@pytest.mark.parametrize("restarts", [True, False])
+def test_other_names_or_units_below_are_refused_with_their_line(tmp_path, second, restarts):
+    later = pressed(hold=0.6, rate=50.0)
+    shift = 0.0 if restarts else 1.0 + TEST.time[-1] - TEST.time[0]
+    rows = rows_of(Pressed(later.time + shift, later.way, later.load))
+    first = ["Time,Displacement,Force", "s,mm,N", *rows_of()]
+    with pytest.raises(InputError, match="names or units other than those above") as told:
+        converted(tmp_path, [*first, *second, *rows])
+    assert len(first) < told.value.line <= len(first) + len(second)
+
+
+def test_units_above_and_below_the_names_must_agree(tmp_path):
+    names = "Time (s),Displacement (mm),Force (N)"
+    is_whole(converted(tmp_path, [names, "(s),(mm),(N)", *rows_of()]))
+    with pytest.raises(InputError, match="line 2: names or units other"):
+        converted(tmp_path, [names, "ms,um,mN", *rows_of()])
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_column_of_specimens_divides_a_table(tmp_path, goes_on):
+    shift = 5.0 if goes_on else 0.0
+    second = rows_of(Pressed(TEST.time + shift, TEST.way, TEST.load))
+    rows = [*(f"A,{row}" for row in rows_of()), *(f"B,{row}" for row in second)]
+    found = converted(tmp_path, ["Specimen,Time (s),Disp (mm),Force (N)", *rows])
+    assert [(test.named, len(test.time)) for test in found.tests] == [
+        ("A", len(TEST.time)),
+        ("B", len(TEST.time)),
+    ]
+
+
+def test_a_counter_divides_nothing(tmp_path):
+    rows = [f"{k},{row}" for k, row in enumerate(rows_of())]
+    is_whole(converted(tmp_path, ["Test,Time (s),Disp (mm),Force (N)", *rows]))
+
+
+@pytest.mark.parametrize("name", ["FORCE_MN", "LOAD (MN)"])
+def test_capitals_do_not_tell_a_thousandth_from_a_million(tmp_path, name):
+    with pytest.raises(UnsureError, match="the file has: TIME_S, DISP_MM"):
+        converted(tmp_path, [f"TIME_S,DISP_MM,{name}", *rows_of()])
+    stated = Answers.from_words(columns="1,2,3", units="s,mm,mN")
+    assert convert([tmp_path / "a.csv"], stated).units.force == "mN"
+
+
+@pytest.mark.parametrize(
+    "footer",
+    [
+        ["Average,4.0,3.46", "99.99,9.0,77.0"],
+        ["", "99.99,9.0,77.0"],
+        ["", "Max,,3.46", "Mean,,2.8", "99.99,9.0,77.0"],
+        ["Average,4.0,3.46"],
+    ],
+)
+def test_numbers_below_a_table_are_none_of_its_rows(tmp_path, footer):
+    is_whole(converted(tmp_path, ["Time (s),Disp (mm),Force (N)", *rows_of(), *footer]))
+
+
+def test_a_table_that_goes_on_after_a_gap_is_whole(tmp_path):
+    rows = rows_of()
+    lines = [*rows[:-9], "", *rows[-9:]]
+    is_whole(converted(tmp_path, ["Time (s),Disp (mm),Force (N)", *lines]))
+
+
+def test_names_that_pandas_has_numbered_are_repeated(tmp_path):
+    names = "Time (s),Disp (mm),Force (N)"
+    again = ",".join(f"{name}.1" for name in names.split(","))
+    found = converted(tmp_path, [f"{names},{again}", *(f"{row},{row}" for row in rows_of())])
+    assert [len(test.time) for test in found.tests] == [len(TEST.time)] * 2
+
+
+def test_a_force_in_ten_units_is_none_in_its_unit(tmp_path):
+    with pytest.raises(UnsureError, match=r"the file has: t .s., x .mm., Force x10 .N."):
+        converted(tmp_path, ["t (s),x (mm),Force x10 (N)", *rows_of()])
+
+
+def test_a_contact_beyond_the_largest_depth_is_refused(tmp_path):
+    names = "Time (s),Disp (mm),Force (N)"
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows_of(), ""]))
+    with pytest.raises(
+        InputError, match=r"--contact 50 lies beyond the largest displacement, 1\.2"
+    ):
+        convert([tmp_path / "a.csv"], Answers.from_words(contact="50"))
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "says"),
+    [
+        ("Time,Displacement,Force", "{} s,{} mm,{} N", "line 2: '0.000 s' is no number"),
+        (
+            "Time (s),Displacement (mm),Force (N)",
+            "1:{} PM,{},{}",
+            r"line 2: .* \(the first line is '1:0",
+        ),
+        ("Position (mm),Force (N)", "{1},{2}", "line 1: there is no column of time"),
+    ],
+)
+def test_cells_that_are_no_numbers_are_shown(tmp_path, head, cells, says):
+    begun = Pressed(TEST.time - TEST.time[0], TEST.way, TEST.load)
+    rows = [cells.format(*row.split(",")) for row in rows_of(begun)]
+    with pytest.raises(InputError, match=says):
+        converted(tmp_path, [head, *rows])
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "# time [s] displacement [mm] force [N]",  # numpy.savetxt
+        "Time (s)  Displacement (mm)  Force (N)",
+        "Time/s Disp/mm Force/N",
+        "# time_s displacement_mm force_N",
+    ],
+)
+def test_names_and_numbers_between_blanks(tmp_path, names):
+    is_whole(converted(tmp_path, [names, *(row.replace(",", "  ") for row in rows_of())]))
+
+
+def test_names_as_matlab_writes_them(tmp_path):
+    is_whole(converted(tmp_path, ["Time_s_,Displacement_mm_,Force_N_", *rows_of()]))
+
+
+def test_a_clock_goes_on_at_midnight_without_a_date(tmp_path):
+    seconds = 86399.5 + TEST.time
+    clock = [f"{int(s // 3600) % 24:02d}:{int(s // 60) % 60:02d}:{s % 60:06.3f}" for s in seconds]
+    cells = zip(clock, TEST.way, TEST.load, strict=True)
+    rows = [f"{when},{d:.4f},{f:.4f}" for when, d, f in cells]
+    assert rows[-1].startswith("00:")
+    test = is_whole(converted(tmp_path, ["Time,Disp (mm),Force (N)", *rows]))
+    np.testing.assert_allclose(test.time, TEST.time - TEST.time[0], atol=2e-3)
+
+
+def test_units_are_reported_as_they_were_stated(tmp_path):
+    (tmp_path / "a.csv").write_text("\n".join(["t,x,F", *rows_of(), ""]))
+    stated = Answers.from_words(columns="t,x,F", units="s,mm,kgf")
+    (test,) = convert([tmp_path / "a.csv"], stated).tests
+    assert "F in kgf (as stated by the user)" in test.findings[0]

@@ -83,10 +83,13 @@ _WITH_UNIT = (
     r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]",
     r"(.*),\s*([^,\s]+)",
     r"(.+)_([^_\s]+)",
+    r"(.+)_([^_\s]+)_",  # MATLAB's writetable makes Force_N_ of Force (N)
     r"(.+?)\s*/\s*([^/\s]+)",  # ISO 80000-1: a quantity over its unit
     r"(.+)\s+in\s+(\S+)",
 )
 """Ways to write a column's unit after its name."""
+_EITHER = re.compile(r"[^A-Z]MN[)\]_]?$")
+_TIMES_TEN = re.compile(r"[x×*] ?\d")  # Force x10: its values are not in its unit
 _CLEARLY = 3.0  # times the other strain, from which one of two motions is the test's
 _LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
@@ -107,9 +110,10 @@ class NamedColumn:
 def split_header(cell: str) -> tuple[str, str]:
     """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N', 'Weg / mm' or 'Zeit in s'.
 
-    A quotient of two units is no name over its unit: 'Speed mm/s' has none.
+    A quotient of two units is no name over its unit: 'Speed mm/s' has none. Nor has FORCE_MN, which
+    may be a thousandth of N or a million.
     """
-    if len(cell) > _LONGEST:
+    if len(cell) > _LONGEST or (cell.isupper() and _EITHER.search(cell)):
         return cell.strip(), ""
     for pattern in _WITH_UNIT:
         if match := re.fullmatch(pattern, cell.strip()):
@@ -177,7 +181,7 @@ def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str,
     The units of a strain are those of other shares too, such as humidity.
     """
     kinds = [quantity for quantity in either if quantity != "strain"]
-    named = [column for column in columns if column.name and column.unit]
+    named = [c for c in columns if c.name and c.unit and not _TIMES_TEN.search(c.name)]
     alike = [(kind, column) for kind in kinds for column in named if unit_of(column.unit, kind)]
     return dict(alike) if len(alike) == 1 else {}
 
@@ -242,7 +246,7 @@ def refuse_unknown_unit(
             f"the unit '{unknown[0]}' of {unknown[1]} is unknown",
             file=file,
             line=line,
-            remedy="export it in s, mm and N, or convert its values and name that unit",
+            remedy="export it in s, mm and N, or state --columns and --units",
         )
 
 

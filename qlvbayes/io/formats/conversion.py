@@ -15,7 +15,7 @@ from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.columns import NamedColumn, refuse_unknown_unit
 from qlvbayes.io.formats.contact import FirstContact, Signs, find_contact, find_signs, is_dead
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
-from qlvbayes.io.formats.machineunits import Unit, unit_of
+from qlvbayes.io.formats.machineunits import QUANTITIES, Unit, unit_of
 from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, pads_of_tests, tests_of
 from qlvbayes.io.formats.recognition import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
@@ -464,19 +464,28 @@ def _in_units(
         own = _unit(file, recording.load_time, given[0])
         columns.append(recording.load_time.values * own.factor * clock[own.tidy])
     way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
-    named = ", ".join(f"{c.name} in {_written(u, c)}" for c, u in zip(channels, units, strict=True))
+    named = ", ".join(
+        f"{c.name} in {_written(c, said)}" for c, said in zip(channels, given, strict=True)
+    )
     system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
     return system, columns, f"{named}; written as {way.tidy or '1'} and {load.tidy}"
 
 
-def _written(unit: Unit, channel: Channel) -> str:
-    return channel.unit or f"{unit.tidy or '1'} (as stated by the user)"
+def _written(channel: Channel, stated: str | None) -> str:
+    """Return the unit of a channel as the file or the user states it, and who does."""
+    known = any(unit_of(channel.unit, quantity) for quantity in _quantities(channel))
+    return channel.unit if known else f"{stated} (as stated by the user)"
+
+
+def _quantities(channel: Channel) -> tuple[str, ...]:
+    """Return the quantities that a channel may hold: a strain may be called displacement."""
+    either = (both for both in QUANTITIES if channel.quantity == both[0])
+    return next(either, (channel.quantity,))
 
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
     """Return the unit of a channel, as the file or the user states it; both must agree."""
-    alternatives = {"displacement": ("displacement", "strain"), "force": ("force", "stress")}
-    quantities = alternatives.get(channel.quantity, (channel.quantity,))
+    quantities = _quantities(channel)
     for text in (channel.unit, stated):
         candidates = [unit_of(text, quantity) for quantity in quantities] if text else []
         unit = next((unit for unit in candidates if unit is not None), None)

@@ -86,6 +86,8 @@ _FURTHER = {
     "pN": Unit("force", "nN", 1e-3),
     "gf": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
     "g": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
+    "gram": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
+    "grams": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
     "kgf": Unit("force", "N", STANDARD_GRAVITY),
     "kg": Unit("force", "N", STANDARD_GRAVITY),
     "kp": Unit("force", "N", STANDARD_GRAVITY),

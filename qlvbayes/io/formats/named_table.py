@@ -7,19 +7,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import NamedColumn, measured, plain_name
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
     are_numbers,
     cells_of,
+    content,
     decoded,
     sections,
     separator_of,
-    with_header,
+    with_tabs,
 )
-from qlvbayes.io.formats.texttable import adjacent_tests, in_cells, in_two_rows
-from qlvbayes.io.reading.header import is_tidy_name
+from qlvbayes.io.formats.texttable import (
+    adjacent_tests,
+    by_specimen,
+    in_cells,
+    in_two_rows,
+    refuse_other_header,
+)
+from qlvbayes.io.reading.header import LABELS, is_tidy_name
 
 _BLANK = 2  # most empty rows between the names and their units
 _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
@@ -44,9 +52,10 @@ class NamedTable(AbstractFormat):
     @staticmethod
     def sniff(head: bytes) -> Sight:
         """Look for a row of names that are not those of a tidy file, and for units or numbers."""
-        lines = Lines.from_bytes(decoded(head).encode())
+        data, blanks = with_tabs(decoded(head).encode())
+        lines = Lines.from_bytes(data)
+        header = _header(lines, blanks=blanks)
         named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
-        header = _header(lines)
         return Sight.from_marks(
             {
                 "a row that names time, displacement or strain, and force or stress": named
@@ -57,19 +66,31 @@ class NamedTable(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return one test for each time that the names appear."""
-        data, lines, (number, first, columns) = with_header(
-            path, _header, "no row of names with units", "export it again"
-        )
+        """Return one test for each time that the names appear, and for each specimen below them.
+
+        Raises
+        ------
+        InputError
+            Other names or units follow below, or the rows cannot be read.
+        """
+        data, blanks = with_tabs(content(path))
+        lines = Lines.from_bytes(data)
+        if (header := _header(lines, blanks=blanks)) is None:
+            raise InputError("no row of names with units", file=path, remedy="export it again")
+        number, first, columns = header
         separator = separator_of(lines.texts[number])
         above = cells_of(lines.texts[number - 1], separator) if number else []
         parts = sections(data[lines.starts[first] :], lines.texts[number], first)
         tests = []
         for k, (start, part) in enumerate(parts, 1):
-            name = str(k) if len(parts) > 1 else ""
-            tests += adjacent_tests(
-                columns, part, separator, path, number, start, name=name, above=above
-            )
+            refuse_other_header(part, columns, separator, path, start)
+            of_part = str(k) if len(parts) > 1 else ""
+            used, specimens = by_specimen(columns, part, separator, start)
+            for specimen, line, rows in specimens:
+                name = f"{of_part} {specimen}".strip()
+                tests += adjacent_tests(
+                    used, rows, separator, path, number, line, name=name, above=above
+                )
         return tuple(replace(test, pressing=_is_sheared(test)) for test in tests)
 
 
@@ -77,15 +98,16 @@ def _is_sheared(test: Recording) -> bool:
     return any(_SHEAR.search(plain_name(channel.name)) for channel in (test.way, test.load))
 
 
-def _header(lines: Lines) -> tuple[int, int, list[NamedColumn]] | None:
+def _header(lines: Lines, *, blanks: bool) -> tuple[int, int, list[NamedColumn]] | None:
     """Return the line of the names, the first line below names and units, and the columns.
 
     Numbers directly below known names are rows without units. A row with a name of a tidy file is
-    none of a machine: its columns of pads and tests would be lost.
+    none of a machine: its columns of pads and tests would be lost. Where ``blanks`` separate the
+    cells, which no tidy file has, only those columns count.
     """
     rows = list(lines.cells())
     for number, names in rows:
-        if any(map(is_tidy_name, names)):
+        if any(name in LABELS if blanks else is_tidy_name(name) for name in names):
             continue
         in_row = in_cells(names)
         by_quantity = measured(in_row).values()

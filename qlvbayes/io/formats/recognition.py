@@ -13,7 +13,7 @@ from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.columns import measured, plain_name, quantities, refuse_unknown_unit
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
 from qlvbayes.io.formats.stated_columns import columns_in
-from qlvbayes.io.formats.textfile import Lines, decoded
+from qlvbayes.io.formats.textfile import Lines, decoded, refuse_cells, with_tabs
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.reading.dialect import sniff
@@ -84,7 +84,9 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         return whole[0]
     if _is_tidy(head):
         raise InputError(
-            "the file is tidy already", file=path, remedy="give it to fit, diagnose or study"
+            "the file is tidy already",
+            file=path,
+            remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
         )
     if whole:
         names = joined([kind.name for kind in whole])
@@ -117,6 +119,15 @@ def _refuse_by_content(head: bytes, path: Path) -> None:
         sniff(path)  # its error says which column is to be renamed
     if names := columns_in(head):
         raise _unsure_of_columns(names, path)
+    lines = Lines.from_bytes(with_tabs(decoded(head).encode())[0])
+    for number, cells in lines.cells():
+        picked = [named for named in measured(in_cells(cells)).values() if named]
+        if len(picked) == 3:
+            refuse_cells(lines, [named.index for named in picked], path)
+        if len(cells) == len(picked) == 2:
+            what = f"there is no column of time (the file has: {', '.join(cells)[:_SHOWN]})"
+            remedy = "export the time of every sample"
+            raise InputError(what, file=path, line=number + 1, remedy=remedy)
 
 
 def _unsure_of_columns(names: Sequence[str], path: Path) -> UnsureError:
@@ -127,7 +138,7 @@ def _unsure_of_columns(names: Sequence[str], path: Path) -> UnsureError:
         file=path,
         option="columns",
         question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
-        say="TIME,DISPLACEMENT,FORCE",
+        say="1,2,3 (their numbers or names in this order, and with --units s,mm,N their units)",
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +18,16 @@ from qlvbayes.io.formats.textfile import (
     decoded,
     is_like_number,
     read_rows,
+    refuse_cells,
     refuse_split_numbers,
     sections,
     separator_of,
+    with_tabs,
 )
-from qlvbayes.io.formats.texttable import in_cells, in_two_rows
+from qlvbayes.io.formats.texttable import in_cells, in_two_rows, refuse_other_header
 from qlvbayes.io.wording import joined
 
 _QUANTITIES = ("time", "displacement", "force")
-_COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
 _NONE = "\0"  # no line of a file is equal to it
 _SHOWN = 200  # characters of the file's own names that an error shows
 
@@ -73,20 +73,10 @@ def stated_columns(stated: Sequence[str]) -> type[AbstractFormat]:
         @staticmethod
         def read(path: Path) -> tuple[Recording, ...]:
             """Return one test for each time that the names appear."""
-            data = _with_tabs(_COMMENT.sub(b"", content(path)))
+            data, _ = with_tabs(content(path))
             return _Table.from_data(data, stated, path).recordings(data, path)
 
     return StatedColumns
-
-
-def _with_tabs(data: bytes) -> bytes:
-    """Return the text with tabs in place of blanks, where these separate the first numbers."""
-    for line in Lines.from_bytes(data).texts:
-        cells = line.split()
-        if len(cells) >= len(_QUANTITIES) and all(map(is_like_number, cells)):
-            rows = re.sub(rb"[ \t]+", b"\t", data) if "\t" not in line else data
-            return re.sub(rb"(?m)^\t|\t$", b"", rows) if rows is not data else data
-    return data
 
 
 @dataclass(frozen=True)
@@ -116,6 +106,8 @@ class _Table:
     def recordings(self, data: bytes, file: Path) -> tuple[Recording, ...]:
         """Return one test for each time that the names appear."""
         parts = sections(data[self.start :], self.names, self.first)
+        for line, rows in parts:
+            refuse_other_header(rows, self.columns, self.separator, file, line)
         return tuple(
             self._recording(rows, file, line, str(k) if len(parts) > 1 else "")
             for k, (line, rows) in enumerate(parts, 1)
@@ -145,7 +137,7 @@ def _by_name(lines: Lines, stated: Sequence[str]) -> _Table | None:
         first = number + 1
         if units and not are_numbers(units, indices):
             columns, first = in_two_rows(names, units), below + 1
-        return _table(lines, columns, indices, separator, lines.texts[number], first)
+        return _table(lines, columns, indices, separator, number, first)
     return None
 
 
@@ -160,9 +152,9 @@ def _by_number(lines: Lines, stated: Sequence[str]) -> _Table | None:
         named = [row for row in above if len(row) == len(cells) and not are_numbers(row, indices)]
         if not named:
             columns = [NamedColumn(k, f"column {k + 1}", "") for k in range(len(cells))]
-            return _table(lines, columns, indices, separator, _NONE, first)
+            return _table(lines, columns, indices, separator, first, first)
         columns = in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
-        return _table(lines, columns, indices, separator, lines.texts[first - len(named)], first)
+        return _table(lines, columns, indices, separator, first - len(named), first)
     return None
 
 
@@ -171,10 +163,12 @@ def _table(
     columns: Sequence[NamedColumn],
     indices: Sequence[int],
     separator: str,
-    names: str,
+    number: int,
     first: int,
 ) -> _Table:
+    """Return the table with the names at a line and the rows from another one on."""
     picked = {key: columns[index] for key, index in zip(_QUANTITIES, indices, strict=True)}
+    names = lines.texts[number] if number < first else _NONE
     return _Table(columns, picked, separator, names, first, lines.starts[first])
 
 
@@ -197,7 +191,7 @@ def columns_in(head: bytes) -> list[str]:
 
     ``head`` is the beginning of a file; its table begins with the first row of three numbers.
     """
-    lines = Lines.from_bytes(_with_tabs(_COMMENT.sub(b"", decoded(head).encode())))
+    lines = Lines.from_bytes(with_tabs(decoded(head).encode())[0])
     for number, cells in lines.cells():
         if len(cells) < len(_QUANTITIES) or not are_numbers(cells, range(len(_QUANTITIES))):
             continue
@@ -213,7 +207,12 @@ def columns_in(head: bytes) -> list[str]:
 
 
 def _without(lines: Lines, stated: Sequence[str], file: Path) -> InputError:
-    """Return the error of a file that lacks the stated columns, with the names that it has."""
+    """Return the error of a file that lacks the stated columns, with the names that it has.
+
+    An InputError is raised where the cells are there and are no numbers.
+    """
+    if all(name.isdecimal() and int(name) for name in stated):
+        refuse_cells(lines, [int(number) - 1 for number in stated], file)
     widest = max((cells for _, cells in lines.cells()), key=len, default=[])
     shown = f" (the file has: {', '.join(widest)[:_SHOWN]})" if len(widest) > 1 else ""
     return InputError(

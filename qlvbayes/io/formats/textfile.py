@@ -25,13 +25,22 @@ _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
 _HEADER_LINES = 400  # more lines than any header has
 _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _LONG = re.compile(rb"[^\n]{%d}" % _MOST_CELLS)
+_MARKS = "\t;|,"
 _LEAST_MARKS = 2  # separators of a row of time, displacement and force
 _SAMPLE = 400  # rows from which the decimal mark is taken where all the others agree
 _IN_ROWS = b'0123456789+-.,;eE" \t\n'  # all that lines of numbers alone have
 _MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
 _BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
 _SPACED = re.compile(rb"\d \d{3}")
-_CLOCK = re.compile(r"(\d{4}-\d\d-\d\d[T ])?(\d+):(\d\d):(\d\d([.,]\d+)?)Z?")  # ISO 8601
+_CLOCK = re.compile(  # ISO 8601, or the date as in German
+    r"(\d{4}-\d\d-\d\d[T ]|\d\d?\.\d\d?\.\d{4} )?(\d+):(\d\d):(\d\d([.,]\d+)?)(Z|[+-]\d\d:?\d\d)?"
+)
+_DAY = 86400.0  # s
+_COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
+_NAME = re.compile(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]")  # with its unit
+_FOOTER = 8  # lines at the end in which a summary of the table may stand,
+_SUMMED = 3  # and most rows of numbers in it
+_FEWEST = 20  # lines of a table that may have one
 _LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
@@ -97,13 +106,38 @@ def cells_of(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def separator_of(line: str) -> str:
-    """Return the tab, semicolon or comma that separates three cells or more of a line.
+def with_tabs(data: bytes) -> tuple[bytes, bool]:
+    """Return a text with tabs where blanks separate its numbers, and whether they do.
 
-    A semicolon precedes the comma, which is also in 'Kraft, N' and in decimals.
+    Marks of comments at the beginning of lines are left out, also where nothing else changes. Names
+    above the numbers keep their units: 'time [s]  force [N]' are two cells.
     """
-    several = (mark for mark in "\t;," if line.count(mark) >= _LEAST_MARKS)
-    return next(several, max("\t;,", key=line.count))
+    data = _COMMENT.sub(b"", data)
+    lines = Lines.from_bytes(data)
+    for number, line in enumerate(lines.texts):
+        cells = line.split()
+        if len(cells) < _LEAST_MARKS + 1 or not all(map(is_like_number, cells)):
+            continue
+        if "\t" in line:
+            return data, False
+        names = map(_NAME.findall, lines.texts[:number])
+        head = [
+            "\t".join(some) if len(some) == len(cells) else text
+            for some, text in zip(names, lines.texts, strict=False)
+        ]
+        rows = re.sub(rb"[ \t]+", b"\t", data[lines.starts[number] :])
+        rows = re.sub(rb"(?m)^\t|\t$", b"", rows)
+        return "".join(f"{line}\n" for line in head).encode() + rows, True
+    return data, False
+
+
+def separator_of(line: str) -> str:
+    """Return the tab, semicolon, bar or comma that separates three cells or more of a line.
+
+    A comma comes last, as it is also in 'Kraft, N' and in decimals.
+    """
+    several = (mark for mark in _MARKS if line.count(mark) >= _LEAST_MARKS)
+    return next(several, max(_MARKS, key=line.count))
 
 
 @dataclass(frozen=True)
@@ -200,6 +234,7 @@ def read_rows(
     """
     dropped: dict[str, int] = {}
     block = _with_plain_numbers(_whole(block, separator, indices, dropped))
+    block = _without_footer(block, separator, indices, dropped)
     if not block.strip():
         raise InputError("there are no rows of numbers", file=file, remedy=_EXPORT)
     if not block.translate(None, _IN_ROWS) and not _LONG.search(block):
@@ -217,7 +252,41 @@ def read_rows(
         raise error
     columns = _parsed(("\n".join(rows) + "\n").encode(), "\t", range(len(indices)), ".")
     clocks = tuple(k for k, cell in enumerate(lines.rows[0]) if ":" in cell)
+    for k in clocks:  # past midnight, where no date is written
+        columns[k] = columns[k] + _DAY * np.cumsum(np.diff(columns[k], prepend=0.0) < -0.5 * _DAY)
     return NumericRows(tuple(columns), dropped, clocks)
+
+
+def _without_footer(
+    block: bytes, separator: str, indices: Sequence[int], dropped: dict[str, int]
+) -> bytes:
+    """Return the block without a summary below it: some rows of numbers after a text or a gap.
+
+    A mean, or the row of the largest force, is none of the test's readings.
+    """
+    if block.count(b"\n") < _FEWEST:
+        return block
+    *above, last = block.rstrip(b"\n").rsplit(b"\n", _FOOTER)
+    tail = [*above[1:], last]
+    used = [_used(line.decode("utf-8", "replace"), separator, indices) for line in tail]
+    breaks = [k for k, cells in enumerate(used) if _ends_table(cells)]
+    below = used[breaks[0] :] if breaks else []
+    numbers = sum(all(map(is_like_number, cells)) for cells in below)
+    if not 0 < numbers <= _SUMMED:
+        return block
+    _count(dropped, "rows of numbers below the table", numbers)
+    return b"\n".join([above[0], *tail[: breaks[0]], b""])
+
+
+def _used(line: str, separator: str, indices: Sequence[int]) -> list[str]:
+    cells = cells_of(line, separator)
+    return [cells[index] if index < len(cells) else "" for index in indices]
+
+
+def _ends_table(used: Sequence[str]) -> bool:
+    """Return whether a line has no used cell at all, or a word where the time would be."""
+    time = used[0].lower()
+    return not any(used) or not (time in _MISSING or is_like_number(time))
 
 
 def _count(dropped: dict[str, int], why: str, rows: int) -> None:
@@ -245,6 +314,25 @@ def is_like_number(cell: str) -> bool:
 def are_numbers(cells: Sequence[str], indices: Sequence[int]) -> bool:
     """Return whether there are numbers in all the cells at these indices."""
     return len(cells) > max(indices) and all(is_like_number(cells[index]) for index in indices)
+
+
+def refuse_cells(lines: Lines, indices: Sequence[int], file: Path) -> None:
+    """Raise InputError where a cell at one of the indices has a digit and is no number.
+
+    The first line is taken that has digits in all the cells.
+    """
+    for number, cells in lines.cells():
+        used = [cells[index] for index in indices if index < len(cells)]
+        if len(used) < len(indices) or not all(re.search(r"\d", cell) for cell in used):
+            continue
+        bad = [cell for cell in used if not is_like_number(cell)]
+        if bad:
+            raise InputError(
+                f"'{bad[0][:_SHOWN]}' is no number",
+                file=file,
+                line=number + 1,
+                remedy="write plain numbers, and times in s, as 10:59:55.1 or as an ISO 8601 date",
+            )
 
 
 def refuse_split_numbers(rows: bytes, separator: str, names: int, file: Path, line: int) -> None:
@@ -422,7 +510,10 @@ def _longest_stretch(positions: Sequence[int]) -> list[int]:
 def with_point(cell: str, decimal: str) -> str:
     """Return a cell with a decimal point; a date, hours, minutes and seconds become seconds."""
     if clock := _CLOCK.fullmatch(cell):
-        days = np.datetime64(clock[1][:-1]).astype(int) if clock[1] else 0
+        date = (clock[1] or "1970-01-01").strip(" T")
+        if "." in date:
+            date = "-".join(part.zfill(2) for part in reversed(date.split(".")))
+        days = np.datetime64(date).astype(int)
         minutes = 1440 * days + 60 * int(clock[2]) + int(clock[3])
         return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:

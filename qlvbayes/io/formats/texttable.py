@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -10,11 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import (
     NamedColumn,
     chosen,
     columns_of,
+    measured,
     on_clock,
+    plain_name,
     recording,
     sheared_instead,
     side_by_side,
@@ -27,6 +31,7 @@ from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.textfile import (
     Lines,
     cells_of,
+    is_like_number,
     read_rows,
     refuse_split_numbers,
     sections,
@@ -34,7 +39,15 @@ from qlvbayes.io.formats.textfile import (
     with_header,
 )
 
+_COPY = re.compile(r"\.\d+$")
 _LEAST = 10  # lines that a test has at least below repeated names
+_LETTERS = re.compile(rb"(?m)^[\"'(\[# ]*[^\d\s.,;+\-][^\n]*$")  # lines that begin with a letter
+_SHOWN = 60  # characters of a line that an error shows
+_MOST_TESTS = 200  # of one file: a column that changes more often is a counter
+_SPECIMEN = re.compile(
+    r"(specimen|sample|probe|prufling|eprouvette|echantillon|probeta|muestra|provino|campione|pad"
+    r"|test|trial|run|versuch|essai|prova|ensayo)( ?(id|name|label|number|no|nr|nummer|numero))?"
+)
 _PARTS = ("time", "way", "load")
 _DATES = (
     "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
@@ -44,15 +57,20 @@ _DATES = (
 
 
 def in_cells(cells: Sequence[str]) -> list[NamedColumn]:
-    """Return columns whose units follow their names, in one row."""
-    return [NamedColumn(index, *split_header(cell)) for index, cell in enumerate(cells)]
+    """Return columns whose units follow their names, in one row.
+
+    pandas writes a name that is repeated with a number, as 'Force (N).1'.
+    """
+    names = [_COPY.sub("", cell) for cell in cells]
+    plain = [name if name in cells else cell for name, cell in zip(names, cells, strict=True)]
+    return [NamedColumn(index, *split_header(cell)) for index, cell in enumerate(plain)]
 
 
 def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]:
     """Return columns whose units are in the row below their names."""
     padded = [*units, *[""] * len(names)]
     return [
-        NamedColumn(index, name, padded[index].strip(" ()[]'\""))
+        NamedColumn(index, name, padded[index].strip(" ()[]'\"").removeprefix("in "))
         for index, name in enumerate(names)
     ]
 
@@ -137,6 +155,35 @@ def adjacent_tests(
     ]  # fmt: skip
 
 
+def by_specimen(
+    columns: Sequence[NamedColumn], rows: bytes, separator: str, first: int
+) -> tuple[Sequence[NamedColumn], list[tuple[str, int, bytes]]]:
+    """Return the other columns, and rows cut where a column of specimens or tests changes.
+
+    Each part has its specimen's name and its first line, from 0. Without such a column, or with one
+    that never changes or changes more often than tests do, there is one part without a name.
+    """
+    whole = [("", first, rows)]
+    column = next((c for c in columns if _SPECIMEN.fullmatch(plain_name(c.name))), None)
+    if column is None:
+        return columns, whole
+    parts: list[tuple[str, int, list[bytes]]] = []
+    for number, line in enumerate(rows.split(b"\n"), first):
+        cells = cells_of(line.decode("utf-8", "replace"), separator)
+        label = cells[column.index] if column.index < len(cells) else ""
+        if not parts or (label and label != parts[-1][0]):
+            parts.append((label, number, []))
+        parts[-1][2].append(line)
+    if not 1 < len(parts) <= _MOST_TESTS or any(len(lines) < _LEAST for *_, lines in parts):
+        return columns, whole
+    others = [one for one in columns if one is not column]
+    named = [label if not label.isdigit() else f"{column.name} {label}" for label, *_ in parts]
+    return others, [
+        (name, line, b"\n".join(lines) + b"\n")
+        for name, (_, line, lines) in zip(named, parts, strict=True)
+    ]
+
+
 def tables(
     columns: Sequence[NamedColumn],
     data: bytes,
@@ -163,6 +210,7 @@ def tables(
     above = cells_of(lines.texts[line - 1], separator) if line else []
     below: list[list[Recording]] = []
     for start, rows in sections(data[lines.starts[first] :], names, first):
+        refuse_other_header(rows, columns, separator, file, start)
         if below and rows.count(b"\n") < _LEAST:  # names left over at the end
             continue
         tests = adjacent_tests(
@@ -215,6 +263,40 @@ def _recorded(
         return recorded
     sheared = _recorded(columns, other, rows, separator, file, first, name, began)
     return that_moved(recorded, sheared, file)
+
+
+def refuse_other_header(
+    rows: bytes, columns: Sequence[NamedColumn], separator: str, file: Path, first: int
+) -> None:
+    """Raise InputError where names or units appear among rows that are not those of the columns.
+
+    To read on would give the rows below them wrong units, or another order. ``first`` is the line
+    of the first row, from 0.
+    """
+    for found in _LETTERS.finditer(rows):
+        line = rows[found.start() : rows.find(b"\n", found.start())].decode("utf-8", "replace")
+        cells = cells_of(line, separator)
+        if len(cells) < len(_PARTS) or any(map(is_like_number, cells)):
+            continue
+        named, units = in_cells(cells), in_two_rows([""] * len(cells), cells)
+        is_header = all(measured(named).values()) and not _agree(named, columns)
+        if is_header or (are_units(cells) and not _agree(units, columns)):
+            shown = line.strip()[:_SHOWN]
+            raise InputError(
+                f"names or units other than those above begin here ('{shown}')",
+                file=file,
+                line=first + 1 + rows.count(b"\n", 0, found.start()),
+                remedy="export each test to a file of its own",
+            )
+
+
+def _agree(found: Sequence[NamedColumn], columns: Sequence[NamedColumn]) -> bool:
+    """Return whether names and units, as far as they are written, are those of the columns."""
+    pairs = [(one, other) for one, other in zip(found, columns, strict=False)]
+    return all(
+        one.name in ("", other.name) and ("" in (one.unit, other.unit) or one.unit == other.unit)
+        for one, other in pairs
+    )
 
 
 def seconds_of(text: str) -> float | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
 from qlvbayes.io.formats.contact import FirstContact, Signs, force_at_start, scatter
 from qlvbayes.io.formats.format import Floats
@@ -103,6 +104,13 @@ def _zero(
     length = one.units.displacement
     if answers.contact is not None:
         position = one.signs.way * float(answers.contact)
+        if position >= float(one.way.max()):
+            raise InputError(
+                f"--contact {float(answers.contact):.6g} lies beyond the largest displacement, "
+                f"{one.written(float(one.way.max()))} {length}",
+                file=one.file,
+                remedy="state it in the unit of the tidy file",
+            )
         finding = f"contact at {float(answers.contact):.6g} {length}, as stated by the user"
         return Zero(position, 0.0, finding, contact=one.contact)
     if one.units.dimensionless:
