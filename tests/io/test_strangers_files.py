@@ -677,6 +677,12 @@ def test_names_that_pandas_has_numbered_are_repeated(tmp_path):
     assert [len(test.time) for test in found.tests] == [len(TEST.time)] * 2
 
 
+def test_a_table_without_displacement_does_not_lack_its_time(tmp_path):
+    rows = [f"{0.1 * k:.1f},{k},7" for k in range(30)]
+    with pytest.raises(InputError, match=r"the file has: Time .s., Force .N., State"):
+        converted(tmp_path, ["Time (s),Force (N),State", *rows])
+
+
 def test_a_force_in_ten_units_is_none_in_its_unit(tmp_path):
     with pytest.raises(UnsureError, match=r"the file has: t .s., x .mm., Force x10 .N."):
         converted(tmp_path, ["t (s),x (mm),Force x10 (N)", *rows_of()])
@@ -701,6 +707,7 @@ def test_a_contact_beyond_the_largest_depth_is_refused(tmp_path):
             r"line 2: .* \(the first line is '1:0",
         ),
         ("Position (mm),Force (N)", "{1},{2}", "line 1: there is no column of time"),
+        ("Index,Position (mm),Force (N)", "7,{1},{2}", "line 1: there is no column of time"),
     ],
 )
 def test_cells_that_are_no_numbers_are_shown(tmp_path, head, cells, says):

@@ -21,6 +21,7 @@ from qlvbayes.io.reading.header import is_tidy_name
 from qlvbayes.io.wording import joined
 
 _SHOWN = 200  # characters of a file's own names that an error shows
+_COUNTER = re.compile(r"(index|nr|no|s no|row|sample|point|punkt|zeile)?")
 _NEAR = 0.5  # share of its marks that a layout must show to be reported as the nearest
 
 
@@ -117,17 +118,21 @@ def _refuse_by_content(head: bytes, path: Path) -> None:
     refuse_unknown_units(head, path)
     if any(map(is_tidy_name, _first_names(head))):
         sniff(path)  # its error says which column is to be renamed
-    if names := columns_in(head):
-        raise _unsure_of_columns(names, path)
     lines = Lines.from_bytes(with_tabs(decoded(head).encode())[0])
-    for number, cells in lines.cells():
-        picked = [named for named in measured(in_cells(cells)).values() if named]
-        if len(picked) == 3:
-            refuse_cells(lines, [named.index for named in picked], path)
-        if len(cells) == len(picked) == 2:
+    headers = [(number, cells, measured(in_cells(cells))) for number, cells in lines.cells()]
+    for number, cells, by_quantity in headers:
+        picked = [named.index for named in by_quantity.values() if named]
+        others = [cell for index, cell in enumerate(cells) if index not in picked]
+        timeless = by_quantity["time"] is None and len(picked) == len(by_quantity) - 1
+        if timeless and all(_COUNTER.fullmatch(plain_name(cell)) for cell in others):
             what = f"there is no column of time (the file has: {', '.join(cells)[:_SHOWN]})"
             remedy = "export the time of every sample"
             raise InputError(what, file=path, line=number + 1, remedy=remedy)
+    if names := columns_in(head):
+        raise _unsure_of_columns(names, path)
+    for _, _, by_quantity in headers:
+        if all(by_quantity.values()):
+            refuse_cells(lines, [named.index for named in by_quantity.values() if named], path)
 
 
 def _unsure_of_columns(names: Sequence[str], path: Path) -> UnsureError:
