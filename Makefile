@@ -47,7 +47,8 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
 	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
 	$(BIN)/python validation/design_error.py --pads 24 --seed 1 -o docs/design_error.md
-	$(BIN)/qlvbayes benchmark --studies 400 --seed 417 --jobs 2 -o build/validation/benchmark
+	-$(BIN)/qlvbayes benchmark --studies 200 --seed 518 --jobs 2 -o build/validation/benchmark
+	$(BIN)/python validation/rig.py build/validation/benchmark --commit $$(git rev-parse --short HEAD)
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py

@@ -99,14 +99,14 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         raise InputError(
             "no known layout",
             file=path,
-            remedy="export CSV with time_s, displacement_mm, force_N, or describe the layout with "
-            "--formats-file",
+            remedy="export CSV with time_s, displacement_mm, force_N, state --columns, or describe "
+            "the layout with --formats-file",
         )
     raise InputError(
         f"no known layout; the nearest is {nearest.name}, which shows {joined(list(sight.found))} "
         f"but not {joined(list(sight.missing))}",
         file=path,
-        remedy="export it again, or describe the layout with --formats-file",
+        remedy="export it again, state --columns, or describe the layout with --formats-file",
     )
 
 
