@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -16,6 +17,7 @@ from qlvbayes.io.formats.textfile import (
     cells_of,
     content,
     decoded,
+    is_like_number,
     sections,
     separator_of,
     with_tabs,
@@ -29,6 +31,7 @@ from qlvbayes.io.formats.texttable import (
 )
 from qlvbayes.io.reading.header import LABELS, is_tidy_name
 
+_NAMES = 3  # of time, displacement and force
 _BLANK = 2  # most empty rows between the names and their units
 _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
 
@@ -54,13 +57,16 @@ class NamedTable(AbstractFormat):
         """Look for a row of names that are not those of a tidy file, and for units or numbers."""
         data, blanks = with_tabs(decoded(head).encode())
         lines = Lines.from_bytes(data)
-        header = _header(lines, blanks=blanks)
-        named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
+        whole = _header(lines, blanks=blanks) is not None
+        named = whole or any(
+            all(measured(in_cells(cells)).values())
+            for _, cells in lines.cells()
+            if _may_name(cells)
+        )
         return Sight.from_marks(
             {
-                "a row that names time, displacement or strain, and force or stress": named
-                or header is not None,
-                "their units or numbers below them, and no name of a tidy file": header is not None,
+                "a row that names time, displacement or strain, and force or stress": named,
+                "their units or numbers below them, and no name of a tidy file": whole,
             }
         )
 
@@ -98,6 +104,11 @@ def _is_sheared(test: Recording) -> bool:
     return any(_SHEAR.search(plain_name(channel.name)) for channel in (test.way, test.load))
 
 
+def _may_name(cells: Sequence[str]) -> bool:
+    """Return whether three cells are neither empty nor numbers, as names are."""
+    return sum(bool(cell) and not is_like_number(cell) for cell in cells) >= _NAMES
+
+
 def _header(lines: Lines, *, blanks: bool) -> tuple[int, int, list[NamedColumn]] | None:
     """Return the line of the names, the first line below names and units, and the columns.
 
@@ -107,6 +118,8 @@ def _header(lines: Lines, *, blanks: bool) -> tuple[int, int, list[NamedColumn]]
     """
     rows = list(lines.cells())
     for number, names in rows:
+        if not _may_name(names):
+            continue
         if any(name in LABELS if blanks else is_tidy_name(name) for name in names):
             continue
         in_row = in_cells(names)

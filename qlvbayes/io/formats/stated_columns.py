@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import NamedColumn, on_clock, plain_name, recording
+from qlvbayes.io.formats.columns import NamedColumn, plain_name
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import (
     Lines,
@@ -17,14 +17,12 @@ from qlvbayes.io.formats.textfile import (
     content,
     decoded,
     is_like_number,
-    read_rows,
     refuse_cells,
-    refuse_split_numbers,
     sections,
     separator_of,
     with_tabs,
 )
-from qlvbayes.io.formats.texttable import in_cells, in_two_rows, refuse_other_header
+from qlvbayes.io.formats.texttable import in_cells, in_two_rows, recorded, refuse_other_header
 from qlvbayes.io.wording import joined
 
 _QUANTITIES = ("time", "displacement", "force")
@@ -109,16 +107,12 @@ class _Table:
         for line, rows in parts:
             refuse_other_header(rows, self.columns, self.separator, file, line)
         return tuple(
-            self._recording(rows, file, line, str(k) if len(parts) > 1 else "")
+            recorded(
+                self.columns, self.picked, rows, self.separator, file, line,
+                str(k) if len(parts) > 1 else "",
+            )
             for k, (line, rows) in enumerate(parts, 1)
-        )
-
-    def _recording(self, rows: bytes, file: Path, line: int, name: str) -> Recording:
-        indices = [column.index for column in self.picked.values()]
-        refuse_split_numbers(rows, self.separator, len(self.columns), file, line + 1)
-        read = read_rows(rows, self.separator, indices, file, line + 1)
-        own = on_clock(self.picked, read.clocks, file)
-        return recording(self.columns, own, read.columns, read.dropped, name)
+        )  # fmt: skip
 
 
 def _by_name(lines: Lines, stated: Sequence[str]) -> _Table | None:
@@ -148,14 +142,24 @@ def _by_number(lines: Lines, stated: Sequence[str]) -> _Table | None:
         if min(indices) < 0 or not are_numbers(cells, indices):
             continue
         separator = separator_of(lines.texts[first])
-        above = [cells_of(text, separator) for text in lines.texts[max(first - 2, 0) : first]]
-        named = [row for row in above if len(row) == len(cells) and not are_numbers(row, indices)]
+        named = _names_above(lines, first, len(cells), indices)
         if not named:
             columns = [NamedColumn(k, f"column {k + 1}", "") for k in range(len(cells))]
             return _table(lines, columns, indices, separator, first, first)
         columns = in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
         return _table(lines, columns, indices, separator, first - len(named), first)
     return None
+
+
+def _names_above(lines: Lines, first: int, width: int, indices: Sequence[int]) -> list[list[str]]:
+    """Return the row of names, and that of units, directly above a first row of numbers.
+
+    They have as many cells, and no number in those at the indices.
+    """
+    separator = separator_of(lines.texts[first])
+    above = [cells_of(text, separator) for text in lines.texts[max(first - 2, 0) : first]]
+    wide = [row for row in above if len(row) == width]
+    return [row for row in wide if not any(is_like_number(row[index]) for index in indices)]
 
 
 def _table(
@@ -195,11 +199,7 @@ def columns_in(head: bytes) -> list[str]:
     for number, cells in lines.cells():
         if len(cells) < len(_QUANTITIES) or not are_numbers(cells, range(len(_QUANTITIES))):
             continue
-        separator = separator_of(lines.texts[number])
-        above = [cells_of(text, separator) for text in lines.texts[max(number - 2, 0) : number]]
-        named = [
-            row for row in above if len(row) == len(cells) and not any(map(is_like_number, row))
-        ]
+        named = _names_above(lines, number, len(cells), range(len(_QUANTITIES)))
         names = named[0] if named else []
         shown = [name or str(k + 1) for k, name in enumerate(names)]
         return shown or [str(k + 1) for k in range(len(cells))]

@@ -268,7 +268,8 @@ def _without_footer(
         return block
     *above, last = block.rstrip(b"\n").rsplit(b"\n", _FOOTER)
     tail = [*above[1:], last]
-    used = [_used(line.decode("utf-8", "replace"), separator, indices) for line in tail]
+    rows = [cells_of(line.decode("utf-8", "replace"), separator) for line in tail]
+    used = [_at(cells, indices) for cells in rows]
     breaks = [k for k, cells in enumerate(used) if _ends_table(cells)]
     below = used[breaks[0] :] if breaks else []
     numbers = sum(all(map(is_like_number, cells)) for cells in below)
@@ -278,8 +279,8 @@ def _without_footer(
     return b"\n".join([above[0], *tail[: breaks[0]], b""])
 
 
-def _used(line: str, separator: str, indices: Sequence[int]) -> list[str]:
-    cells = cells_of(line, separator)
+def _at(cells: Sequence[str], indices: Sequence[int]) -> list[str]:
+    """Return the cells at the indices, empty ones beyond the last."""
     return [cells[index] if index < len(cells) else "" for index in indices]
 
 
@@ -399,7 +400,7 @@ class _Lines:
                 if '"' in line
                 else [cell.strip() for cell in line.split(separator)]
             )
-            used = [cells[index] if index < len(cells) else "" for index in indices]
+            used = _at(cells, indices)
             short = len(cells) <= max(indices)
             if (why := _fault(cells, used, width, short=short)) is not None:
                 lines.drop(why, position)

@@ -126,7 +126,7 @@ def table(
         A column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
-    return _recorded(columns, picked, rows, separator, file, first, name, began)
+    return _of_larger_motion(columns, picked, rows, separator, file, first, name, began)
 
 
 def adjacent_tests(
@@ -147,7 +147,7 @@ def adjacent_tests(
     """
     tests = side_by_side(columns, chosen(columns, file, line + 1))
     return [
-        _recorded(
+        _of_larger_motion(
             columns_of(columns, picked), picked, rows, separator, file, first,
             f"{name} {title}".strip(), began,
         )
@@ -244,7 +244,30 @@ def _together(before: Recording, after: Recording) -> Recording:
     return replace(before, dropped=dict(dropped), **joined)
 
 
-def _recorded(
+def recorded(
+    columns: Sequence[NamedColumn],
+    picked: dict[str, NamedColumn],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    first: int,
+    name: str,
+    began: float | None = None,
+) -> Recording:
+    """Return the recording of the picked columns; ``first`` is the line of the first row, from 0.
+
+    Raises
+    ------
+    InputError
+        The rows cannot be read.
+    """
+    refuse_split_numbers(rows, separator, len(columns), file, first + 1)
+    read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
+    own = on_clock(picked, read.clocks, file)
+    return recording(columns, own, read.columns, read.dropped, name, began)
+
+
+def _of_larger_motion(
     columns: Sequence[NamedColumn],
     picked: dict[str, NamedColumn],
     rows: bytes,
@@ -255,14 +278,11 @@ def _recorded(
     began: float | None,
 ) -> Recording:
     """Return the recording of the picked columns; of a rheometer's two motions the larger."""
-    refuse_split_numbers(rows, separator, len(columns), file, first + 1)
-    read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
-    own = on_clock(picked, read.clocks, file)
-    recorded = recording(columns, own, read.columns, read.dropped, name, began)
+    squeezed = recorded(columns, picked, rows, separator, file, first, name, began)
     if (other := sheared_instead(columns, picked)) is None:
-        return recorded
-    sheared = _recorded(columns, other, rows, separator, file, first, name, began)
-    return that_moved(recorded, sheared, file)
+        return squeezed
+    sheared = recorded(columns, other, rows, separator, file, first, name, began)
+    return that_moved(squeezed, sheared, file)
 
 
 def refuse_other_header(
