@@ -10,7 +10,7 @@ from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.naming import is_mean
-from qlvbayes.io.formats.textfile import read_rows
+from qlvbayes.io.formats.textrows import read_rows
 from qlvbayes.io.reading.unread import unread_rows
 
 TEST = pressed(hold=0.6, rate=50.0)

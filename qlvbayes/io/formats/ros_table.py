@@ -13,14 +13,8 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
 from qlvbayes.io.formats.roschannels import RosChannel, meaning, recording_of
-from qlvbayes.io.formats.textfile import (
-    Lines,
-    cells_of,
-    decoded,
-    read_rows,
-    separator_of,
-    with_header,
-)
+from qlvbayes.io.formats.textfile import Lines, cells_of, decoded, separator_of, with_header
+from qlvbayes.io.formats.textrows import read_rows
 
 _STAMP = re.compile(r"(?P<topic>(.*[./])?)header[./]stamp([./_](sec|secs|nanosec|nsec|nsecs))?")
 _FINE = re.compile(r".*[./_](nanosec|nsec|nsecs)")  # its part below a second

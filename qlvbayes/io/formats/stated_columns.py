@@ -10,13 +10,12 @@ from typing import ClassVar
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import NamedColumn, plain_name
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textcells import are_numbers, is_like_number
 from qlvbayes.io.formats.textfile import (
     Lines,
-    are_numbers,
     cells_of,
     content,
     decoded,
-    is_like_number,
     refuse_cells,
     sections,
     separator_of,

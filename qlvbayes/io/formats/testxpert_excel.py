@@ -26,14 +26,8 @@ from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.testxpert import names_row
-from qlvbayes.io.formats.textfile import (
-    NumericRows,
-    decimal_mark,
-    is_like_number,
-    plain_number,
-    read_rows,
-    with_point,
-)
+from qlvbayes.io.formats.textcells import decimal_mark, is_like_number, plain_number, with_point
+from qlvbayes.io.formats.textrows import NumericRows, read_rows
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
 _HEADER_ROWS = 60  # rows of a sheet among which the names are

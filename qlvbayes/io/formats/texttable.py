@@ -28,16 +28,9 @@ from qlvbayes.io.formats.columns import (
 )
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.textfile import (
-    Lines,
-    cells_of,
-    is_like_number,
-    read_rows,
-    refuse_split_numbers,
-    sections,
-    separator_of,
-    with_header,
-)
+from qlvbayes.io.formats.textcells import is_like_number
+from qlvbayes.io.formats.textfile import Lines, cells_of, sections, separator_of, with_header
+from qlvbayes.io.formats.textrows import read_rows, refuse_split_numbers
 
 _COPY = re.compile(r"\.\d+$")
 _LEAST = 10  # lines that a test has at least below repeated names

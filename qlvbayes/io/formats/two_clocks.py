@@ -11,7 +11,8 @@ from typing import ClassVar
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.columns import NamedColumn, plain_name, quantities, recording
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
-from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, read_rows, separator_of
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.textrows import read_rows
 from qlvbayes.io.formats.texttable import in_cells
 
 _CLOCK = r"(t|time|clock|timestamp|zeit)( .*)?|.* (t|time|clock|timestamp)"

@@ -7,14 +7,7 @@ from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.textfile import (
-    Lines,
-    cells_of,
-    content,
-    decoded,
-    sections,
-    separator_of,
-)
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, sections, separator_of
 from qlvbayes.io.formats.texttable import in_two_rows, table
 
 
