@@ -27,18 +27,7 @@ def scale_amplitudes(
     The force is that which the effect adds in the user's own motion, at the baseline's mode. The
     discrepancy may also take the shape of each effect's force: whatever is there and not modelled
     looks like some of the effects, so that an effect is believed only where it is far larger than
-    everything else that is left.
-
-    Parameters
-    ----------
-    density
-        The density with default priors.
-    baseline, point
-        The baseline hypothesis, and its mode.
-    families
-        Families of the effects; all forms of an effect have the candidate's amplitude.
-    settings
-        ``narrowest`` and ``widest`` bound the factors.
+    everything else that is left. All forms of an effect have the candidate's amplitude.
     """
     space, signatures, factors = density.space, [], {}
     peak = density.discrepancy.peak

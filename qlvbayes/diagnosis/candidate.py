@@ -15,26 +15,15 @@ from qlvbayes.priors.natural import Natural
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A hypothesis at one of its modes.
+    """A hypothesis at one of its modes."""
 
-    Parameters
-    ----------
-    hypothesis
-        Base laws and effects.
-    mode
-        A local maximum of its posterior density.
-    evidence
-        Moments of the posterior about the mode, and its integral for each size of discrepancy.
-    log_evidence
-        Log of the marginal likelihood, for effects that are large enough to matter.
-    error
-        Sd of the log evidence where it was sampled; nan where it is Laplace's approximation.
-    """
-
-    hypothesis: Hypothesis
-    mode: Mode
+    hypothesis: Hypothesis  # base laws and effects
+    mode: Mode  # a local maximum of its posterior density
+    # moments of the posterior about the mode, and its integral for each size of discrepancy
     evidence: Evidence
+    # log of the marginal likelihood, for effects that are large enough to matter
     log_evidence: float
+    # sd of the log evidence where it was sampled; nan where it is Laplace's approximation
     error: float = math.nan
 
     @property
@@ -48,15 +37,8 @@ def candidate_at(
 ) -> Candidate:
     """Return a hypothesis at a mode with Laplace's evidence about it.
 
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis on the pad's tests.
-    hypothesis, mode
-        The hypothesis, and one of its modes.
-    tolerance
-        Share of the peak force below which an effect does not matter: the prior of an effect's
-        amplitude leaves out what is smaller.
+    The prior of an effect's amplitude leaves out what is smaller than the tolerance, a share of the
+    peak force.
     """
     laplace = evidence(density, mode.point)
     log = laplace.log

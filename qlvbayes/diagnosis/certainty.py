@@ -49,13 +49,6 @@ def features(log_bayes_factor: float, support: Support) -> Array:
     The evidence, the structure that it explains and the log Bayes factor of a varying strength are
     taken as asinh, which is a logarithm where they are large. The last feature is 1 where the
     hypothesis with the effect leaves structure, and 0 elsewhere.
-
-    Parameters
-    ----------
-    log_bayes_factor
-        Its log Bayes factor.
-    support
-        Its support.
     """
     return np.array(
         [
@@ -72,29 +65,18 @@ def features(log_bayes_factor: float, support: Support) -> Array:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The weights of the logistic regression, and the studies they come from.
+    """The weights of the logistic regression, and the studies they come from."""
 
-    Parameters
-    ----------
-    weights
-        The weights (8,), the constant first.
-    low, high
-        Range (7,) of each feature in the studies.
-    names, studies
-        Numbers of effects and of studies that were learnt from.
-    runs
-        Names of the registered runs.
-    bins
-        Low and high end of each bin of certainty, with the number of effects in it and how many of
-        them were there, in studies left out.
-    """
-
-    weights: tuple[float, ...]
+    weights: tuple[float, ...]  # 8 of them, the constant first
+    # low, high: range (7,) of each feature in the studies
     low: tuple[float, ...]
     high: tuple[float, ...]
+    # names, studies: numbers of effects and of studies that were learnt from
     names: int
     studies: int
-    runs: tuple[str, ...]
+    runs: tuple[str, ...]  # names of the registered runs
+    # low and high end of each bin of certainty, with the number of effects in it and how many of
+    # them were there, in studies left out
     bins: tuple[tuple[float, float, int, int], ...]
 
     def __call__(self, x: Array) -> float | None:
@@ -119,16 +101,8 @@ def certainty(
 ) -> float | None:
     """Return the calibrated probability that an effect is there.
 
-    Parameters
-    ----------
-    probability, log_bayes_factor, support
-        The inclusion probability of the effect, its log Bayes factor and its support.
-
-    Returns
-    -------
-    float or None
-        None where the inclusion probability is below `LEAST`, where no hypothesis without the
-        effect was evaluated, or where a feature lies outside the range that was learnt from.
+    It is None where the inclusion probability is below `LEAST`, where no hypothesis without the
+    effect was evaluated, or where a feature lies outside the range that was learnt from.
     """
     if probability < LEAST or log_bayes_factor is None or support is None:
         return None

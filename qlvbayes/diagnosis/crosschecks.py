@@ -138,24 +138,9 @@ def nested_starts(
 ) -> list[Start] | None:
     """Return starts where the evidences of two nested hypotheses do not agree.
 
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis.
-    candidates
-        Every hypothesis evaluated, at its highest mode.
-    hypothesis, effect
-        The hypothesis with the effect, and the effect that the other one lacks.
-    settings
-        Its breadth says how far two log Bayes factors may differ, and its tolerance below which
-        share of the peak force an effect does not matter.
-
-    Returns
-    -------
-    list of Start or None
-        It is empty where the evidences agree, and None where the check cannot be made: the effect
-        has no amplitude, the hypothesis without it was not evaluated, or zero amplitude is too far
-        from the posterior.
+    There are none where they agree. None is returned where the check cannot be made: the effect has
+    no amplitude, the hypothesis without it was not evaluated, or zero amplitude is too far from the
+    posterior.
     """
     less = hypothesis.less(effect)
     if less not in candidates:

@@ -37,33 +37,18 @@ _DRAWS = 256  # of log posteriors within their errors: 6 % of what these make of
 
 @dataclass(frozen=True)
 class Weight:
-    """The figures of one hypothesis that the decision needs.
+    """The figures of one hypothesis that the decision needs."""
 
-    Parameters
-    ----------
-    base
-        Names of the elastic law and of the relaxation.
-    effects
-        Names of the effects added to the baseline model, by family.
-    log_posterior
-        Log posterior up to a constant that all hypotheses share.
-    unmodelled
-        Probability that the data hold something which this hypothesis does not model.
-    nameable
-        Whether its laws and effects all have a physical name. A free curve has none.
-    forms
-        The form of each effect, by its family, where it is not the candidate's own law.
-    error
-        Sd of the log posterior; nan where it is not known.
-    """
-
-    base: tuple[str, str]
-    effects: frozenset[str]
-    log_posterior: float
+    base: tuple[str, str]  # names of the elastic law and of the relaxation
+    effects: frozenset[str]  # names of the effects added to the baseline model, by family
+    log_posterior: float  # log posterior up to a constant that all hypotheses share
+    # probability that the data hold something which this hypothesis does not model
     unmodelled: float
+    # whether its laws and effects all have a physical name. A free curve has none.
     nameable: bool = True
+    # the form of each effect, by its family, where it is not the candidate's own law
     forms: Mapping[str, str] = field(default_factory=dict)
-    error: float = math.nan
+    error: float = math.nan  # sd of the log posterior; nan where it is not known
 
     @property
     def counts(self) -> bool:
@@ -95,33 +80,17 @@ class Weight:
 
 @dataclass(frozen=True)
 class Decision:
-    """The verdict with the probabilities that it rests on.
-
-    Parameters
-    ----------
-    verdict
-        The verdict.
-    effects
-        Names of the effects that are named, the most probable first.
-    group
-        Effects of which one is there, the most probable first; empty unless ambiguous.
-    inclusion
-        Inclusion probability of every effect.
-    base
-        Probability of every pair of elastic law and relaxation.
-    unmodelled
-        Probability that something unmodelled is there.
-    selected
-        Index of the hypothesis that stands for the answer: the most probable one with just the
-        named effects.
-    """
+    """The verdict with the probabilities that it rests on."""
 
     verdict: Verdict
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # names of the effects that are named, the most probable first
+    # effects of which one is there, the most probable first; empty unless ambiguous
     group: tuple[str, ...]
-    inclusion: dict[str, float]
-    base: dict[tuple[str, str], float]
-    unmodelled: float
+    inclusion: dict[str, float]  # inclusion probability of every effect
+    base: dict[tuple[str, str], float]  # probability of every pair of elastic law and relaxation
+    unmodelled: float  # probability that something unmodelled is there
+    # index of the hypothesis that stands for the answer: the most probable one with just the named
+    # effects
     selected: int
 
     @property
@@ -134,13 +103,6 @@ def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None)
     """Return the decision from the probabilities alone.
 
     The selected hypothesis is not tested yet: `checks.vetoes` does that.
-
-    Parameters
-    ----------
-    weights
-        One entry for each of the H hypotheses.
-    settings
-        Thresholds of probability.
     """
     settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)

@@ -42,31 +42,11 @@ def diagnose(
 ) -> Diagnosis:
     """Return what the model of ``choices`` lacks, a law or effects, from all tests.
 
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    choices
-        The baseline model.
-    kinds
-        Candidate effects.
-    settings
-        Prior probabilities and thresholds.
-    evidence
-        ``nested`` also samples the baseline model and the two best hypotheses by nested sampling,
-        which takes a minute or two each.
-    seed
-        Seed of the draws from which the search starts, and of nested sampling.
-    report
-        Is called with a line of text before each step that takes a while.
-    watch
-        Is called at each such step with what is known so far. It may raise `StopSearch` to end the
-        search there.
+    The evidence ``nested`` also samples the baseline model and the two best hypotheses by nested
+    sampling, a minute or two each. ``report`` takes a line of text before each step that takes a
+    while, ``watch`` what is known by then; it may raise `StopSearch` to end the search there.
 
-    Raises
-    ------
-    InputError
-        The noise model is not Gaussian.
+    Raises InputError where the noise model is not Gaussian.
     """
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)
@@ -143,10 +123,7 @@ def run_search(search: Search) -> None:
     checks look for missed modes; as long as they lead to higher ones, the beam goes on from there.
     In the end the evidence of the hypotheses that count is sampled.
 
-    Raises
-    ------
-    NoFiniteForceError
-        No draw of the baseline's priors gives finite forces.
+    Raises NoFiniteForceError where no draw of the baseline's priors gives finite forces.
     """
     search.begin()
     search.expand_beam()

@@ -18,17 +18,12 @@ class Families:
 
     A family is a candidate effect with its other forms; all are reported under the candidate's
     name.
-
-    Parameters
-    ----------
-    family_of
-        Name of the family of every effect; a candidate effect's family has its own name.
-    unmodelled
-        Effects that stand for something which no candidate is. They name nothing, and each is a
-        family of its own.
     """
 
+    # name of the family of every effect; a candidate effect's family has its own name
     family_of: dict[str, str]
+    # effects that stand for something which no candidate is. They name nothing, and each is a
+    # family of its own.
     unmodelled: frozenset[str] = frozenset()
 
     @classmethod
@@ -89,31 +84,14 @@ def log_prior(
 ) -> float:
     r"""Return the log prior probability of a hypothesis.
 
-    The effects of the baseline hypothesis are in every hypothesis. A set of k families out of N
-    has the probability
+    The effects of the baseline hypothesis are in every hypothesis. A set of k families out of N has
+    the probability
 
     .. math:: p(\text{set}) = c (1 - c)^k / \binom{N}{k}
 
-    and the members of a family share its probability. The baseline's laws have the probability
-    ``settings.chosen_law`` each, and all others share the rest alike.
-
-    Parameters
-    ----------
-    hypothesis
-        The hypothesis.
-    baseline
-        The model that the user chose.
-    laws
-        Names of the elastic laws, and of the relaxations.
-    families
-        Families of the effects.
-    settings
-        Prior probabilities; ``complete`` is c.
-
-    Returns
-    -------
-    float
-        Minus infinity where the hypothesis has two effects of one family.
+    where c is ``settings.complete``, and the members of a family share its probability; two effects
+    of one family have none. The baseline's laws have the probability ``settings.chosen_law`` each,
+    and all others share the rest alike.
     """
     added = hypothesis.effects - baseline.effects
     total = _log_prior_of_set(added, baseline.effects, families, settings)

@@ -56,24 +56,13 @@ class Base(LawPair, frozen=True):
 
 
 class Alternative(Part, frozen=True):
-    """A hypothesis with its probability.
-
-    Parameters
-    ----------
-    base, effects
-        Its laws and effects.
-    probability
-        Posterior probability.
-    log_evidence
-        Log of the marginal likelihood.
-    log_evidence_error
-        Its sd by importance sampling; None where the evidence is Laplace's approximation.
-    """
+    """A hypothesis with its probability."""
 
     base: LawPair
     effects: tuple[str, ...]
     probability: float
-    log_evidence: float | None = None
+    log_evidence: float | None = None  # log of the marginal likelihood
+    # its sd by importance sampling; None where the evidence is Laplace's approximation
     log_evidence_error: float | None = None
 
 
@@ -94,24 +83,13 @@ class StructuredPhase(Part, frozen=True):
 class CellError(
     Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}
 ):
-    """The error in the samples of one kind of phase in one test.
-
-    Parameters
-    ----------
-    test, phase
-        Name of the test and kind of phase.
-    rate
-        Speed of loading (mm/s); None where the test has none.
-    n
-        Number of samples.
-    rmse, bias
-        Root mean square and mean of measured minus predicted force (N).
-    """
+    """The error in the samples of one kind of phase in one test."""
 
     test: str
     phase: str
-    rate: float | None
+    rate: float | None  # speed of loading (mm/s); None where the test has none
     n: int
+    # rmse, bias: root mean square and mean of measured minus predicted force (N)
     rmse: float
     bias: float
 
@@ -126,40 +104,19 @@ class Stage(
         "testable": "noise_testable",
     },
 ):
-    """A hypothesis on the way from the baseline to the verdict, and what it leaves.
-
-    Parameters
-    ----------
-    base, effects
-        Its laws and effects.
-    rmse
-        Root mean square error over all samples, fitted (N).
-    heldout_rmse
-        The same with each test left out in turn; None where there is only one test.
-    log_evidence
-        Log of the marginal likelihood; None where it is not finite.
-    p_value
-        P-value of the adequacy test.
-    testable
-        Whether the dwells show if noise is correlated.
-    failing
-        Phases that hold structure.
-    cells
-        Errors by test and phase.
-    parameters
-        Estimates of its constants.
-    """
+    """A hypothesis on the way from the baseline to the verdict, and what it leaves."""
 
     base: LawPair
     effects: tuple[str, ...]
-    rmse: float
+    rmse: float  # root mean square error over all samples, fitted (N)
+    # the same with each test left out in turn; None where there is only one test
     heldout_rmse: float | None
-    log_evidence: float | None
-    p_value: float
-    testable: bool
-    failing: tuple[StructuredPhase, ...]
+    log_evidence: float | None  # log of the marginal likelihood; None where it is not finite
+    p_value: float  # p-value of the adequacy test
+    testable: bool  # whether the dwells show if noise is correlated
+    failing: tuple[StructuredPhase, ...]  # phases that hold structure
     cells: tuple[CellError, ...]
-    parameters: dict[str, Estimate]
+    parameters: dict[str, Estimate]  # estimates of its constants
 
     @property
     def worst(self) -> CellError:
@@ -168,95 +125,56 @@ class Stage(
 
 
 class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time_s"}):
-    """Number of block means in which the evidence for an effect lies.
+    """Number of block means in which the evidence for an effect lies."""
 
-    Parameters
-    ----------
-    blocks, of
-        The smallest number of block means that hold half of the gain in log likelihood, and the
-        number of all block means.
-    test, phase, time
-        Test, kind of phase and time (s) of the block mean that holds most of it.
-    """
-
+    # blocks, of: the smallest number of block means that hold half of the gain in log likelihood,
+    # and the number of all block means
     blocks: int
     of: int
+    # test, phase, time: test, kind of phase and time (s) of the block mean that holds most of it
     test: str
     phase: str
     time: float
 
 
 class Support(Part, frozen=True):
-    """Measures in addition to the evidence that speak for or against an effect (`checks.support`).
+    """Measures besides the evidence that speak for or against an effect (`checks.support`)."""
 
-    Parameters
-    ----------
-    heldout_gain
-        Logarithm of the error on tests left out without the effect over that with it.
-    heldout_sds
-        Mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
-        than three parts.
-    share
-        Logarithm of the structured part that is left without the effect over that with it.
-    varying
-        Log Bayes factor that its strength varies between tests and kinds of phase.
-    error_left
-        Logarithm of the error of the fit with the effect over the noise floor.
-    p_left
-        P-value of the adequacy test with the effect.
-    effects
-        Number of effects that the hypothesis adds.
-    """
-
+    # logarithm of the error on tests left out without the effect over that with it
     heldout_gain: float
+    # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
+    # than three parts
     heldout_sds: float
+    # logarithm of the structured part that is left without the effect over that with it
     share: float
-    varying: float
-    error_left: float
-    p_left: float
-    effects: int
+    varying: float  # log Bayes factor that its strength varies between tests and kinds of phase
+    error_left: float  # logarithm of the error of the fit with the effect over the noise floor
+    p_left: float  # p-value of the adequacy test with the effect
+    effects: int  # number of effects that the hypothesis adds
 
 
 class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):
-    """The probability of one effect, or of ``none``, over all hypotheses.
+    """The probability of one effect, or of ``none``, over all hypotheses."""
 
-    Parameters
-    ----------
-    effect
-        Name of the effect, or ``none``.
-    inclusion
-        Probability that the effect is in the model; for ``none``, that no effect is.
-    probability
-        The same with the probability of every hypothesis shared out among its effects, so that
-        all entries sum to one.
-    log_bayes_factor
-        Log posterior odds of inclusion minus the log prior odds; None where no hypothesis without
-        the effect was evaluated.
-    rmse
-        Error of all samples (N) by the most probable hypothesis with the effect.
-    parameters
-        Estimates of the effect's constants in that hypothesis.
-    inclusion_error
-        Sd of the inclusion probability that follows from the errors of the evidences.
-    half
-        In how many readings half of the effect's evidence lies; None where the effect is improbable
-        or the hypothesis without it was not evaluated.
-    certainty
-        How often an effect with such evidence was there in blind studies (`certainty`).
-    support
-        What else speaks for or against it; None where it is improbable, or the hypothesis without
-        it was not evaluated.
-    """
-
-    effect: str
-    inclusion: float
+    effect: str  # name of the effect, or ``none``
+    inclusion: float  # probability that the effect is in the model; for ``none``, that no effect is
+    # the same with the probability of every hypothesis shared out among its effects, so that all
+    # entries sum to one
     probability: float
+    # log posterior odds of inclusion minus the log prior odds; None where no hypothesis without the
+    # effect was evaluated
     log_bayes_factor: float | None
-    rmse: float
-    parameters: dict[str, Estimate]
+    rmse: float  # error of all samples (N) by the most probable hypothesis with the effect
+    parameters: dict[str, Estimate]  # estimates of the effect's constants in that hypothesis
+    # sd of the inclusion probability that follows from the errors of the evidences
     inclusion_error: float = 0.0
+    # in how many readings half of the effect's evidence lies; None where the effect is improbable
+    # or the hypothesis without it was not evaluated
     half: Decisive | None = None
+    # how often an effect with such evidence was there in blind studies (`certainty`)
     certainty: float | None = None
+    # what else speaks for or against it; None where it is improbable, or the hypothesis without it
+    # was not evaluated
     support: Support | None = None
 
 
@@ -275,28 +193,15 @@ class Refused(Part, frozen=True):
 
 
 class ParameterBias(Part, frozen=True, rename={"left": "share_left"}):
-    """An effect that would bias the constants instead of leaving a residual.
-
-    Parameters
-    ----------
-    effect, amplitude
-        Names of the effect and of its amplitude.
-    size
-        Value of the amplitude: one prior sd.
-    left
-        Share of the effect's force that is left once the constants are refitted.
-    changes
-        Relative change of each constant if the effect is there and not modelled.
-    visible
-        Whether these tests would show the effect at that size all the same.
-    """
+    """An effect that would bias the constants instead of leaving a residual."""
 
     effect: str
     amplitude: str
-    size: float
-    left: float
+    size: float  # value of the amplitude: one prior sd
+    left: float  # share of the effect's force that is left once the constants are refitted
+    # relative change of each constant if the effect is there and not modelled
     changes: dict[str, float]
-    visible: bool
+    visible: bool  # whether these tests would show the effect at that size all the same
 
 
 class Suggestion(Part, frozen=True, rename={"evidence": "expected_2_ln_bayes_factor"}):
@@ -307,25 +212,14 @@ class Suggestion(Part, frozen=True, rename={"evidence": "expected_2_ln_bayes_fac
 
 
 class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
-    """The log evidence of one hypothesis without a discrepancy, computed in two ways.
-
-    Parameters
-    ----------
-    effect
-        The hypothesis in words.
-    laplace
-        Log evidence by Laplace's approximation.
-    log_evidence, error
-        Log evidence by nested sampling, with its sd.
-    agrees
-        Whether both agree within three errors and half a unit.
-    """
+    """The log evidence of one hypothesis without a discrepancy, computed in two ways."""
 
     effect: str
-    laplace: float
+    laplace: float  # log evidence by Laplace's approximation
+    # log_evidence, error: log evidence by nested sampling, with its sd
     log_evidence: float
     error: float
-    agrees: bool
+    agrees: bool  # whether both agree within three errors and half a unit
 
     def __str__(self) -> str:
         """Return both values in words."""
@@ -336,18 +230,11 @@ class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_lap
 
 
 class Checked(Part, frozen=True):
-    """Counts of a check for missed modes: how often it was made, failed, and led to a higher mode.
+    """Counts of a check for missed modes: how often it was made, failed and led to a higher one."""
 
-    Parameters
-    ----------
-    check
-        ``nested`` compares evidences with and without an effect to the effect's posterior at zero.
-        ``exchanged`` looks for an extra relaxation mode that has the part of one of the law's own.
-        ``draws`` optimises the most probable hypotheses from other draws of the relaxation.
-    made, failed, higher
-        The counts.
-    """
-
+    # ``nested`` compares evidences with and without an effect to the effect's posterior at zero.
+    # ``exchanged`` looks for an extra relaxation mode that has the part of one of the law's own.
+    # ``draws`` optimises the most probable hypotheses from other draws of the relaxation.
     check: str
     made: int
     failed: int
@@ -359,39 +246,22 @@ class RemainingStructure(
     frozen=True,
     rename={"rms": "rms_N", "upper95": "upper95_N", "bias": "bias_N", "excess": "excess_N"},
 ):
-    """The structure that the selected hypothesis leaves, in the phase where it leaves most.
+    """The structure that the selected hypothesis leaves, in the phase where it leaves most."""
 
-    Parameters
-    ----------
-    rms, upper95
-        Root mean square of the structured part (N), and its upper bound at 95 %.
-    share_of_peak
-        ``rms`` divided by the largest force.
-    share_of_error
-        Structured part over all phases, divided by that of the baseline model; None where that
-        leaves none.
-    test, phase
-        Where it is largest.
-    bias
-        Mean of the structured part there (N).
-    excess
-        By how much the error of all samples exceeds the noise (N).
-    sure
-        Whether the adequacy test sees structure at all.
-    small
-        Whether all of it is below the tolerance.
-    """
-
+    # rms, upper95: root mean square of the structured part (N), and its upper bound at 95 %
     rms: float
     upper95: float
-    share_of_peak: float
+    share_of_peak: float  # ``rms`` divided by the largest force
+    # structured part over all phases, divided by that of the baseline model; None where that leaves
+    # none
     share_of_error: float | None
+    # test, phase: where it is largest
     test: str
     phase: str
-    bias: float
-    excess: float
-    sure: bool
-    small: bool
+    bias: float  # mean of the structured part there (N)
+    excess: float  # by how much the error of all samples exceeds the noise (N)
+    sure: bool  # whether the adequacy test sees structure at all
+    small: bool  # whether all of it is below the tolerance
 
 
 class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
@@ -404,21 +274,13 @@ class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 
 
 class Used(Part, frozen=True):
-    """The settings with which a diagnosis was made.
+    """The settings with which a diagnosis was made."""
 
-    Parameters
-    ----------
-    thresholds
-        Prior probabilities and thresholds.
-    seed, evidence
-        Seed of nested sampling, and whether that was asked for.
-    elastic, relaxation, effects
-        Names of all laws and effects that were searched.
-    """
-
-    thresholds: DiagnosisSettings
+    thresholds: DiagnosisSettings  # prior probabilities and thresholds
+    # seed, evidence: seed of nested sampling, and whether that was asked for
     seed: int
     evidence: str
+    # elastic, relaxation, effects: names of all laws and effects that were searched
     elastic: tuple[str, ...]
     relaxation: tuple[str, ...]
     effects: tuple[str, ...]

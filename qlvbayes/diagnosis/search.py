@@ -46,34 +46,17 @@ class CheckCount:
 
 @dataclass(eq=False)
 class Search:
-    """The hypotheses evaluated so far, with their modes, and the beam that adds to them.
+    """The hypotheses evaluated so far, with their modes, and the beam that adds to them."""
 
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis on the pad's tests.
-    settings
-        Prior probabilities, thresholds and the breadth of the search.
-    baseline
-        The hypothesis that the user chose: laws, and effects that every hypothesis has.
-    families
-        Families of the effects that may be added.
-    report
-        Is called with a line of text before each step that takes a while.
-    seed
-        Seed of the starts.
-    modes
-        Up to ``settings.breadth.modes`` candidates of each hypothesis, the highest first.
-    checks
-        Counts of the checks for missed modes.
-    """
-
-    density: Density
-    settings: DiagnosisSettings
+    density: Density  # posterior density of any hypothesis on the pad's tests
+    settings: DiagnosisSettings  # prior probabilities, thresholds and the breadth of the search
+    # the hypothesis that the user chose: laws, and effects that every hypothesis has
     baseline: Hypothesis
-    families: Families
+    families: Families  # families of the effects that may be added
+    # is called with a line of text before each step that takes a while
     report: Report = lambda text: None
     seed: int = 0
+    # up to ``settings.breadth.modes`` candidates of each hypothesis, the highest first
     modes: dict[Hypothesis, list[Candidate]] = field(default_factory=dict)
     checks: dict[str, CheckCount] = field(
         default_factory=lambda: {name: CheckCount() for name in CHECKS}
@@ -152,10 +135,7 @@ class Search:
     def begin(self) -> None:
         """Evaluate the baseline model, and scale the priors of all amplitudes with it.
 
-        Raises
-        ------
-        NoFiniteForceError
-            No draw of the baseline's priors gives finite forces.
+        Raises NoFiniteForceError where no draw of the baseline's priors gives finite forces.
         """
         self.report(f"the plain model, {described(self.baseline)}")
         drawn = self._modes_from_priors(self.baseline)
@@ -283,13 +263,8 @@ class Search:
     def evaluate(self, hypothesis: Hypothesis, base: Hypothesis | None = None) -> None:
         """Find the modes of a hypothesis, starting from those of one that was evaluated.
 
-        Parameters
-        ----------
-        hypothesis
-            The hypothesis to evaluate.
-        base
-            A hypothesis that was evaluated, by default the baseline. The first hypothesis of a
-            search starts from draws of its priors instead.
+        By default that is the baseline. The first hypothesis of a search starts from draws of its
+        priors instead.
         """
         if self.modes:
             self._evaluate_all(base or self.baseline, [hypothesis])

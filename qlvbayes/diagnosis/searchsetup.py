@@ -40,13 +40,7 @@ from qlvbayes.priors.natural import in_quadratic_coordinates
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
     """Return an experiment with the history and the noise floor that the user's choices ask for.
 
-    Parameters
-    ----------
-    experiment
-        The tests of one pad, with the noise floor as measured.
-    choices
-        ``rested`` says that the pad has recovered between tests; the noise model may give the
-        floor's sds (N) and its correlation time (s).
+    Choices of noise may give the floor's sds (N) and its correlation time (s).
     """
     floor, noise = experiment.floor, choices.build(experiment.scales)[1]
     if isinstance(noise, Floor):
@@ -65,22 +59,11 @@ def build_search(
 ) -> Search:
     """Return a search that has not begun yet, over all laws and effects that the tests can show.
 
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    choices
-        The baseline model: laws, effects that it has already, noise, priors.
-    kinds
-        Candidate effects. Their other forms and the unmodelled effects are searched too. An effect
-        of a velocity or an acceleration that the records do not give is left out.
-    settings
-        Prior probabilities, thresholds and the breadth of the search.
+    Other forms of the candidate effects and the unmodelled effects are searched too. An effect of a
+    velocity or an acceleration that the records do not give is left out.
 
-    Raises
-    ------
-    InputError
-        The diagnosis does not know the noise model chosen: it takes the measured noise.
+    Raises InputError where the diagnosis does not know the noise model: it takes the measured
+    noise.
     """
     choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)
@@ -165,14 +148,7 @@ def protocol_of(
 ) -> Protocol:
     """Return the protocol of an experiment, from the phases, motion and forces of its tests.
 
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    bonded
-        Whether the specimen is fixed to the platen.
-    settings
-        ``returned`` is the share of the largest depth or force below which a test has come back.
+    A test has come back below the share ``settings.returned`` of the largest depth or force.
     """
     nearly = (settings or DiagnosisSettings()).returned
     return Protocol(

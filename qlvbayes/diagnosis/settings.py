@@ -14,132 +14,80 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 @dataclass(frozen=True)
 class Breadth:
-    """Breadth of the search for hypotheses and their modes; a broader search takes longer.
+    """Breadth of the search for hypotheses and their modes; a broader search takes longer."""
 
-    Parameters
-    ----------
-    starts
-        Number of draws of all priors from which the baseline model is optimised.
-    draws
-        A hypothesis is optimised from draws of the relaxation until this many in a row lead no
-        higher.
-    shapes
-        Number of quantiles of the prior of a new effect's shape from which it is optimised.
-    small, large
-        Amplitudes with which a new effect starts, in sds of the amplitude's prior.
-    followed
-        Number of modes under coarse noise that are optimised further under the noise itself.
-    beam
-        Largest number of hypotheses that are expanded at a time.
-    near
-        Distance behind the best log posterior within which a hypothesis is expanded.
-    redrawn
-        Number of neighbours, the most probable ones, that are also optimised from other
-        relaxations.
-    effects
-        Largest number of effects that a hypothesis adds to the user's own.
-    substitutes
-        Number of effects, those that explained most elsewhere, by which each effect of the most
-        probable hypothesis is replaced in turn where it leaves structure.
-    hypotheses
-        Largest number of hypotheses that are evaluated. Where something unmodelled is there, very
-        many fit alike.
-    modes
-        Largest number of modes of a hypothesis that are kept.
-    far
-        Loss behind the best mode beyond which another mode adds nothing to the evidence (e^-15).
-    rival
-        Distance behind the best log posterior within which a hypothesis is checked for missed
-        modes and its evidence is sampled (e^-7: a thousandth).
-    sampled
-        Largest number of hypotheses whose evidence is sampled.
-    reached
-        Distance of an amplitude from zero, in sds, within which its density at zero is known, so
-        that a Savage-Dickey ratio is.
-    higher
-        Log posterior by which a hypothesis must rise for a check to have led to a higher mode.
-    apart
-        Difference by which two ways to a log Bayes factor may differ (e^3 = 20, which is more than
-        the error of a normal approximation about a mode).
-    """
-
-    starts: int = 4
+    starts: int = 4  # number of draws of all priors from which the baseline model is optimised
+    # a hypothesis is optimised from draws of the relaxation until this many in a row lead no higher
     draws: int = 6
+    # number of quantiles of the prior of a new effect's shape from which it is optimised
     shapes: int = 2
+    # small, large: amplitudes with which a new effect starts, in sds of the amplitude's prior
     small: float = 0.1
     large: float = 1.5
+    # number of modes under coarse noise that are optimised further under the noise itself
     followed: int = 1
-    beam: int = 2
+    beam: int = 2  # largest number of hypotheses that are expanded at a time
+    # distance behind the best log posterior within which a hypothesis is expanded
     near: float = 25.0
+    # number of neighbours, the most probable ones, that are also optimised from other relaxations
     redrawn: int = 1
-    effects: int = 3
+    effects: int = 3  # largest number of effects that a hypothesis adds to the user's own
+    # number of effects, those that explained most elsewhere, by which each effect of the most
+    # probable hypothesis is replaced in turn where it leaves structure
     substitutes: int = 3
+    # largest number of hypotheses that are evaluated. Where something unmodelled is there, very
+    # many fit alike.
     hypotheses: int = 250
-    modes: int = 4
+    modes: int = 4  # largest number of modes of a hypothesis that are kept
+    # loss behind the best mode beyond which another mode adds nothing to the evidence (e^-15)
     far: float = 15.0
+    # distance behind the best log posterior within which a hypothesis is checked for missed modes
+    # and its evidence is sampled (e^-7: a thousandth)
     rival: float = 7.0
-    sampled: int = 12
+    sampled: int = 12  # largest number of hypotheses whose evidence is sampled
+    # distance of an amplitude from zero, in sds, within which its density at zero is known, so that
+    # a Savage-Dickey ratio is
     reached: float = 3.0
+    # log posterior by which a hypothesis must rise for a check to have led to a higher mode
     higher: float = 0.5
+    # difference by which two ways to a log Bayes factor may differ (e^3 = 20, which is more than
+    # the error of a normal approximation about a mode)
     apart: float = 3.0
 
 
 @dataclass(frozen=True)
 class CellTests:
-    """Settings of the test for structure that is left in a cell, which is a phase of a test.
+    """Settings of the test for structure that is left in a cell, which is a phase of a test."""
 
-    Parameters
-    ----------
-    curves
-        Number of smooth curves that are tried in a cell.
-    blocks
-        Number of block means that each curve needs.
-    apart
-        Largest number of phases of one kind in a test that are cells by themselves. More of them,
-        as in cycles, form one cell.
-    drifts
-        Number of curves by which the mean of such a cell may drift from cycle to cycle (2: a line
-        and a parabola).
-    draws
-        Number of draws of the noise floor over which p-values are averaged.
-    doubtful
-        The same where the kind of noise is in doubt: with 12 draws a p-value of 0.02 may come out
-        as 1e-9.
-    level
-        P-value below which a cell, or one combination of its curves, stands out; what stands out
-        is bounded with one minus this probability.
-    """
-
-    curves: int = 4
-    blocks: int = 3
+    curves: int = 4  # number of smooth curves that are tried in a cell
+    blocks: int = 3  # number of block means that each curve needs
+    # largest number of phases of one kind in a test that are cells by themselves. More of them, as
+    # in cycles, form one cell.
     apart: int = 5
+    # number of curves by which the mean of such a cell may drift from cycle to cycle (2: a line and
+    # a parabola)
     drifts: int = 2
-    draws: int = 12
+    draws: int = 12  # number of draws of the noise floor over which p-values are averaged
+    # the same where the kind of noise is in doubt: with 12 draws a p-value of 0.02 may come out as
+    # 1e-9
     doubtful: int = 48
+    # p-value below which a cell, or one combination of its curves, stands out; what stands out is
+    # bounded with one minus this probability
     level: float = 0.05
 
 
 @dataclass(frozen=True)
 class Imitation:
-    """Thresholds between an effect and an imitation, whose strength varies between tests.
+    """Thresholds between an effect and an imitation, whose strength varies between tests."""
 
-    Parameters
-    ----------
-    varies
-        Relative sd of an imitation's strength.
-    holds
-        Relative sd of a true effect's strength: the effect predicts forces to about 5 %.
-    odds
-        Bayes factor of an imitation over a true effect from which an effect counts as an
-        imitation. Its mean is 1 for a true effect, so that 20 is exceeded in 5 % of pads at most.
-    least
-        Least ratio of the squared structure that an effect explains to that which nothing
-        explains. Below it the effect may be an imitation of a part of the latter.
-    """
-
-    varies: float = 0.3
+    varies: float = 0.3  # relative sd of an imitation's strength
+    # relative sd of a true effect's strength: the effect predicts forces to about 5 %
     holds: float = 0.05
+    # Bayes factor of an imitation over a true effect from which an effect counts as an imitation.
+    # Its mean is 1 for a true effect, so that 20 is exceeded in 5 % of pads at most.
     odds: float = 20.0
+    # least ratio of the squared structure that an effect explains to that which nothing explains.
+    # Below it the effect may be an imitation of a part of the latter.
     least: float = 1.0
 
 
@@ -147,75 +95,46 @@ class Imitation:
 class DiagnosisSettings:
     """Prior probabilities, and the probabilities and sizes from which the verdict says something.
 
-    Parameters
-    ----------
-    complete
-        Prior probability that no (further) effect is missing, which applies anew after each
-        effect. One half is undecided.
-    chosen_law
-        Prior probability that the elastic law is the one that was chosen, and likewise for the
-        relaxation; all other laws share the rest alike. One half is undecided.
-    candidate
-        Part of a family's prior probability that the candidate effect has; its other forms share
-        the rest alike. One half is undecided.
-    named
-        Inclusion probability from which an effect is named, and probability of one more effect
-        from which a group is sought for it.
-    confirmed
-        Certainty below which an effect is not named. One half: in blind studies with such evidence
-        and support it was as often there as not.
-    covered
-        Probability with which a group must hold the missing effect.
-    false_alarms
-        Significance level of the adequacy test over all cells of a pad.
-    rise
-        Relative increase of the error on tests left out that a named effect may cause: rounding,
-        or an effect that helps where nothing was left out.
-    tolerance
-        Share of the peak force below which neither an effect nor structure matters.
-    breadth
-        Breadth of the search.
-    discrepancy
-        Prior of the discrepancy, which stands for everything that is not modelled.
-    narrowest, widest
-        Bounds of the factors by which the prior of an effect's amplitude is scaled to the user's
-        motion. Without them, an effect that hardly acts in it would have to be enormous.
-    group
-        Largest number of effects in a group: more is no answer.
-    unlisted
-        Probability of something unmodelled from which it counts as being there.
-    returned
-        Share of the largest depth, or of the peak force, below which a test counts as having come
-        back to zero.
-    cells
-        How structure is tested for.
-    imitation
-        How an effect is distinguished from an imitation.
-
-    Raises
-    ------
-    InputError
-        The tolerance is below 0, or 0.5 or more.
+    Raises InputError where the tolerance is below 0, or 0.5 or more.
     """
 
+    # prior probability that no (further) effect is missing, which applies anew after each effect.
+    # One half is undecided.
     complete: float = 0.5
+    # prior probability that the elastic law is the one that was chosen, and likewise for the
+    # relaxation; all other laws share the rest alike. One half is undecided.
     chosen_law: float = 0.5
+    # part of a family's prior probability that the candidate effect has; its other forms share the
+    # rest alike. One half is undecided.
     candidate: float = 0.5
+    # inclusion probability from which an effect is named, and probability of one more effect from
+    # which a group is sought for it
     named: float = 0.9
+    # certainty below which an effect is not named. One half: in blind studies with such evidence
+    # and support it was as often there as not.
     confirmed: float = 0.5
-    covered: float = 0.95
-    false_alarms: float = 0.001
+    covered: float = 0.95  # probability with which a group must hold the missing effect
+    false_alarms: float = 0.001  # significance level of the adequacy test over all cells of a pad
+    # relative increase of the error on tests left out that a named effect may cause: rounding, or
+    # an effect that helps where nothing was left out
     rise: float = 0.001
+    # share of the peak force below which neither an effect nor structure matters
     tolerance: float = TOLERANCE
     breadth: Breadth = Breadth()
+    # prior of the discrepancy, which stands for everything that is not modelled
     discrepancy: DiscrepancyPrior = UNDECIDED
+    # narrowest, widest: bounds of the factors by which the prior of an effect's amplitude is scaled
+    # to the user's motion. Without them, an effect that hardly acts in it would have to be
+    # enormous.
     narrowest: float = 0.2
     widest: float = 5.0
-    group: int = 3
-    unlisted: float = 0.5
+    group: int = 3  # largest number of effects in a group: more is no answer
+    unlisted: float = 0.5  # probability of something unmodelled from which it counts as being there
+    # share of the largest depth, or of the peak force, below which a test counts as having come
+    # back to zero
     returned: float = NEARLY
-    cells: CellTests = CellTests()
-    imitation: Imitation = Imitation()
+    cells: CellTests = CellTests()  # how structure is tested for
+    imitation: Imitation = Imitation()  # how an effect is distinguished from an imitation
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

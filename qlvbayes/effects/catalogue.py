@@ -119,21 +119,8 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
     """Return the effects that a Python file defines, in its order; imported ones do not count.
 
-    Parameters
-    ----------
-    path
-        The user's file.
-
-    Returns
-    -------
-    tuple
-        The classes of effects.
-
-    Raises
-    ------
-    InputError
-        The file is missing, stops with an error, defines no effect or one that lacks a part, or
-        uses a name that another effect has.
+    Raises InputError where the file is missing, stops with an error, defines no effect or one that
+    lacks a part, or uses a name that another effect has.
     """
     path = Path(path)
     kinds = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]

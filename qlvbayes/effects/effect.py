@@ -31,36 +31,16 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Protocol:
-    """Features of a study's tests that decide which effects the tests can show.
+    """Features of a study's tests that decide which effects the tests can show."""
 
-    Parameters
-    ----------
-    unloads
-        Whether a test moves back.
-    returns
-        Whether a test moves back to (nearly) zero depth.
-    tests
-        How many tests there are.
-    bonded
-        Whether the specimen is fixed to the platen.
-    curved
-        Whether the displacement records give acceleration.
-    timed
-        Whether the displacement records give velocity.
-    one_depth
-        Whether there are holds and all are at one depth.
-    interval
-        Sampling interval (s); 0 where it does not matter.
-    """
-
-    unloads: bool
-    returns: bool
-    tests: int
-    bonded: bool
-    curved: bool
-    timed: bool = True
-    one_depth: bool = False
-    interval: float = 0.0
+    unloads: bool  # whether a test moves back
+    returns: bool  # whether a test moves back to (nearly) zero depth
+    tests: int  # how many tests there are
+    bonded: bool  # whether the specimen is fixed to the platen
+    curved: bool  # whether the displacement records give acceleration
+    timed: bool = True  # whether the displacement records give velocity
+    one_depth: bool = False  # whether there are holds and all are at one depth
+    interval: float = 0.0  # sampling interval (s); 0 where it does not matter
 
 
 class AbstractEffect(eqx.Module):

@@ -36,15 +36,7 @@ def log_noticeable(
 ) -> float:
     """Return the log of the ratio above for a posterior N(mean, sd^2) of an amplitude.
 
-    Parameters
-    ----------
-    prior
-        Prior of the amplitude without the bracket.
-    mean, sd
-        Of the amplitude's normal posterior, in the amplitude's unit.
-    tolerance
-        Share of the peak force from which a contribution matters. At 0 every one does, and the
-        ratio is 1.
+    The prior is that without the bracket; at a tolerance of 0 the ratio is 1.
     """
     size = float(prior.sd)
     t = tolerance / SHARE * size

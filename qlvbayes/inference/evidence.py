@@ -56,20 +56,8 @@ def evidence(density: Density, point: Point) -> Evidence:
     """Return the evidence about a mode.
 
     Where a step would still gain much, the normal is centred at the point itself, which
-    underestimates the evidence: the expansion is not trusted so far from the mode.
-
-    Parameters
-    ----------
-    density
-        Posterior density.
-    point
-        The mode.
-
-    Returns
-    -------
-    Evidence
-        Log evidence and normal approximation. The log evidence is minus infinity where the
-        curvature is not positive definite at any size of the discrepancy.
+    underestimates the evidence: the expansion is not trusted so far from the mode. The log evidence
+    is minus infinity where the curvature is not positive definite at any size of the discrepancy.
     """
     theta = point.theta
     terms = density.terms_by_size(point)

@@ -151,18 +151,8 @@ def sampled_evidence(
 ) -> ImportanceSample | None:
     """Return the evidence of a hypothesis by sampling about its modes; None if few draws count.
 
-    Parameters
-    ----------
-    density
-        Posterior density.
-    modes
-        Modes of the hypothesis with their Laplace evidences, the best first.
-    tolerance
-        Share of the peak force below which an amplitude's contribution does not matter.
-    max_error
-        Standard error of the log evidence at which sampling ends.
-    seed
-        Seed of the draws.
+    The modes come with the best first. Sampling ends at a standard error ``max_error`` of the log
+    evidence.
     """
 
     def is_sufficient(so_far: ImportanceSample) -> bool:
@@ -190,24 +180,8 @@ def importance_sample(
 
     Only draws of the last mixture count, which was chosen before they were made. A proposal that is
     shaped by draws which it then weights itself makes their weights too small (by 0.2 of ln Z in
-    twelve parameters).
-
-    Parameters
-    ----------
-    density, parameters
-        Posterior density, and the free parameters of the hypothesis.
-    start
-        First mixture.
-    points
-        Modes, as at the nearest of which the discrepancy is separated.
-    is_sufficient
-        Decides whether the draws so far suffice.
-    rounds
-        Largest number of rounds.
-    rng
-        Random generator of the draws.
-    tolerance
-        Share of the peak force below which an amplitude's contribution does not matter.
+    twelve parameters). The discrepancy is separated as at the nearest of the points, which are
+    modes.
     """
     proposals, adaptations = list(start), 0
     thetas = np.zeros((0, parameters.size))

@@ -52,24 +52,10 @@ def find_mode(
     """Return the mode to which damped Gauss-Newton steps lead, or None if the start is not finite.
 
     The steps follow Levenberg (1944, doi:10.1090/qam/10666) and Marquardt (1963,
-    doi:10.1137/0111030). After each convergence the discrepancy takes its likeliest size, until
-    that stays the same.
-
-    Parameters
-    ----------
-    density
-        Posterior density.
-    hypothesis
-        Laws and effects whose free parameters are optimised.
-    start
-        Theta (F,) or a point.
-    best
-        Loss of the best mode so far. A mode far above it is located less exactly.
-    min_gain
-        Rise of the log density below which a step is no longer worth taking.
-    known
-        Modes of the hypothesis. One of them is returned as soon as the search enters its
-        neighbourhood.
+    doi:10.1137/0111030), until one gains less than ``min_gain`` of log density. After each
+    convergence the discrepancy takes its likeliest size, until that stays the same. A mode far
+    above the loss ``best`` is located less exactly; a known one is returned once the search enters
+    its neighbourhood.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:

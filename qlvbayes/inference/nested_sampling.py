@@ -60,17 +60,6 @@ def nested_evidence(
 
     The prior is that of the unbounded parameters theta. One step is compiled for all posteriors of
     one shape. A run takes about 300 000 likelihoods for ten parameters.
-
-    Parameters
-    ----------
-    posterior
-        Posterior whose model has exactly the effects wanted.
-    seed
-        Seed of the run.
-    live
-        Number of live points.
-    draws
-        Number N of posterior draws to return.
     """
     moves = max(5, round(_MOVES * posterior.size))
     together = max(live // _AT_ONCE, 1)

@@ -46,44 +46,22 @@ from qlvbayes.motion.record import Blocks, Record
 
 @dataclass(frozen=True)
 class CellTest:
-    """The test of one cell.
-
-    Parameters
-    ----------
-    test, phase
-        Name of the test and kind of phase.
-    start
-        Begin of the phase (s).
-    curves
-        Number of curves that were tried.
-    p_value
-        P-value of their statistic.
-    """
+    """The test of one cell."""
 
     test: str
     phase: str
-    start: float
-    curves: int
-    p_value: float
+    start: float  # begin of the phase (s)
+    curves: int  # number of curves that were tried
+    p_value: float  # p-value of their statistic
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """The adequacy of one hypothesis.
-
-    Parameters
-    ----------
-    cells
-        Test of each cell.
-    p_value
-        P-value of the whole test, p.
-    testable
-        Whether a dwell shows if noise is correlated.
-    """
+    """The adequacy of one hypothesis."""
 
     cells: tuple[CellTest, ...]
-    p_value: float
-    testable: bool = True
+    p_value: float  # p-value of the whole test, p
+    testable: bool = True  # whether a dwell shows if noise is correlated
 
     def is_sound(self, settings: DiagnosisSettings) -> bool:
         """Return whether chance explains all structure that is left."""
@@ -96,19 +74,7 @@ class Adequacy:
 
 
 def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTests) -> Adequacy:
-    """Test whether a fitted hypothesis leaves structure in any phase.
-
-    Parameters
-    ----------
-    experiment
-        The tests of one pad, with the noise floor.
-    record
-        The block means (T, B) to which the hypothesis was fitted.
-    point
-        The hypothesis at its mode.
-    tests
-        How each cell is tested.
-    """
+    """Test whether a hypothesis, fitted to block means (T, B), leaves structure in any phase."""
     residual = np.asarray(record.blocks.force) - point.predicted
     cells, curves = cell_curves(experiment.trials, record.blocks, tests)
     sizes = np.abs(point.responses).max(axis=(1, 2))
@@ -131,17 +97,7 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
 
 
 def combined(worst: float, cells: int, joint: float) -> float:
-    """Return the p-value of the whole test.
-
-    Parameters
-    ----------
-    worst
-        P-value of the worst cell, which is corrected for the number of cells here.
-    cells
-        Number of cells.
-    joint
-        P-value of all cells together.
-    """
+    """Return the p-value of the test, from the worst cell's (not corrected) and the joint one."""
     one = -np.expm1(cells * np.log1p(-min(worst, 1.0 - 1e-16)))
     least = min(float(one), joint)
     return float(least * (2.0 - least))
@@ -190,23 +146,10 @@ def _products(
 def cell_curves(
     trials: Sequence[Trial], blocks: Blocks, tests: CellTests
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
-    """Return the cells and the smooth curves that are tried in them.
+    """Return the cells and the smooth curves (M, T, B) that are tried in them.
 
-    Parameters
-    ----------
-    trials
-        The T tests.
-    blocks
-        Their block means (T, B).
-    tests
-        How many curves a cell has.
-
-    Returns
-    -------
-    cells
-        Test, kind of phase and begin (s) of each cell, with the rows of its curves.
-    curves
-        The curves (M, T, B), which are zero outside their cell.
+    A cell is its test, kind of phase and begin (s), with the rows of its curves, which are zero
+    outside of it.
     """
     first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
     cells: list[tuple[tuple[str, str, float], list[int]]] = []

@@ -50,19 +50,7 @@ def log_odds_of_varying(
     effect: str,
     imitation: Imitation,
 ) -> float:
-    """Return the log Bayes factor that one effect of a candidate is an imitation.
-
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis.
-    samples
-        Samples of every test.
-    candidate, effect
-        A hypothesis at its mode, and one of its effects.
-    imitation
-        Relative sds of the strengths of imitations and of true effects.
-    """
+    """Return the log Bayes factor that one effect of a candidate is an imitation."""
     point, space = candidate.point, density.space
     less = candidate.hypothesis.less(effect)
     theta = transferred(point.own, point.theta, space.parameters(less))
@@ -74,17 +62,7 @@ def log_odds_of_varying(
 
 
 def log_bayes_factor(free: Array, slope: Array, imitation: Imitation) -> float:
-    """Return log B of G strengths.
-
-    Parameters
-    ----------
-    free
-        Minus the curvature A (G, G) of the log likelihood of the strengths.
-    slope
-        Its slope b (G,).
-    imitation
-        Relative sds of the strengths.
-    """
+    """Return log B of G strengths, from A (G, G) and the slope b (G,) of their log likelihood."""
     values, axes = np.linalg.eigh(0.5 * (free + free.T))
     squares, values = (axes.T @ slope) ** 2, np.maximum(values, 0.0)
     holds = _log_likelihood(squares, values, imitation.holds)

@@ -53,19 +53,7 @@ def decisive(
 ) -> Decisive | None:
     """Return the fewest block means that hold half of the evidence for an effect.
 
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis.
-    trials
-        The tests.
-    candidate, without
-        A hypothesis with the effect, and the same without it, each at its mode.
-
-    Returns
-    -------
-    Decisive or None
-        None where the log likelihood does not gain by the effect.
+    It is None where the log likelihood does not gain by the effect.
     """
     gains = log_densities(density, candidate) - log_densities(density, without)
     if not gains.sum() > 0.0:

@@ -27,21 +27,11 @@ from qlvbayes.io.arrays import Array
 
 
 class HeldOutPart(NamedTuple):
-    """One part of the data that is left out of a fit, to be predicted by it.
+    """Part of the data that is left out of a fit, to be predicted by it."""
 
-    Parameters
-    ----------
-    density
-        Posterior density on everything else.
-    test
-        Index of the test that the part belongs to.
-    rows
-        Which of the test's samples it holds.
-    """
-
-    density: Density
-    test: int
-    rows: Mask
+    density: Density  # posterior density on everything else
+    test: int  # index of the test that the part belongs to
+    rows: Mask  # which of the test's samples it holds
 
 
 class Predicted(NamedTuple):
@@ -59,16 +49,9 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean square errors (N) on parts that were not fitted, weighted by stated sds.
+    """Root mean square errors (N) on parts that were not fitted, weighted by stated sds."""
 
-    Parameters
-    ----------
-    rmse
-        Error over the samples of all parts; nan where there is only one test with one phase.
-    by_part
-        Error of each part.
-    """
-
+    # error over the samples of all parts; nan where there is only one test with one phase
     rmse: float
     by_part: tuple[float, ...]
 
@@ -96,19 +79,7 @@ def errors(
     predicted: Sequence[Sequence[Predicted]],
     log_prior: Sequence[float] = (),
 ) -> HeldOut:
-    """Return the errors of what one or several hypotheses predict of each part together.
-
-    Parameters
-    ----------
-    samples
-        Samples of every test.
-    parts
-        The parts that are left out.
-    predicted
-        For each hypothesis, its prediction of each part.
-    log_prior
-        Log prior probability of each hypothesis, where there are several.
-    """
+    """Return the errors of what one or several hypotheses predict of each part together."""
     residuals = []
     for part, *each in zip(parts, *predicted, strict=True):
         weights = np.ones(1)

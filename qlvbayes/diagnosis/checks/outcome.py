@@ -53,25 +53,12 @@ _NEGLIGIBLE = 10.0  # log posterior behind the best from which averages leave a 
 
 
 class SearchOutcome:
-    """The posterior over the hypotheses of one search, and figures of any of them.
+    """The posterior over the H hypotheses of one search, and figures of any of them.
 
-    Figures that take a fit are computed once.
-
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    search
-        The search that has ended.
-
-    Attributes
-    ----------
-    candidates, weights, shares
-        Each of the H hypotheses, its weight, and its probability (H,).
-    draws
-        Draws (D, H) of the probabilities within the errors of the evidences.
-    unpredicted
-        Hypotheses that predict no finite force at some samples.
+    Figures that take a fit are computed once. ``candidates``, ``weights`` and ``shares`` (H,) hold
+    each hypothesis, its weight and its probability, ``draws`` (D, H) the probabilities within the
+    errors of the evidences, ``unpredicted`` the hypotheses that predict no finite force at some
+    samples.
     """
 
     def __init__(self, experiment: Experiment, search: Search) -> None:
@@ -318,13 +305,6 @@ def averaged(
     1999, doi:10.1214/ss/1009212519):
 
     .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
-
-    Parameters
-    ----------
-    log_weights
-        Log posterior probability of each hypothesis, up to a constant.
-    hypotheses
-        Estimates of each hypothesis by the constants' names.
     """
     weights = softmax(np.asarray(log_weights, dtype=float))
     first, *others = hypotheses

@@ -46,60 +46,30 @@ _RIDGE = (
 
 @dataclass(frozen=True)
 class StructuredPart:
-    """The structured part of the residual in one cell.
-
-    Parameters
-    ----------
-    test, phase
-        Name of the test and kind of phase.
-    start
-        Begin of the phase (s).
-    n
-        Number of samples.
-    rms, upper
-        Root mean square (N), and its upper bound at 95 %.
-    bias
-        Mean of the fitted curve (N).
-    shown
-        Whether the cell stands out in the adequacy test.
-    """
+    """The structured part of the residual in one cell."""
 
     test: str
     phase: str
-    start: float
+    start: float  # begin of the phase (s)
     n: int
+    # rms, upper: root mean square (N), and its upper bound at 95 %
     rms: float
     upper: float
-    bias: float
-    shown: bool
+    bias: float  # mean of the fitted curve (N)
+    shown: bool  # whether the cell stands out in the adequacy test
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """The structure that a model leaves, and the size below which it does not matter.
-
-    Parameters
-    ----------
-    cells
-        The structured part in each cell.
-    peak
-        Largest force (N).
-    excess
-        By how much the error of all samples exceeds the noise, (rmse^2 - noise^2)^1/2 (N).
-    tolerance
-        Share of the largest force below which structure does not matter.
-    before
-        Structured part over all cells that the baseline model leaves (N).
-    sure
-        Whether the adequacy test sees structure at all.
-    """
+    """The structure that a model leaves, and the size below which it does not matter."""
 
     cells: tuple[StructuredPart, ...]
-    peak: float
+    peak: float  # largest force (N)
+    # by how much the error of all samples exceeds the noise, (rmse^2 - noise^2)^1/2 (N)
     excess: float
-    tolerance: float
-    before: float
-    sure: bool = False
+    tolerance: float  # share of the largest force below which structure does not matter
+    before: float  # structured part over all cells that the baseline model leaves (N)
+    sure: bool = False  # whether the adequacy test sees structure at all
 
     @property
     def worst(self) -> StructuredPart | None:
@@ -151,22 +121,10 @@ def remainder(
     peak: float,
     settings: DiagnosisSettings,
 ) -> Remainder:
-    """Return the size of the structure that residuals hold.
+    """Return the size of the structure in residuals, measured minus predicted force (N).
 
-    Parameters
-    ----------
-    samples
-        Samples of every test.
-    residuals
-        Measured minus predicted force (N), one array for each test.
-    tested
-        Adequacy test of the same model.
-    baseline
-        Residuals (N) of the baseline model.
-    peak
-        Largest force (N).
-    settings
-        Tolerance, significance level, and the curves of a cell.
+    ``baseline`` holds the residuals of the baseline model, ``tested`` the adequacy of the same
+    model.
     """
     cells = tuple(_cells(samples, residuals, tested, settings))
     error, noise = rmse(list(residuals)), _noise(samples)
@@ -220,17 +178,9 @@ def structured(
 ) -> tuple[float, float, float]:
     """Return root mean square, upper bound and mean of a residual's structured part (N).
 
-    Parameters
-    ----------
-    residual
-        Measured minus predicted force (n,) in one cell (N).
-    covariance
-        Covariance (n, n) of its noise (N^2).
-    orders
-        Number of smooth curves.
-    level
-        P-value (two-sided) below which a combination of curves stands out; its upper bound is
-        exceeded with this probability.
+    The residual (n,) is that of one cell, with covariance (n, n) of its noise (N^2). A combination
+    of curves stands out where its two-sided p-value is below the level, with which the upper bound
+    of its size is exceeded.
     """
     positions = np.linspace(-1.0, 1.0, residual.size)
     curves = legendre.legvander(positions, orders - 1).T

@@ -20,30 +20,17 @@ from qlvbayes.motion.record import Record, batch
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of every test, at most 300 in a phase, and the records that predict them.
-
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    space
-        Laws and effects, whose compiled functions predict the forces.
-    rows
-        Indices of the samples of each test.
-    weights
-        Sd of each sample's white noise over the floor's; 1 where the file gives no sd.
-    parts
-        Records of some samples of every test each. They have the shape of the space's own record,
-        so that nothing has to be compiled anew.
-    indices
-        For each part, which of the samples of each test it holds.
-    """
+    """Samples of every test, at most 300 in a phase, and the records that predict them."""
 
     experiment: Experiment
-    space: Space
-    rows: tuple[NDArray[np.intp], ...]
+    space: Space  # laws and effects, whose compiled functions predict the forces
+    rows: tuple[NDArray[np.intp], ...]  # indices of the samples of each test
+    # sd of each sample's white noise over the floor's; 1 where the file gives no sd
     weights: tuple[Array, ...]
+    # records of some samples of every test each. They have the shape of the space's own record, so
+    # that nothing has to be compiled anew.
     parts: tuple[Record, ...]
+    # for each part, which of the samples of each test it holds
     indices: tuple[tuple[NDArray[np.intp], ...], ...]
 
     @classmethod
@@ -170,13 +157,8 @@ def rmse(residuals: Sequence[Array], sds: Sequence[Array] = ()) -> float:
 
     .. math:: \sqrt{\textstyle \sum_i r_i^2 s_i^{-2} / \sum_i s_i^{-2}}
 
-    Parameters
-    ----------
-    residuals
-        Measured minus predicted force (N), one array for each test.
-    sds
-        Relative sd :math:`s` of each sample, in arrays of the same shapes; one for all if empty.
-        A fit that believes some samples less than others is not to be judged by these.
+    where :math:`s` is the relative sd of each sample; no ``sds`` are all alike. A fit that believes
+    some samples less than others is not to be judged by these.
     """
     weights = np.concatenate(sds) ** -2.0 if sds else None
     return float(np.sqrt(np.average(np.concatenate(residuals) ** 2, weights=weights)))

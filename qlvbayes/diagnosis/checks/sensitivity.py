@@ -26,29 +26,16 @@ _COINCIDE = 0.98  # correlation of two effects' visible parts from which they lo
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The force that one prior sd of an effect adds to the baseline model, at one of its shapes.
-
-    Parameters
-    ----------
-    effect, amplitude
-        Names of the effect and of its amplitude.
-    size
-        The prior sd of the amplitude.
-    left
-        The whitened force (n,) that is left once the constants are refitted.
-    total, information
-        Squared norm of the whitened force before and after that.
-    shift
-        Change (F,) of the free parameters that takes the rest.
-    """
+    """The force that one prior sd of an effect adds to the baseline model, at one of its shapes."""
 
     effect: str
     amplitude: str
-    size: float
-    left: Array
+    size: float  # the prior sd of the amplitude
+    left: Array  # the whitened force (n,) that is left once the constants are refitted
+    # total, information: squared norm of the whitened force before and after that
     total: float
     information: float
-    shift: Array
+    shift: Array  # change (F,) of the free parameters that takes the rest
 
     @property
     def evidence(self) -> float:

@@ -26,13 +26,7 @@ _NONE_LEFT = 1e-3  # of the noise floor: a structured part that counts as none
 
 
 def supported(outcome: SearchOutcome) -> tuple[Ranked, ...]:
-    """Return the ranking with the support for each probable effect, and with its certainty.
-
-    Parameters
-    ----------
-    outcome
-        The posterior over the hypotheses of a search.
-    """
+    """Return the ranking with the support for each probable effect, and with its certainty."""
     return tuple(
         one
         if one.effect == "none" or one.inclusion < LEAST
@@ -47,15 +41,7 @@ def _with_support(ranked: Ranked, own: Support | None) -> Ranked:
 
 
 def support(outcome: SearchOutcome, effect: str) -> Support | None:
-    """Return the support for an effect; None where the same without it was not evaluated.
-
-    Parameters
-    ----------
-    outcome
-        The posterior over the hypotheses of a search.
-    effect
-        Name of a candidate effect, which some hypothesis has.
-    """
+    """Return the support for an effect; None where the same without it was not evaluated."""
     search = outcome.search
     index = outcome.most_probable(outcome.having(effect))
     having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)

@@ -44,15 +44,7 @@ IMITATES = "it explains less of the error than what no effect explains, and may 
 def final_decision(
     outcome: SearchOutcome, ranking: Sequence[Ranked]
 ) -> tuple[Decision, tuple[tuple[str, str], ...]]:
-    """Return the decision after all vetoes, and the refused effects with the reason of each.
-
-    Parameters
-    ----------
-    outcome
-        The posterior over the hypotheses of a search.
-    ranking
-        All effects, the probable ones with their certainty.
-    """
+    """Return the decision after all vetoes, and the refused effects with the reason of each."""
     settings = outcome.search.settings
     weights, refused = outcome.weights, dict[str, str]()
     decision = _decision_after_adequacy(outcome, weights)

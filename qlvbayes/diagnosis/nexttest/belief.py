@@ -25,37 +25,22 @@ class Explanation:
     """A model with the posterior distribution of its constants after the tests that were done.
 
     Its F free parameters z are independent and standard normal.
-
-    Parameters
-    ----------
-    words
-        Its laws and effects in words.
-    probability
-        Posterior probability.
-    size
-        Number F of free parameters.
-    names, kinds
-        Names and kinds of units of the P constants.
-    constants
-        Function from z (K, F) to constants (K, P).
-    run
-        Function from constants (K, P) and a record of T tests to block means (K, T, B) of the
-        force (N).
-    fractions, rates
-        Fractions (L,) and rates (L,) in 1/s of its relaxation.
-    cause
-        The effects in words, without the laws. Explanations of one cause are one answer.
     """
 
-    words: str
+    words: str  # its laws and effects in words
     probability: float
-    size: int
+    size: int  # number F of free parameters
+    # names, kinds: names and kinds of units of the P constants
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    constants: Callable[[Array], Array]
+    constants: Callable[[Array], Array]  # function from z (K, F) to constants (K, P)
+    # function from constants (K, P) and a record of T tests to block means (K, T, B) of the force
+    # (N)
     run: Forces
+    # fractions, rates: fractions (L,) and rates (L,) in 1/s of its relaxation
     fractions: Array
     rates: Array
+    # the effects in words, without the laws. Explanations of one cause are one answer.
     cause: str = ""
 
     def forces(self, z: Array, record: Record) -> Array:
@@ -101,17 +86,10 @@ def _named(own: str, names: Sequence[str]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Explanations whose probabilities sum to one, the most probable first.
-
-    Parameters
-    ----------
-    explanations
-        The explanations.
-    outside
-        Probability that something unmodelled is there, in addition to any of them.
-    """
+    """Explanations whose probabilities sum to one, the most probable first."""
 
     explanations: tuple[Explanation, ...]
+    # probability that something unmodelled is there, in addition to any of them
     outside: float = 0.0
 
     @classmethod

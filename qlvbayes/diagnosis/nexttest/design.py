@@ -30,32 +30,18 @@ _HOME = 0.0  # mm: displacement at which a test begins, and to which it returns 
 
 @dataclass(frozen=True)
 class Design:
-    """Design of one test: cycles of press, hold, retraction and rest, then the return to zero.
+    """Design of one test: cycles of press, hold, retraction and rest, then the return to zero."""
 
-    Parameters
-    ----------
-    depth
-        Depth of the press (mm).
-    speed, acceleration
-        Speed (mm/s) and acceleration (mm/s2) of every stroke.
-    hold, rest
-        Time (s) at depth, and after the retraction, in each cycle.
-    share
-        Share of the depth by which the platen retracts.
-    cycles
-        Number of cycles.
-    wait
-        Time (s) before the test in which the pad recovers.
-    """
-
-    depth: float
+    depth: float  # depth of the press (mm)
+    # speed, acceleration: speed (mm/s) and acceleration (mm/s2) of every stroke
     speed: float
     acceleration: float
+    # hold, rest: time (s) at depth, and after the retraction, in each cycle
     hold: float
-    share: float = 0.0
+    share: float = 0.0  # share of the depth by which the platen retracts
     rest: float = 0.0
     cycles: int = 1
-    wait: float = 0.0
+    wait: float = 0.0  # time (s) before the test in which the pad recovers
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
@@ -130,20 +116,8 @@ def draw_designs(
 ) -> list[Design]:
     """Draw designs evenly over what the rig can do, by a scrambled Sobol sequence.
 
-    Speeds, times and accelerations are drawn evenly in their logarithm.
-
-    Parameters
-    ----------
-    rig
-        Limits of the rig.
-    recovery
-        Time of recovery after a test.
-    longest
-        Longest time of a test with the wait before it (s).
-    count
-        Number of draws; those that take longer are left out.
-    seed
-        Seed of the sequence; the same seed gives the same designs.
+    Speeds, times and accelerations are drawn evenly in their logarithm. Designs that take longer
+    than ``longest`` (s), with the wait before them, are left out.
     """
     rows = qmc.Sobol(DIMENSIONS, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
     designs = [_design(row, rig, recovery, longest) for row in rows]
@@ -182,13 +156,9 @@ class RecoveryTime:
 
     After a press of duration D, the share of the force that is still there after a rest t is the
     sum over all relaxation modes of c (1 - e^{-v D}) e^{-v t}.
-
-    Parameters
-    ----------
-    spectra
-        Fractions c (L,) and rates v (L,) in 1/s of every explanation.
     """
 
+    # fractions c (L,) and rates v (L,) in 1/s of every explanation
     spectra: tuple[tuple[Array, Array], ...]
 
     def time(self, duration: float) -> float:

@@ -25,20 +25,9 @@ _FRACTIONS = "c["  # prefix of the constants that sum to one
 def explanation_of_draws(
     choices: Choices, names: Sequence[str], draws: Array, depth: float
 ) -> Explanation:
-    """Return the explanation from posterior draws.
+    """Return the explanation from posterior draws (n, P) of a fit; ``depth`` (mm) is the largest.
 
     Positive constants are normal in their logarithm; fractions keep their sum of one.
-
-    Parameters
-    ----------
-    choices
-        Laws and effects of the fit.
-    names
-        Names of the P constants.
-    draws
-        Posterior draws (n, P).
-    depth
-        Depth of the deepest test (mm).
     """
     model = described_model(choices, depth)
     fields = list(fields_of(model))

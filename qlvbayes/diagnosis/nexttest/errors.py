@@ -23,21 +23,12 @@ from qlvbayes.motion.record import Record
 
 @dataclass(frozen=True, eq=False)
 class ReadingErrors:
-    """The errors of readings in any test of a pad.
+    """The errors of readings in any test of a pad."""
 
-    Parameters
-    ----------
-    floor
-        Noise floor of the load cell.
-    peak
-        Largest force (N).
-    missed
-        Size (N) of the discrepancy that the diagnosis left in addition to the effects that it
-        names; 0 where it left none.
-    """
-
-    floor: NoiseFloor
-    peak: float
+    floor: NoiseFloor  # noise floor of the load cell
+    peak: float  # largest force (N)
+    # size (N) of the discrepancy that the diagnosis left in addition to the effects that it names;
+    # 0 where it left none
     missed: float = 0.0
 
     @cached_property
@@ -48,16 +39,8 @@ class ReadingErrors:
     def covariance(self, design: Design, rig: Rig, record: Record, force: Array) -> Array:
         """Return the covariance (n, n) of the block means of one design (N^2).
 
-        Parameters
-        ----------
-        design
-            The test.
-        rig
-            Limits of the rig.
-        record
-            Record of this design alone, without a leading axis.
-        force
-            Expected block means (B,) of the force (N), with which the noise may grow.
+        The record is that of this design alone. The noise may grow with the expected block means
+        (B,) of the force (N).
         """
         real = np.asarray(record.blocks.real)
         own = jax.tree.map(lambda x: np.asarray(x)[real], record.blocks)
@@ -73,18 +56,10 @@ class ReadingErrors:
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """The map from block means (B,) of one design to independent values (n,) of unit variance.
+    """The map from block means (B,) of one design to independent values (n,) of unit variance."""
 
-    Parameters
-    ----------
-    real
-        Which block means (B,) are no padding.
-    covariance
-        Covariance (n, n) of these (N^2).
-    """
-
-    real: NDArray[np.bool_]
-    covariance: Array
+    real: NDArray[np.bool_]  # which block means (B,) are no padding
+    covariance: Array  # covariance (n, n) of these (N^2)
 
     @cached_property
     def _root(self) -> Array:

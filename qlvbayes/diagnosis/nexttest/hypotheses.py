@@ -31,22 +31,10 @@ def explanation_of_mode(
 ) -> Explanation:
     """Return the explanation from a hypothesis about one of its modes.
 
-    Where a parameter is at a bound, or the curvature says little of what the tests allow, Laplace's
-    normal approximation would expect forces that the tests have ruled out. Its moments are then
-    corrected by importance sampling.
-
-    Parameters
-    ----------
-    density
-        Posterior density of any hypothesis.
-    hypothesis, point
-        The hypothesis at its mode.
-    covariance
-        Laplace's covariance (F, F) of its free parameters.
-    size
-        Size of the discrepancy (N).
-    probability, words, cause
-        As in `Explanation`.
+    The covariance (F, F) is Laplace's, at the size (N) of the discrepancy. Where a parameter is at
+    a bound, or the curvature says little of what the tests allow, this normal approximation would
+    expect forces that the tests have ruled out. Its moments are then corrected by importance
+    sampling.
     """
     space, own = density.space, point.own
     mean, root = _moments(density, hypothesis, point, covariance, size)

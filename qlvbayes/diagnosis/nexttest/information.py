@@ -38,18 +38,11 @@ _LN2 = float(np.log(2.0))
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """The products of the whitened f_h and A_h in each of T tests, or series of tests.
+    """The products of the whitened f_h and A_h in each of T tests, or series of tests."""
 
-    Parameters
-    ----------
-    values
-        Products (T, V, V); V counts f_h and the F slopes of one explanation after another.
-    sizes
-        Number F of free parameters of each explanation.
-    """
-
+    # products (T, V, V); V counts f_h and the F slopes of one explanation after another
     values: Array
-    sizes: tuple[int, ...]
+    sizes: tuple[int, ...]  # number F of free parameters of each explanation
 
     def __add__(self, other: Products) -> Products:
         """Return the products after both tests."""
@@ -148,12 +141,7 @@ class Products:
     ) -> tuple[Array, Array]:
         """Return bounds from below and above of the bits (T,) about which group is right.
 
-        Parameters
-        ----------
-        probabilities
-            Probability (H,) of each explanation.
-        groups
-            Indices of the explanations of each group; by default each explanation is one.
+        The probabilities (H,) are those of the explanations, of which each is a group by default.
         """
         groups = groups or [[k] for k in range(len(probabilities))]
         shares = np.array([probabilities[list(group)].sum() for group in groups])

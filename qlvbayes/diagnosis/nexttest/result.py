@@ -46,49 +46,35 @@ class Proposed(Part, frozen=True, rename={
     "hold": "hold_s", "rest": "rest_s", "pause": "pause_s", "duration": "duration_s",
     "share": "retraction_share", "evidence": "expected_2_ln_bayes_factor",
 }):  # fmt: skip
-    """A proposed test and the information that is expected of it.
-
-    Parameters
-    ----------
-    name, words
-        Its name, and the test in words.
-    depth, speed, acceleration
-        Of every press (mm, mm/s, mm/s2).
-    hold, share, rest, cycles
-        Times (s) at depth and after the retraction, share of the depth by which the platen
-        retracts, and number of cycles.
-    pause, duration, minutes
-        Time before the test (s), of the test (s), and of both (min).
-    constants, cause, cause_most
-        Bits in closed form beyond those of the tests before it; of the cause the bounds from below
-        and above.
-    per_minute, total
-        Bits about everything that was asked for, per minute and in all.
-    evidence
-        Expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together
-        with the tests before it.
-    judged
-        Bits expected of this test, with the errors of the closed form.
-    """
+    """A proposed test and the information that is expected of it."""
 
     name: str
     words: str
+    # depth, speed, acceleration: depth (mm), speed (mm/s) and acceleration (mm/s2) of every press
     depth: float
     speed: float
     acceleration: float
+    # hold, share, rest, cycles: times (s) at depth and after the retraction, share of the depth by
+    # which the platen retracts, and number of cycles
     hold: float
     share: float
     rest: float
     cycles: int
+    # pause, duration, minutes: time before the test (s), of the test (s), and of both (min)
     pause: float
     duration: float
     minutes: float
+    # constants, cause, cause_most: bits in closed form beyond those of the tests before it; of the
+    # cause the bounds from below and above
     constants: float
     cause: float
     cause_most: float
+    # per_minute, total: bits about everything that was asked for, per minute and in all
     per_minute: float
+    # expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together with
+    # the tests before it
     evidence: float
-    judged: Bits
+    judged: Bits  # bits expected of this test, with the errors of the closed form
     total: float = 0.0
 
 
@@ -102,55 +88,26 @@ class Width(Part, frozen=True):
 
 
 class NextTests(Result, frozen=True, kw_only=True):
-    """The tests to do next: ``design.json``.
+    """The tests to do next: ``design.json``."""
 
-    Parameters
-    ----------
-    pad, units
-        Name of the pad, and units of its file.
-    constants, cause
-        Constants that were asked for, and whether the cause was.
-    limits, minutes, seed
-        Limits of the rig, time there is, and seed.
-    screened
-        Number of designs that fitted.
-    hypotheses
-        The explanations.
-    entropy
-        Bits that are missing to know which cause is right.
-    outside
-        Probability that something unmodelled is there.
-    missed
-        Size of what the explanations leave (N), which counts as an error of every test.
-    tests
-        The proposed tests in order.
-    considered
-        The best tests for the first of the series.
-    together
-        Bits of all proposed tests, with the errors of the closed form.
-    widths
-        Sds of the constants now and after all tests.
-    notices
-        What one should know.
-    causes
-        Probability of each set of effects over all laws.
-    """
-
+    # pad, units: name of the pad, and units of its file
     pad: str
     units: UnitSystem = PAD
+    # constants, cause: constants that were asked for, and whether the cause was
     constants: tuple[str, ...]
     cause: bool
     limits: Limits
     minutes: float
     seed: int
-    screened: int
+    screened: int  # number of designs that fitted
     hypotheses: tuple[ExplanationSummary, ...]
-    entropy: float
-    outside: float
-    missed: float
+    entropy: float  # bits that are missing to know which cause is right
+    outside: float  # probability that something unmodelled is there
+    missed: float  # size of what the explanations leave (N), which counts as an error of every test
     tests: tuple[Proposed, ...]
-    considered: tuple[Proposed, ...]
-    together: Bits
-    widths: dict[str, Width]
-    notices: tuple[str, ...] = ()
+    considered: tuple[Proposed, ...]  # the best tests for the first of the series
+    together: Bits  # bits of all proposed tests, with the errors of the closed form
+    widths: dict[str, Width]  # sds of the constants now and after all tests
+    notices: tuple[str, ...] = ()  # what one should know
+    # probability of each set of effects over all laws
     causes: dict[str, float] = msgspec.field(default_factory=dict)

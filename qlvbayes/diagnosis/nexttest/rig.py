@@ -16,26 +16,16 @@ _SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
 
 @dataclass(frozen=True)
 class Rig:
-    """The limits of a test on a rig.
+    """The limits of a test on a rig."""
 
-    Parameters
-    ----------
-    depth, speed, acceleration
-        Greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
-    interval
-        Least time between two readings (s).
-    rows
-        Number of readings that are kept of a test; long dwells lose readings first.
-    done
-        Number of tests that the pad has had.
-    """
-
+    # depth, speed, acceleration: greatest depth (mm), speed (mm/s) and acceleration (mm/s2)
     depth: float
     speed: float
     acceleration: float
-    interval: float = 1.0 / SET_POINTS
+    interval: float = 1.0 / SET_POINTS  # least time between two readings (s)
+    # number of readings that are kept of a test; long dwells lose readings first
     rows: int = 10_000_000  # no logger keeps fewer
-    done: int = 0
+    done: int = 0  # number of tests that the pad has had
 
     @classmethod
     def from_tests(cls, experiment: Experiment) -> Rig:
@@ -57,10 +47,7 @@ class Rig:
     def limited(self, depth: float | None, speed: float | None, acceleration: float | None) -> Rig:
         """Return the rig with the limits that are given.
 
-        Raises
-        ------
-        InputError
-            A limit is not above 0.
+        Raises InputError where a limit is not above 0.
         """
         given = {"depth": depth, "speed": speed, "acceleration": acceleration}
         for name, value in given.items():

@@ -31,38 +31,23 @@ class Goal:
 
     Every test makes constants better known, so that bits per minute count. Of a cause all bits
     within the time there is count, as the quickest test gives only a part of the answer.
-
-    Parameters
-    ----------
-    constants
-        Names of the constants that are asked for.
-    cause
-        Whether the cause is asked for.
     """
 
-    constants: tuple[str, ...]
-    cause: bool
+    constants: tuple[str, ...]  # names of the constants that are asked for
+    cause: bool  # whether the cause is asked for
 
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A test and the information that is expected of it.
-
-    Parameters
-    ----------
-    design
-        The test.
-    constants, cause, cause_most
-        Bits in closed form beyond those of the series before it; of the cause the bounds from
-        below and above.
-    evidence
-        Expected 2 ln(Bayes factor) between the two nearest explanations of two causes.
-    """
+    """A test and the information that is expected of it."""
 
     design: Design
+    # constants, cause, cause_most: bits in closed form beyond those of the series before it; of the
+    # cause the bounds from below and above
     constants: float
     cause: float
     cause_most: float
+    # expected 2 ln(Bayes factor) between the two nearest explanations of two causes
     evidence: float
 
     @property
@@ -82,23 +67,12 @@ def between(low: float, high: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A planned series of tests.
-
-    Parameters
-    ----------
-    tests
-        The tests in order.
-    options
-        The best options for the first test, the best first.
-    screened
-        Number of designs that fitted.
-    now, after
-        Products of no test and of all tests.
-    """
+    """A planned series of tests."""
 
     tests: tuple[Option, ...]
-    options: tuple[Option, ...]
-    screened: int
+    options: tuple[Option, ...]  # the best options for the first test, the best first
+    screened: int  # number of designs that fitted
+    # now, after: products of no test and of all tests
     now: Products
     after: Products
 
@@ -129,38 +103,12 @@ def plan_series(
     count: int = SCREENED,
     report: Callable[[str], None] = lambda text: None,
 ) -> Series:
-    """Return the series of tests with most information within the time there is.
+    """Return the series of tests with most information within the time there is (minutes).
 
-    Tests are added one by one, each the best given the tests before it. For constants
-    alone, bits per minute count.
+    Tests are added one by one, each the best given the tests before it. For constants alone, bits
+    per minute count. The pad's clock stands at ``clock`` (s) after the tests that were done.
 
-    Parameters
-    ----------
-    belief
-        Explanations with their probabilities.
-    rig
-        Limits of the rig.
-    errors
-        Errors of the readings.
-    goal
-        What the tests are for.
-    minutes
-        Time for all tests together.
-    tests
-        Largest number of tests.
-    clock
-        Time (s) on the pad's clock after the tests that were done.
-    seed
-        Seed of the designs.
-    count
-        Number of designs that are drawn.
-    report
-        Is called with a line of text before each step that takes a while.
-
-    Raises
-    ------
-    InputError
-        No test fits into the time, or none has a finite force.
+    Raises InputError where no test fits into the time, or none has a finite force.
     """
     report(f"screening {count} tests")
     designs = draw_designs(rig, belief.recovery, 60.0 * minutes, count, seed)
@@ -181,25 +129,16 @@ def plan_series(
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """The designs from which a series is put together, and its limits.
+    """The designs from which a series is put together, and its limits."""
 
-    Parameters
-    ----------
-    belief, goal
-        Explanations with their probabilities, and what the tests are for.
-    designs, products
-        T designs with their products.
-    finite
-        Which of them (T,) give finite forces.
-    minutes, tests
-        Time for all tests, and their largest number.
-    """
-
+    # belief, goal: explanations with their probabilities, and what the tests are for
     belief: Belief
     goal: Goal
+    # designs, products: t designs with their products
     designs: Sequence[Design]
     products: Products
-    finite: NDArray[np.bool_]
+    finite: NDArray[np.bool_]  # which of them (T,) give finite forces
+    # minutes, tests: time for all tests, and their largest number
     minutes: float
     tests: int
 

@@ -48,17 +48,7 @@ def summarize(
     minutes: float,
     seed: int,
 ) -> NextTests:
-    """Return the result of a planned series, in the units of the tests that were done.
-
-    Parameters
-    ----------
-    pad, units
-        Name of the pad, and units of its file.
-    belief, rig, errors, goal, series
-        The belief, the limits of the rig, the errors of readings, the goal, and the series.
-    minutes, seed
-        Time there is, and seed of the plan.
-    """
+    """Return the result of a planned series, in the units of the tests that were done."""
     own = names_of(len(series.tests))
     constants = bits_for_constants(belief, series.after, goal.constants)
     bounds = series.after.bits_for_cause(belief.probabilities, belief.groups)

@@ -19,62 +19,33 @@ _NOISES = ndtri((np.arange(20) + 0.5) / 20.0)  # noise in sds, added to each dra
 
 @dataclass(frozen=True, eq=False)
 class ForceBand:
-    """The force (N) of one model at one test's samples (n,).
+    """The force (N) of one model at one test's samples (n,)."""
 
-    Parameters
-    ----------
-    mean
-        Force at the constants of highest posterior density.
-    low, high
-        5 % and 95 % quantiles of single readings, from Laplace's approximation of the constants,
-        the discrepancy and the noise floor.
-    """
-
-    mean: np.ndarray
+    mean: np.ndarray  # force at the constants of highest posterior density
+    # low, high: 5 % and 95 % quantiles of single readings, from Laplace's approximation of the
+    # constants, the discrepancy and the noise floor
     low: np.ndarray
     high: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Samples (n,) of one test: the measured force, and that of two models.
-
-    Parameters
-    ----------
-    trial
-        The test.
-    time, observed
-        Times (s) and measured forces (N).
-    phase
-        Kind of phase of each sample.
-    floor
-        Sd of the noise (N), measured without a model.
-    baseline, final
-        Force of the baseline model and of the selected one; both are the same where nothing was
-        added.
-    """
+    """Samples (n,) of one test: the measured force, and that of two models."""
 
     trial: Trial
+    # time, observed: times (s) and measured forces (N)
     time: np.ndarray
-    phase: np.ndarray
+    phase: np.ndarray  # kind of phase of each sample
     observed: np.ndarray
-    floor: np.ndarray
+    floor: np.ndarray  # sd of the noise (N), measured without a model
+    # baseline, final: force of the baseline model and of the selected one; both are the same where
+    # nothing was added
     baseline: ForceBand
     final: ForceBand
 
 
 def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]:
-    """Return each test's samples with the forces of a diagnosis's baseline and selected models.
-
-    Parameters
-    ----------
-    diagnosis
-        The diagnosis of one pad.
-    draws
-        Number of draws of the constants.
-    seed
-        Seed of the draws.
-    """
+    """Return each test's samples with the forces of a diagnosis's baseline and selected models."""
     work = diagnosis.work
     samples = work.samples
     rng = np.random.default_rng(seed)

@@ -50,21 +50,7 @@ def summarize(
     bonded: bool,
     report: Report,
 ) -> Diagnosis:
-    """Return the diagnosis that follows from a finished search.
-
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    search
-        The finished search.
-    kinds
-        Candidate effects.
-    bonded
-        Whether the specimen is fixed to the platen.
-    report
-        Is called with a line of text before each step that takes a while.
-    """
+    """Return the diagnosis that follows from a finished search."""
     outcome = SearchOutcome(experiment, search)
     report("tests left out, and what is left")
     ranking = supported(outcome)

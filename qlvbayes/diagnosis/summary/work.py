@@ -13,27 +13,14 @@ from qlvbayes.motion.experiment import Experiment
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisWork:
-    """Search and samples that a diagnosis was computed from, for figures and predictions.
-
-    Parameters
-    ----------
-    experiment
-        The tests of the pad.
-    search
-        The finished search.
-    samples
-        Samples of every test, and what predicts them.
-    path
-        The hypotheses from the baseline to the selected one, each at its highest mode.
-    adequacies
-        Adequacy test of each hypothesis of the path.
-    """
+    """Search and samples that a diagnosis was computed from, for figures and predictions."""
 
     experiment: Experiment
     search: Search
-    samples: Samples
+    samples: Samples  # samples of every test, and what predicts them
+    # the hypotheses from the baseline to the selected one, each at its highest mode
     path: tuple[Candidate, ...]
-    adequacies: tuple[Adequacy, ...]
+    adequacies: tuple[Adequacy, ...]  # adequacy test of each hypothesis of the path
 
     @property
     def selected(self) -> Candidate:

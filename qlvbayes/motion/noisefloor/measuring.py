@@ -65,17 +65,10 @@ def measure(
 
     Without any usable dwell the noise of equal cycles is what does not repeat from one to the next.
     Without these it is measured about smooth curves of single strokes, and what these do not show
-    is taken from the prior; whether structure is noise is then not testable.
-    Noise below 3e-4 of the peak force and the rounding of the encoder is taken as that much: the
-    motion between the readings is not known any better. Readings of force far beyond those before
-    and after them are no noise: a few would make a floor of their own size.
-
-    Parameters
-    ----------
-    tests, phases
-        One entry a test; a test has ``time``, ``force`` and ``force_sd`` (or None), (n,) each.
-    of_a_step
-        Force that an encoder step makes, at most.
+    is taken from the prior; whether structure is noise is then not testable. Noise below 3e-4 of
+    the peak force and the rounding of the encoder, which makes at most ``of_a_step`` of force, is
+    taken as that much: the motion between the readings is not known any better. Readings of force
+    far beyond those before and after them are no noise: a few would make a floor of their own size.
     """
     tests = [_without_outliers(test) for test in tests]
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
