@@ -233,32 +233,12 @@ def fit_pad(
 ) -> Fit:
     """Fit the trials whose role is ``fit``.
 
-    Parameters
-    ----------
-    experiment
-        Prepared tests of one pad.
-    choices
-        Model and priors.
-    method
-        ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and
-        ``two-step`` are the paper's routes, whose draws come from the normal approximation at the
-        optimum.
-    settings
-        Settings of the sampler.
-    folder
-        Where the growing chain is stored, so that an interrupted run resumes.
-    progress
-        Called with the steps done and those expected.
+    ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and ``two-step``
+    are the paper's routes, whose draws come from the normal approximation at the optimum. The
+    growing chain is stored in ``folder``, so that an interrupted run resumes. ``progress`` takes
+    the steps done and those expected.
 
-    Returns
-    -------
-    Fit
-        Draws of the constants.
-
-    Raises
-    ------
-    InputError
-        The method is unknown, or settings do not fit the model.
+    Raises InputError where the method is unknown, or settings do not fit the model.
     """
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
@@ -277,10 +257,7 @@ def fit_pad(
 def independent_noise(choices: Choices, method: str) -> Choices:
     """Return the choices of a least-squares method: independent noise of the residuals' own sd.
 
-    Raises
-    ------
-    InputError
-        A noise model was chosen that is not the default: these methods would not use it.
+    Raises InputError where another noise model was chosen: these methods would not use it.
     """
     if choices.noise not in (Choices().noise, "white"):
         raise InputError(

@@ -190,10 +190,7 @@ def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[A
 class DrawResiduals:
     """The residuals of draws, each with the pair of scale and size that its constants contain.
 
-    Raises
-    ------
-    KeyError
-        The constants (N, P) of a draw are not those of a pair.
+    Raises KeyError where the constants (N, P) of a draw are not those of a pair.
     """
 
     def __init__(self, posterior: Posterior, predicted: Array, constants: Array) -> None:

@@ -36,24 +36,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     Tests keep the role they had in the fit, so that fitted tests are not taken for predicted ones.
     Constants are converted to the pad's units.
 
-    Parameters
-    ----------
-    saved
-        Posterior and model, as `load_results` reads them.
-    pad
-        Tests to predict.
-    seed
-        Seed of the draws and of the noise.
-
-    Returns
-    -------
-    CheckedPad
-        Experiment, predictions and check.
-
-    Raises
-    ------
-    InputError
-        The posterior, made elsewhere, has no noise to predict with.
+    Raises InputError where the posterior, made elsewhere, has no noise to predict with.
     """
     if not has_noise(saved.names):
         raise InputError(

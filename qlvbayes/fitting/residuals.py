@@ -111,27 +111,9 @@ def check(
     units: UnitSystem = PAD,
     notices: Sequence[str] = (),
 ) -> CheckResult:
-    """Compare predictions with measured forces.
+    """Compare predictions with measured forces, given the sd of the noise floor (N).
 
-    Parameters
-    ----------
-    pad
-        Name of the pad.
-    noise
-        Sd of the noise floor (N).
-    predictions
-        Predictions of its tests. Cells without samples are left out.
-    effects
-        Names of the model's effects.
-    units
-        Unit system of the pad.
-    notices
-        Messages on the measurements and their noise.
-
-    Returns
-    -------
-    CheckResult
-        The cells of test and phase.
+    Cells without samples are left out.
     """
     keys = [
         (prediction, kind)

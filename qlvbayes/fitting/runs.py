@@ -62,23 +62,7 @@ def record_run(
     seed: int,
     settings: Mapping[str, object] | None = None,
 ) -> None:
-    """Record in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
-
-    Parameters
-    ----------
-    out
-        Folder of the results.
-    step, command
-        Name of the step, and the command line.
-    study
-        Measurements, whose file and digest are recorded.
-    choices
-        Model and priors.
-    seed
-        Seed of the random numbers.
-    settings
-        Further options: plain values and dataclasses.
-    """
+    """Record in ``out/run.json`` which command made a step; ``study`` replaces all others."""
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)
     options = to_builtins(dict(settings or {}))

@@ -188,13 +188,10 @@ def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
 def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
     """Return the mean speed of the first ramp between 20 and 80 % of its stroke (mm/s).
 
-    rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp
-    is little else.
+    rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp is
+    little else.
 
-    Raises
-    ------
-    InputError
-        The phases hold no ramp.
+    Raises InputError where the phases hold no ramp.
     """
     ramp = next((p for p in phases if p.kind == "ramp"), None)
     if ramp is None:

@@ -25,10 +25,7 @@ class Shard:
     def from_text(cls, text: str) -> Shard:
         """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM.
 
-        Raises
-        ------
-        InputError
-            The text is neither, or there is no such array.
+        Raises InputError where the text is neither, or there is no such array.
         """
         if text.strip().lower() == "slurm":
             return cls._from_slurm()

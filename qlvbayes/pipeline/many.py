@@ -117,26 +117,12 @@ def run_pads(
 ) -> Tally:
     """Do one step for all pads, one after the other or in parallel.
 
-    What an earlier run finished from the same input is reported, not done again. A pad that fails
-    does not stop the others. Reports and files do not depend on the engine.
+    What an earlier run finished from the same input is reported, not done again. A pad that fails,
+    or a `Fault` in its place, does not stop the others. Reports and files do not depend on the
+    engine; None is this process. Pads are taken as they are needed, ``size`` of them as far as that
+    is known. ``watcher`` receives the report of each pad in turn, and how many are done.
 
-    Parameters
-    ----------
-    out
-        The folder of results.
-    work
-        The pads, taken one by one as they are needed; a `Fault` for what could not be read.
-    size
-        How many pads there will be, as far as that is known.
-    engine
-        Engine that does the work; None for this process.
-    watcher
-        Receives the report of each pad in turn, and how many are done.
-
-    Raises
-    ------
-    EngineLostError
-        The connection to a scheduler is lost.
+    Raises EngineLostError where the connection to a scheduler is lost.
     """
     watcher = watcher or Watcher()
     pads: list[str] = []

@@ -134,7 +134,7 @@ class _Plan:
     # belief, goal: explanations with their probabilities, and what the tests are for
     belief: Belief
     goal: Goal
-    # designs, products: t designs with their products
+    # designs, products: T designs with their products
     designs: Sequence[Design]
     products: Products
     finite: NDArray[np.bool_]  # which of them (T,) give finite forces

@@ -291,10 +291,7 @@ def chosen(
 ) -> dict[str, NamedColumn]:
     """Return the columns that ``measured`` finds.
 
-    Raises
-    ------
-    InputError
-        One of the three is not there.
+    Raises InputError where one of the three is not there.
     """
     by_quantity = measured(columns)
     whole = {key: named for key, named in by_quantity.items() if named is not None}

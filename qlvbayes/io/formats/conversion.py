@@ -145,12 +145,9 @@ def convert(
     With ``without_faulty``, files that cannot be used are left out and reported, as long as one can
     be used.
 
-    Raises
-    ------
-    UnsureError
-        Neither the file nor ``answers`` state a sign, the contact, a unit or the area.
-    InputError
-        A file is of no known layout, damaged, or holds no usable test.
+    Raises UnsureError where neither the file nor ``answers`` state a sign, the contact, a unit or
+    the area. Raises InputError where a file is of no known layout, damaged, or holds no usable
+    test.
     """
     if answers.columns is not None:
         kinds = (stated_columns(answers.columns),)

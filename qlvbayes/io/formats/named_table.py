@@ -73,10 +73,7 @@ class NamedTable(AbstractFormat):
     def read(path: Path) -> tuple[Recording, ...]:
         """Return one test for each time that the names appear, and for each specimen below them.
 
-        Raises
-        ------
-        InputError
-            Other names or units follow below, or the rows cannot be read.
+        Raises InputError where other names or units follow below, or the rows cannot be read.
         """
         data, blanks = with_tabs(content(path))
         lines = Lines.from_bytes(data)

@@ -38,10 +38,7 @@ def as_column(value: Any) -> Floats | None:
 def from_arrays(arrays: Sequence[NamedArray], file: Path, name: str = "") -> Recording:
     """Return the test that arrays hold, recognised by their names.
 
-    Raises
-    ------
-    InputError
-        Time, displacement or force is not among them, or they differ in length.
+    Raises InputError where time, displacement or force is not among them, or they differ in length.
     """
     columns = []
     for index, array in enumerate(arrays):

@@ -81,14 +81,11 @@ def recording_of(
 ) -> Recording:
     """Return the test of a log: its force, and the displacement at the force's stamps.
 
-    Of all forces and of all positions the one that changes most is taken. ``origin`` is the date
-    of the stamps' zero (s since 1970); ``dropped`` counts rows that were no messages.
+    Of all forces and of all positions the one that changes most is taken. ``origin`` is the date of
+    the stamps' zero (s since 1970); ``dropped`` counts rows that were no messages.
 
-    Raises
-    ------
-    InputError
-        There is no force or no displacement, another channel changes about as much, or their
-        stamps do not rise or overlap.
+    Raises InputError where there is no force or no displacement, another channel changes about as
+    much, or their stamps do not rise or overlap.
     """
     load, of_load = _chosen(channels, "force", path)
     way, of_way = _chosen(channels, "displacement", path)

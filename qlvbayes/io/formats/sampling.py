@@ -73,10 +73,7 @@ def rising(
 ) -> tuple[Floats, list[Floats]]:
     """Return the rows without repeated and slipped times, which are counted in ``dropped``.
 
-    Raises
-    ------
-    ClockError
-        Time falls, or repeats so often that it is too coarse.
+    Raises ClockError where time falls, or repeats so often that it is too coarse.
     """
     steps = np.diff(time)
     slips = slipped(time) if (steps < 0).any() else None
@@ -107,10 +104,7 @@ def on_one_clock(
 
     The displacement is interpolated, as it is smooth, so that the force keeps its noise.
 
-    Raises
-    ------
-    ClockError
-        The clocks do not overlap, or one of them falls.
+    Raises ClockError where the clocks do not overlap, or one of them falls.
     """
     if (np.diff(time) <= 0).any() or (np.diff(load_time) <= 0).any():
         raise ClockError("one of the two clocks does not rise")

@@ -52,10 +52,7 @@ def decoded(data: bytes) -> str:
 def content(path: Path) -> bytes:
     """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone.
 
-    Raises
-    ------
-    InputError
-        The file is missing, cannot be read, or is damaged gzip.
+    Raises InputError where the file is missing, cannot be read, or is damaged gzip.
     """
     try:
         data = path.read_bytes()
@@ -163,10 +160,8 @@ def with_header(
 ) -> tuple[bytes, Lines, Header]:
     """Return a file's text, its first lines, and what ``find`` sees of the header in them.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, or ``lacking`` the header; ``remedy`` says what to do then.
+    Raises InputError where the file cannot be read, or ``lacking`` the header; ``remedy`` says what
+    to do then.
     """
     data = content(path)
     lines = Lines.from_bytes(data)

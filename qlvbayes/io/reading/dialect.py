@@ -39,10 +39,7 @@ class Dialect:
 def sniff(path: Path) -> Dialect:
     """Read the header and find out how the rows are written.
 
-    Raises
-    ------
-    InputError
-        The file has no header, no rows, or its header lacks a column.
+    Raises InputError where the file has no header, no rows, or its header lacks a column.
     """
     lines = head(path).decode("utf-8").split("\n")
     written = [(n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#"]

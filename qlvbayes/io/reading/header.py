@@ -68,10 +68,8 @@ class Columns:
 def read_columns(names: list[str], file: Path, line: int) -> Columns:
     """Return every column with its quantity and unit.
 
-    Raises
-    ------
-    InputError
-        A quantity is missing, doubled, of unknown unit or of the other system of units.
+    Raises InputError where a quantity is missing, doubled, of unknown unit or of the other system
+    of units.
     """
     header = _Header(names, file, line)
     header.refuse_numbers()
