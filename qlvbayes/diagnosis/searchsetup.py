@@ -82,6 +82,7 @@ def build_search(
         space.record.blocks,
         settings.tolerance,
         settings.discrepancy,
+        settings.scatter,
     )
     own = frozenset(effect.name for effect in model.effects)
     baseline = Hypothesis(choices.law, choices.relaxing, own)

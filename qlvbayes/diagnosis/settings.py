@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior
+from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER_UNDECIDED
+from qlvbayes.inference.errors.scatter import ScatterPrior
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.motion.firstlook.facts import NEARLY
@@ -123,6 +125,8 @@ class DiagnosisSettings:
     breadth: Breadth = Breadth()
     # prior of the discrepancy, which stands for everything that is not modelled
     discrepancy: DiscrepancyPrior = UNDECIDED
+    # prior of the scatter of stiffness and strengths between tests
+    scatter: ScatterPrior = SCATTER_UNDECIDED
     # narrowest, widest: bounds of the factors by which the prior of an effect's amplitude is scaled
     # to the user's motion. Without them, an effect that hardly acts in it would have to be
     # enormous.

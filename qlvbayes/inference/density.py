@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.scatter import NONE, Scatter, scaled_parts
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
@@ -179,8 +180,11 @@ class Density:
         forces = self.space.forces(parameters.hypothesis, constants)
         return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
-    def at(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
-        """Return the point at theta (F,); None where the force is not finite or absurdly large."""
+    def at(self, hypothesis: Hypothesis, theta: Array, scatter: Scatter = NONE) -> Point | None:
+        """Return the point at theta (F,); None where the force is not finite or absurdly large.
+
+        scatter: of the stiffness and the strengths between tests.
+        """
         parameters = self.space.parameters(hypothesis)
         constants, predicted, responses = self._forces_and_slopes(parameters, theta)
         prior = _prior(parameters, theta)
@@ -201,7 +205,12 @@ class Density:
             whitened[0],
             whitened[1:],
             prior,
-            self.discrepancy.separated(responses, parameters.length),
+            self.discrepancy.separated(
+                responses,
+                parameters.length,
+                partial(scaled_parts, predicted, responses, theta, parameters.amplitudes),
+                scatter,
+            ),
         )
 
     def log_density(
@@ -250,7 +259,12 @@ class Density:
 
     def likeliest_size(self, point: Point, guess: float = 0.0) -> float:
         """Return the size (N) of highest density at a point; the search starts from a guess (N)."""
-        return self.discrepancy.likeliest(point.residual, guess, point.separation)
+        return self.discrepancy.likeliest_size(point.residual, guess, point.separation)
+
+    def likeliest(self, point: Point, guess: float = 0.0) -> tuple[float, Point]:
+        """Return the size (N) of highest density, and the point with the likeliest scatter."""
+        size, scatter = self.discrepancy.likeliest(point.residual, guess, point.separation)
+        return size, replace(point, separation=point.separation.with_scatter(scatter))
 
 
 def _stepped(theta: Array, steps: Array) -> Array:

@@ -92,9 +92,10 @@ def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array
     second moment about the fitted values is \Delta \Delta^T + H^{-1}.
     """
     size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
-    if size == 0.0:
+    if size == 0.0 and not any(point.separation.scatter.sizes):
         return np.zeros((point.theta.size, point.theta.size))
-    return second_moment(point.terms(density.discrepancy.at(size)), point.own.length)
+    whole = point.separation.unseparated(density.discrepancy.at(size))
+    return second_moment(point.terms(whole), point.own.length)
 
 
 def second_moment(terms: Terms, lengths: Array) -> Array:

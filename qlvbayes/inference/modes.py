@@ -69,17 +69,18 @@ def find_mode(
         expected = predicted_decrease(terms, step)
         least_rise = max(min_gain, _NEED * (terms.loss - best))
         if stalled or (expected < least_rise and damping <= 1.0):
-            likeliest = density.likeliest_size(point, size)
-            if likeliest == size:
+            likeliest, settled = density.likeliest(point, size)
+            if likeliest == size and settled.separation.scatter == point.separation.scatter:
                 return Mode(point, size, terms.loss, True, steps)
-            size, damping, stalled = likeliest, _DAMPING[0], False
+            size, point, damping, stalled = likeliest, settled, _DAMPING[0], False
             terms = density.terms(point, size)
             continue
         if steps > 1 and (reached := _known_nearby(density, point, terms.loss, known)):
             return reached
-        candidate = density.at(hypothesis, point.own.within(point.theta + step))
         # a step keeps the separation of the discrepancy, so that both losses are of one function
         separation = point.separation
+        theta = point.own.within(point.theta + step)
+        candidate = density.at(hypothesis, theta, separation.scatter)
         rise = terms.loss - density.loss(candidate, size, separation) if candidate else -np.inf
         if candidate is None or not rise > 0.0:
             damping *= 10.0
@@ -89,7 +90,7 @@ def find_mode(
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point, terms = candidate, density.terms(candidate, size)
         stalled = max(rise, 0.2 * expected) < max(_CREEP, least_rise)
-    size = density.likeliest_size(point, size)
+    size, point = density.likeliest(point, size)
     return Mode(point, size, density.terms(point, size).loss, False, steps)
 
 

@@ -202,7 +202,7 @@ def test_the_likeliest_size_is_that_of_least_loss_wherever_it_is_looked_for(dens
     residual += scale * found.shapes.sum(axis=0)
     losses = [found.loss(residual, k) for k in range(found.sizes.size)]
     expected = found.sizes[int(np.argmin(losses))]
-    assert {found.likeliest(residual, near) for near in found.sizes[::4]} == {expected}
+    assert {found.likeliest_size(residual, near) for near in found.sizes[::4]} == {expected}
 
 
 @pytest.mark.parametrize(

@@ -20,14 +20,16 @@ is less probable.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Features, Locations
+from qlvbayes.inference.errors.scatter import NONE, Scatter, ScatterPrior, by_test, likeliest
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.io.arrays import Array
@@ -41,7 +43,8 @@ class Discrepancy:
     """The features of a pad's block means, and the sizes that the discrepancy may have.
 
     features (M, T, B): in N, for unit size; peak: largest force (N); sizes (S,): in N, the first is
-    0; log_prior (S,): of the sizes; rough: variance ratio rho.
+    0; log_prior (S,): of the sizes; rough: variance ratio rho; scatter: prior of that between
+    tests, None where there is none.
     """
 
     features: Array
@@ -50,6 +53,7 @@ class Discrepancy:
     sizes: Array
     log_prior: Array
     rough: float
+    scatter: ScatterPrior | None = None
     _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @classmethod
@@ -60,15 +64,17 @@ class Discrepancy:
         peak: float,
         tolerance: float,
         prior: DiscrepancyPrior = UNDECIDED,
+        scatter: ScatterPrior | None = None,
     ) -> Discrepancy:
         """Return the discrepancy of features (M, T, B), with the prior's grid of sizes.
 
-        peak: largest force (N); tolerance: share of it beyond which the prior of the size falls.
+        peak: largest force (N); tolerance: share of it beyond which the prior of the size falls;
+        scatter: prior of the scatter between tests, None without any.
         """
         densities = 1.0 / (1.0 + prior.shares / max(tolerance, prior.smallest))
         weights = np.concatenate([[prior.none], (1.0 - prior.none) * densities / densities.sum()])
         sizes = peak * np.concatenate([[0.0], prior.shares])
-        return cls(features, whitener, peak, sizes, np.log(weights), prior.rough)
+        return cls(features, whitener, peak, sizes, np.log(weights), prior.rough, scatter)
 
     @classmethod
     def from_blocks(
@@ -78,10 +84,12 @@ class Discrepancy:
         blocks: Blocks,
         tolerance: float = TOLERANCE,
         prior: DiscrepancyPrior = UNDECIDED,
+        scatter: ScatterPrior | None = None,
     ) -> Discrepancy:
         """Return the discrepancy of block means (T, B) of some trials, under the noise floor.
 
-        tolerance: share of the peak force beyond which the prior of the size falls.
+        tolerance: share of the peak force beyond which the prior of the size falls; scatter: prior
+        of the scatter between tests, None without any. One test alone shows no scatter.
         """
         peak = experiment.scales.force
         locations = Locations.from_blocks(experiment, trials, blocks, prior)
@@ -90,7 +98,8 @@ class Discrepancy:
         features = np.zeros((len(values), *real.shape))
         features[:, real] = values
         whitener = Whitener.from_floor(experiment.floor, blocks, peak)
-        return cls.from_features(features, whitener, peak, tolerance, prior)
+        several = scatter if len(trials) > 1 else None
+        return cls.from_features(features, whitener, peak, tolerance, prior, several)
 
     @classmethod
     def none(cls, whitener: Whitener, peak: float) -> Discrepancy:
@@ -120,10 +129,17 @@ class Discrepancy:
         """Return the features (M, n) at the blocks that count, not whitened."""
         return self.whitener.flattened(self.features)
 
-    def separated(self, responses: Array, lengths: Array) -> Separation:
+    def separated(
+        self,
+        responses: Array,
+        lengths: Array,
+        parts: Callable[[], Array] | None = None,
+        scatter: Scatter = NONE,
+    ) -> Separation:
         """Return the separation from what the derivatives (F, T, B) of the force can follow.
 
-        lengths (F,): natural lengths of the free parameters.
+        lengths (F,): natural lengths of the free parameters; parts: function to the parts (G, T, B)
+        of the force whose scale differs between tests; scatter: of these scales.
         """
         slopes = self.whitener.flattened(responses)
         if not len(self.features):
@@ -134,7 +150,20 @@ class Discrepancy:
             smooth -= 0.5 * (smooth @ rows.T) @ rows
             return smooth, self._coupled_moments(rows)
 
-        return Separation(slopes, lengths[: len(slopes)], coupled, self.whitener.whiten)
+        def scaled() -> tuple[Array, NDArray[np.intp]]:
+            assert parts is not None
+            rows = by_test(own := parts())
+            groups = np.repeat(np.arange(len(own)), own.shape[1])
+            return self.whitener.flattened(rows), groups
+
+        return Separation(
+            slopes,
+            lengths[: len(slopes)],
+            coupled,
+            self.whitener.whiten,
+            scaled if parts is not None and self.scatter is not None else None,
+            scatter if self.scatter is not None else NONE,
+        )
 
     def _coupled_moments(self, rows: Array) -> Array:
         """Return Q T (1 - P), (R, n), where T holds the variances of uncertain moments."""
@@ -142,15 +171,21 @@ class Discrepancy:
         return np.asarray(moments - (moments @ rows.T) @ rows)
 
     def covariance(self, size: float, separation: Separation) -> Array:
-        """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2)."""
+        """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2).
+
+        The scatter between tests is part of it.
+        """
         count = self.block_features.shape[1]
-        if size == 0.0:
-            return np.zeros((count, count))
         rows = separation.rows
+        scaled = separation.scattered(separation.scaled_rows[0])
+        scaled = scaled - (scaled @ rows.T) @ rows
+        between: Array = scaled.T @ scaled
+        if size == 0.0:
+            return between
         rest = self.block_features - (self.block_features @ rows.T) @ rows
         moments = rows.T @ self._coupled_moments(rows)
         added = size**2 * (rest.T @ rest + self.rough * np.eye(count))
-        return np.asarray(added - moments - moments.T)
+        return np.asarray(added + between - moments - moments.T)
 
     def at(
         self, size: float, separation: Separation | None = None
@@ -195,30 +230,57 @@ class Discrepancy:
             )
         return logs
 
-    def likeliest(
+    def likeliest_size(
         self, residual: Array, guess: float = 0.0, separation: Separation | None = None
     ) -> float:
-        """Return the size (N) of highest density given a whitened residual (n,).
+        """Return the size (N) of highest density given a whitened residual (n,), as `likeliest`."""
+        return self._descended(guess, lambda k: (self.loss(residual, k, separation), NONE))[0]
+
+    def likeliest(
+        self, residual: Array, guess: float, separation: Separation
+    ) -> tuple[float, Scatter]:
+        """Return the size (N) and the scatter of highest density given a whitened residual (n,)."""
+        alone = separation.with_scatter(NONE)
+        if self.scatter is None or alone.scaled is None:
+            return self.likeliest_size(residual, guess, alone), NONE
+        prior, groups = self.scatter, alone.scaled_rows[1]
+        vectors = np.concatenate([residual[None], alone.separated_rows])
+
+        def loss(index: int) -> tuple[float, Scatter]:
+            discrepancy = self.at(float(self.sizes[index]), alone)
+            products = discrepancy.products(vectors)
+            own = 0.5 * (float(products[0, 0]) + discrepancy.log_volume)
+            more, scatter = likeliest(products[1:, 1:], products[0, 1:], groups, prior)
+            return own - float(self.log_prior[index]) + more, scatter
+
+        return self._descended(guess, loss)
+
+    def _descended(
+        self, guess: float, loss_at: Callable[[int], tuple[float, Scatter]]
+    ) -> tuple[float, Scatter]:
+        """Return the size (N) of the lowest loss, and the scatter with it.
 
         The loss has one valley over the sizes above zero, which is descended from the size nearest
         to ``guess`` (N). Size zero is tried separately, as its prior stands apart.
         """
         count = self.sizes.size
-        loss_at_zero = self.loss(residual, 0)
+        at_zero = loss_at(0)
         if count == 1:
-            return 0.0
+            return 0.0, at_zero[1]
         index = int(np.argmin(np.abs(self.sizes - guess))) if guess > 0.0 else count // 3
-        lowest = self.loss(residual, index, separation)
+        lowest = loss_at(index)
         for step in (1, -1):
             first = index
             while 0 < index + step < count:
-                loss = self.loss(residual, index + step, separation)
-                if loss >= lowest:
+                loss = loss_at(index + step)
+                if loss[0] >= lowest[0]:
                     break
                 index, lowest = index + step, loss
             if index != first:
                 break
-        return 0.0 if loss_at_zero <= lowest else float(self.sizes[index])
+        return (
+            (0.0, at_zero[1]) if at_zero[0] <= lowest[0] else (self.sizes[index].item(), lowest[1])
+        )
 
     def weights(
         self, residual: Array, size: float, count: int | None = None

@@ -24,7 +24,8 @@ With Q an orthonormal basis of P, the difference to C = Sigma + T + s^2 K has a 
           Y = s^2 Q K (1 - \tfrac12 P) + Q T (1 - P), \quad U = (Q; Y), \quad
           S = \begin{pmatrix} 0 & 1 \\ 1 & 0 \end{pmatrix}
 
-so that the inverse and determinant of C_P follow from those of C (Woodbury):
+so that the inverse and determinant of C_P follow from those of C (Woodbury), where scatter between
+tests (`scatter`) adds further rows V to U, and -1 to the diagonal of S:
 
 .. math:: C_P^{-1} = C^{-1} + C^{-1} U^T M^{-1} U C^{-1}, \quad
           M = S - U C^{-1} U^T, \quad |C_P| = |C|\, |M|
@@ -33,12 +34,14 @@ so that the inverse and determinant of C_P follow from those of C (Woodbury):
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from qlvbayes.inference.errors.scatter import NONE, Scatter
 from qlvbayes.io.arrays import Array
 
 _SMALLEST = 1e-8
@@ -62,13 +65,17 @@ class Separation:
 
     slopes (F, n): of the block means, not whitened; lengths (F,): natural lengths of the free
     parameters; coupled: function from Q (R, n) to the parts Y of K and of the moments, both (R, n);
-    whiten: function that whitens block means (M, n).
+    whiten: function that whitens block means (M, n); scaled: function to the rows V (K, n) of the
+    parts of the force whose scale differs between tests, not whitened, and the group (K,) of each;
+    scatter: the relative sds of the scales of each group.
     """
 
     slopes: Array
     lengths: Array
     coupled: Callable[[Array], tuple[Array, Array]]
     whiten: Callable[[Array], Array]
+    scaled: Callable[[], tuple[Array, NDArray[np.intp]]] | None = None
+    scatter: Scatter = NONE
     _by_size: dict[float, Separated] = field(default_factory=dict)
 
     @cached_property
@@ -81,6 +88,42 @@ class Separation:
         """Return Q, Y of K and Y of the moments, (R, n) each, whitened."""
         parts = np.concatenate([self.rows, *self.coupled(self.rows)])
         return tuple(np.split(self.whiten(parts), 3))
+
+    @cached_property
+    def scaled_rows(self) -> tuple[Array, NDArray[np.intp]]:
+        """Return the rows V (K, n), not whitened, and the group (K,) of each."""
+        if self.scaled is None:
+            return np.zeros((0, self.slopes.shape[1])), np.zeros(0, dtype=np.intp)
+        return self.scaled()
+
+    @cached_property
+    def separated_rows(self) -> Array:
+        """Return V (1 - P), (K, n), whitened: as a discrepancy, scatter bends no curve."""
+        rows, _ = self.scaled_rows
+        return self.whiten(rows - (rows @ self.rows.T) @ self.rows)
+
+    def scattered(self, rows: Array) -> Array:
+        """Return the rows (K, n) of V, in any form, times the sds of their scales."""
+        if not any(self.scatter.sizes):
+            return rows[:0]
+        return np.asarray(np.array(self.scatter.sizes)[self.scaled_rows[1], None] * rows)
+
+    def unseparated(self, discrepancy: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
+        """Return a discrepancy with the scatter, neither of them separated."""
+        if not any(self.scatter.sizes):
+            return discrepancy
+        rows = self.scattered(self.whiten(self.scaled_rows[0]))
+        return Separated.from_unseparated(discrepancy, rows[:0], rows[:0], rows, 0.0)
+
+    def with_scatter(self, scatter: Scatter) -> Separation:
+        """Return the separation with other sds of the scales of each group."""
+        if scatter == self.scatter:
+            return self
+        other = replace(self, scatter=scatter, _by_size={})
+        # what does not depend on the scatter is not computed again
+        known = ("rows", "_parts", "scaled_rows", "separated_rows")
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k in known})
+        return other
 
     @property
     def rank(self) -> int:
@@ -100,17 +143,20 @@ class Separation:
             self._by_size.pop(other, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
-        """Return the separated discrepancy at the size of one that is not separated."""
-        if unseparated.size == 0.0 or not self.rank:
+        """Return the separated discrepancy, with the scatter, of one that is not separated."""
+        separates = unseparated.size > 0.0 and self.rank > 0
+        if not separates and not any(self.scatter.sizes):
             return unseparated
-        separated = self._by_size.get(unseparated.size)
-        if separated is None:
-            basis, ties, moments = self._parts
+        known = self._by_size.get(unseparated.size)
+        if known is None:
+            basis, ties, moments = self._parts if separates else 3 * (self.slopes[:0],)
             coupled = unseparated.size**2 * ties + moments
-            separated = self._by_size[unseparated.size] = Separated.from_unseparated(
-                unseparated, basis, coupled
+            scattered = self.scattered(self.separated_rows)
+            known = Separated.from_unseparated(
+                unseparated, basis, coupled, scattered, 2.0 * self.scatter.cost
             )
-        return separated
+            self._by_size[unseparated.size] = known
+        return known
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +189,10 @@ class DiscrepancyOfSize:
 
 @dataclass(frozen=True, eq=False)
 class Separated:
-    """A separated discrepancy of one size, with the covariance C_P.
+    """A separated discrepancy of one size with the scatter between tests, of covariance C_P.
 
-    unseparated: the discrepancy of covariance C; own (2R, n), parts: scaled U and its components
-    along the axes; core (2R, 2R): M; log_volume: ln|C_P|.
+    unseparated: the discrepancy of covariance C; own (2R + K, n), parts: scaled U and its
+    components along the axes; core (2R + K, 2R + K): M; log_volume: ln|C_P|.
     """
 
     unseparated: DiscrepancyOfSize
@@ -156,14 +202,26 @@ class Separated:
     log_volume: float
 
     @classmethod
-    def from_unseparated(cls, unseparated: DiscrepancyOfSize, basis: Array, coupled: Array) -> Self:
-        """Return the separated discrepancy of Q and Y (R, n), whitened."""
-        scale = unseparated.size  # makes Q and Y of similar size, which saves digits
-        own, parts = unseparated.parts(np.concatenate([scale * basis, coupled / scale]))
+    def from_unseparated(
+        cls,
+        unseparated: DiscrepancyOfSize,
+        basis: Array,
+        coupled: Array,
+        scattered: Array,
+        cost: float,
+    ) -> Self:
+        """Return the separated discrepancy of Q and Y (R, n) and scaled V (K, n), whitened.
+
+        cost: what the scatter's prior adds to -2 log posterior.
+        """
+        scale = unseparated.size or 1.0  # makes Q and Y of similar size, which saves digits
+        rows = np.concatenate([scale * basis, coupled / scale, scattered])
+        own, parts = unseparated.parts(rows)
         rank = len(basis)
-        swap = np.roll(np.eye(2 * rank), rank, axis=0)
-        core = swap - (own @ own.T - parts @ parts.T)
-        log_volume = unseparated.log_volume + float(np.linalg.slogdet(core)[1])
+        inner = -np.eye(len(rows))
+        inner[: 2 * rank, : 2 * rank] = np.roll(np.eye(2 * rank), rank, axis=0)
+        core = inner - (own @ own.T - parts @ parts.T)
+        log_volume = unseparated.log_volume + float(np.linalg.slogdet(core)[1]) + cost
         return cls(unseparated, own, parts, core, log_volume)
 
     @property
@@ -173,7 +231,7 @@ class Separated:
 
     @cached_property
     def inverse(self) -> Array:
-        """Return M^-1 (2R, 2R)."""
+        """Return M^-1 (2R + K, 2R + K)."""
         return np.asarray(np.linalg.inv(self.core))
 
     def products(self, vectors: Array) -> Array:

@@ -17,7 +17,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect
+from qlvbayes.priors.natural import AbstractDirect, Natural
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
@@ -164,6 +164,11 @@ class Parameters:
     def by_name(self) -> dict[str, Leaf]:
         """Return the fields by the name of their first constant, in the order of theta."""
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
+
+    @cached_property
+    def amplitudes(self) -> list[int]:
+        """Return the indices in theta of the effects' amplitudes."""
+        return [leaf.theta.start for leaf in self.leaves if isinstance(leaf.prior, Natural)]
 
     @cached_property
     def columns(self) -> dict[str, slice]:
