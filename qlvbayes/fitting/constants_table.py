@@ -30,7 +30,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """One constant of one pad: median, 90 % interval, and the reference value if there is one.
+    """A constant of one pad: median, 90 % interval, and the reference value if there is one.
 
     A fixed constant has an interval of zero width.
     """
@@ -50,13 +50,8 @@ References = Mapping[tuple[str, str], Reference]
 def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
     """Read reference values by pad and parameter from a CSV file: ``pad,parameter,value,unit``.
 
-    Lines that begin with # are comments.
-
-    Raises
-    ------
-    InputError
-        The file is not of this kind, a value is not a number, or a constant is given twice. The
-        error names file and line.
+    Lines that begin with # are comments. Raises InputError, which names file and line, where the
+    file is not of this kind, a value is not a number, or a constant is given twice.
     """
     file = Path(path)
     try:
@@ -110,20 +105,7 @@ def matching_references(references: References, summaries: Iterable[FitSummary])
 def constants_table(
     summaries: Iterable[FitSummary], references: References | None = None
 ) -> list[Entry]:
-    """Return the entries of every constant, pad by pad.
-
-    Parameters
-    ----------
-    summaries
-        Fits of the pads.
-    references
-        Reference values by pad and parameter.
-
-    Raises
-    ------
-    InputError
-        A reference is in another unit than its constant.
-    """
+    """Return the entries of every constant, pad by pad."""
     return [
         _entry(s.pad, name, c, references or {})
         for s in summaries
@@ -189,22 +171,7 @@ def as_latex(entries: Sequence[Entry]) -> str:
 
 
 def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = True) -> list[Path]:
-    """Write ``out``/constants.csv and .tex, completely or not at all.
-
-    Parameters
-    ----------
-    out
-        Folder of the tables.
-    entries
-        Constants of all pads.
-    for_print
-        Whether the .tex file, with one column a pad, is written.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-    """
+    """Write ``out``/constants.csv, and .tex with a column a pad, completely or not at all."""
     texts = {"csv": as_csv(entries)}
     if for_print:
         texts["tex"] = as_latex(entries)

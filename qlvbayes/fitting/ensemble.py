@@ -153,19 +153,8 @@ def sample(
 ) -> Chain:
     """Return a chain that has lasted 50 autocorrelation times and mixed, or ``max_steps``.
 
-    Parameters
-    ----------
-    posterior
-        Posterior to sample.
-    start
-        Normal approximation from which walkers and the first proposal are drawn.
-    settings
-        Number of walkers and steps, and the seed.
-    store
-        Where each segment is stored and from where an interrupted run resumes. The resumed chain is
-        identical to that of an uninterrupted run.
-    progress
-        Called with the steps done and those expected.
+    Walkers and the first proposal are drawn from ``start``. Segments go to the store, from which an
+    interrupted run resumes with an identical chain. ``progress`` takes the steps done and expected.
     """
     walkers = max(settings.walkers, 2 * posterior.size + 2)
     so_far = _ChainProgress(list(store.load()) if store else [])

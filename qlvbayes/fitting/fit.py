@@ -233,32 +233,10 @@ def fit_pad(
 ) -> Fit:
     """Fit the trials whose role is ``fit``.
 
-    Parameters
-    ----------
-    experiment
-        Prepared tests of one pad.
-    choices
-        Model and priors.
-    method
-        ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and
-        ``two-step`` are the paper's routes, whose draws come from the normal approximation at the
-        optimum.
-    settings
-        Settings of the sampler.
-    folder
-        Where the growing chain is stored, so that an interrupted run resumes.
-    progress
-        Called with the steps done and those expected.
-
-    Returns
-    -------
-    Fit
-        Draws of the constants.
-
-    Raises
-    ------
-    InputError
-        The method is unknown, or settings do not fit the model.
+    ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and ``two-step``
+    are the paper's routes, whose draws come from the normal approximation at the optimum. The
+    growing chain is stored in ``folder``, so that an interrupted run resumes. ``progress`` takes
+    the steps done and those expected.
     """
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
@@ -275,13 +253,7 @@ def fit_pad(
 
 
 def independent_noise(choices: Choices, method: str) -> Choices:
-    """Return the choices of a least-squares method: independent noise of the residuals' own sd.
-
-    Raises
-    ------
-    InputError
-        A noise model was chosen that is not the default: these methods would not use it.
-    """
+    """Return the choices of a least-squares method: independent noise of the residuals' own sd."""
     if choices.noise not in (Choices().noise, "white"):
         raise InputError(
             f"{method} takes no noise model: its noise is the scatter of the residuals",

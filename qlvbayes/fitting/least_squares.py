@@ -55,27 +55,10 @@ def least_squares(
 ) -> LeastSquares:
     """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants.
 
-    Parameters
-    ----------
-    posterior
-        Posterior whose noise is fixed.
-    scale
-        Divisors (T, B) of the residuals.
-    rng
-        Random generator of the starts, which are the best of 96 prior draws.
-    starts
-        Number of starts.
+    ``scale`` has a divisor (T, B) for each block mean. The starts are the best of 96 prior draws;
+    the optima lie within five prior sds of the prior mean of the unconstrained parameters.
 
-    Returns
-    -------
-    LeastSquares
-        The optima. They lie within five prior sds of the prior mean of the unconstrained
-        parameters.
-
-    Raises
-    ------
-    NoFiniteForceError
-        No draw gives finite forces.
+    Raises NoFiniteForceError where no draw gives finite forces.
     """
     # the optimiser's tolerance on gradients is absolute
     scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))

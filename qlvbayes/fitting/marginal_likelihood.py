@@ -129,17 +129,12 @@ class FitResponse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """The covariance of theta about the curve that follows the data, due to a discrepancy.
+    """The covariance of theta about the curve that follows the data, due to a discrepancy."""
 
-    discrepancy: of the fitted block means; vectors (1 + D, n): whitened residual, and derivatives
-    of the force; separation: from what these can follow; prior: expansion of minus the log prior
-    density.
-    """
-
-    discrepancy: Discrepancy
-    vectors: Array
-    separation: Separation
-    prior: Terms
+    discrepancy: Discrepancy  # of the fitted block means
+    vectors: Array  # (1 + D, n): whitened residual, and derivatives of the force
+    separation: Separation  # from what these can follow
+    prior: Terms  # expansion of minus the log prior density
 
     @classmethod
     def about(cls, discrepancy: Discrepancy, fitted: FitResponse, prior: Terms) -> Spread:
@@ -190,10 +185,7 @@ def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[A
 class DrawResiduals:
     """The residuals of draws, each with the pair of scale and size that its constants contain.
 
-    Raises
-    ------
-    KeyError
-        The constants (N, P) of a draw are not those of a pair.
+    Raises KeyError where the constants (N, P) of a draw are not those of a pair.
     """
 
     def __init__(self, posterior: Posterior, predicted: Array, constants: Array) -> None:

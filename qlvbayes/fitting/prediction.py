@@ -74,30 +74,10 @@ def predict(
     *,
     seed: int = 0,
 ) -> list[Prediction]:
-    """Predict some trials from posterior draws.
+    """Predict some trials from posterior draws (draws,) of each constant.
 
-    Parameters
-    ----------
-    experiment
-        Prepared tests of the pad that was fitted.
-    choices
-        Model and priors of the fit.
-    constants
-        Draws (draws,) of each constant, by name.
-    trials
-        Tests to predict. Of a long phase at most 300 samples are predicted.
-    seed
-        Seed of the choice of draws and of the noise.
-
-    Returns
-    -------
-    list of Prediction
-        One for each trial.
-
-    Raises
-    ------
-    KeyError
-        A constant of the model is missing.
+    Of a long phase at most 300 samples are predicted. Raises KeyError where a constant of the model
+    is missing.
     """
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]

@@ -39,47 +39,27 @@ _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Saved:
-    """The contents of a results file: draws of the constants, and how they were obtained.
+    """The contents of a results file: draws of the constants, and how they were obtained."""
 
-    Parameters
-    ----------
-    pad, names
-        Name of the pad, and names of the P constants.
-    constants
-        Draws (chains, draws, P).
-    choices, method
-        Model, and method by which it was fitted.
-    source, sha256, fitted
-        File of the data, its digest, and names of the fitted tests; empty for a posterior made
-        elsewhere, where its file does not state them.
-    all_tests
-        Whether all tests of the pad were used.
-    fluid
-        Fluid of the pad, where it is known.
-    units
-        Unit system of the constants.
-    covered
-        What the tests cover.
-    converged
-        Whether nothing spoke against the sampling.
-    curves
-        Draws where the curve follows the data, which predict the tests; None where these are the
-        draws themselves.
-    """
-
+    # pad, names: name of the pad, and names of the P constants
     pad: str
     names: tuple[str, ...]
-    constants: np.ndarray
+    constants: np.ndarray  # draws (chains, draws, P)
+    # choices, method: model, and method by which it was fitted
     choices: Choices
     method: str
+    # source, sha256, fitted: file of the data, its digest, and names of the fitted tests; empty for
+    # a posterior made elsewhere, where its file does not state them
     source: str
     sha256: str
-    all_tests: bool
+    all_tests: bool  # whether all tests of the pad were used
     fitted: tuple[str, ...]
-    fluid: str | None = None
-    units: UnitSystem = PAD
-    covered: Covered | None = None
-    converged: bool = True
+    fluid: str | None = None  # fluid of the pad, where it is known
+    units: UnitSystem = PAD  # unit system of the constants
+    covered: Covered | None = None  # what the tests cover
+    converged: bool = True  # whether nothing spoke against the sampling
+    # draws where the curve follows the data, which predict the tests; None where these are the
+    # draws themselves
     curves: np.ndarray | None = None
 
     @property
@@ -100,25 +80,8 @@ def to_arviz(
 
     Where a discrepancy may have moved the constants from those of the chain, the group ``curve``
     has the latter. Walkers are chains. The log likelihood of a block is conditional on the blocks
-    before it in its test. Units are attributes of the variables, everything else of the root.
-
-    Parameters
-    ----------
-    fit
-        Draws of the constants of one pad.
-    summary
-        Summary of the fit, which says whether the sampling converged.
-    source, sha256
-        File of the data, and its digest.
-    all_tests
-        Whether all tests of the pad were used.
-    seed
-        Seed of the replicated block means.
-
-    Returns
-    -------
-    xarray.DataTree
-        The groups as arviz expects them.
+    before it in its test. Units are attributes of the variables, everything else of the root. The
+    seed is that of the replicated block means.
     """
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     force = fit.experiment.units.force_name

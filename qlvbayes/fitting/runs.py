@@ -32,18 +32,16 @@ _LIBRARIES = (
 
 
 class Run(Part, frozen=True):
-    """One command: its data with their digest, its seed, the model's choices, and versions.
-
-    choices: as `Choices.as_dict` gives them, because a file of laws or effects may have vanished
-    since; settings: further options of the step, ``sampler`` and ``thresholds`` among them.
-    """
+    """A command: its data with their digest, its seed, the model's choices, and versions."""
 
     command: str
     source: str
     sha256: str
     seed: int
+    # as `Choices.as_dict` gives them, because a file of laws or effects may have vanished since
     choices: dict[str, Any]
     versions: dict[str, str]
+    # further options of the step, ``sampler`` and ``thresholds`` among them
     settings: dict[str, Any] = field(default_factory=dict)
 
 
@@ -62,23 +60,7 @@ def record_run(
     seed: int,
     settings: Mapping[str, object] | None = None,
 ) -> None:
-    """Record in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
-
-    Parameters
-    ----------
-    out
-        Folder of the results.
-    step, command
-        Name of the step, and the command line.
-    study
-        Measurements, whose file and digest are recorded.
-    choices
-        Model and priors.
-    seed
-        Seed of the random numbers.
-    settings
-        Further options: plain values and dataclasses.
-    """
+    """Record in ``out/run.json`` which command made a step; ``study`` replaces all others."""
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)
     options = to_builtins(dict(settings or {}))

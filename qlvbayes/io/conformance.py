@@ -12,13 +12,6 @@ def run_checks(checks: Iterable[Check], error: type[AssertionError]) -> None:
     """Run all checks, and raise one error that lists every broken rule, a line each.
 
     The first check is of the declarations: where they are broken, the others cannot run.
-
-    Parameters
-    ----------
-    checks
-        The named checks.
-    error
-        The error with which a check says that its rule is broken.
     """
     broken: list[str] = []
     for number, (_, check) in enumerate(checks):

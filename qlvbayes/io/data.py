@@ -61,7 +61,7 @@ class Prescribed:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """One test of one pad: n samples of time, displacement and force.
+    """A test of one pad: n samples of time, displacement and force.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """One pad and its tests, in the file's order.
+    """A pad and its tests, in the file's order.
 
     Parameters
     ----------
@@ -173,29 +173,14 @@ def read_measurements(path: str | Path) -> Measurements:
     of the last two. The suffix names the unit (`units.SUFFIXES`); all results are given in these
     units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
     columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
-    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
-    or force; it may change within a test), `use` (1 or 0: whether the sample's force is used) and
+    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement or
+    force; it may change within a test), `use` (1 or 0: whether the sample's force is used) and
     `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that begin with #
     are comments. Without `start_s` the tests of a pad follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are
-    read-only.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    Measurements
-        The pads of the file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used as it is; the error names line and remedy.
+    read-only. Raises InputError, with line and remedy, where the file cannot be used as it is.
     """
     file = Path(path)
     with unchanged(file):
@@ -518,10 +503,8 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     ``tidy`` is the dialect with which it was read as a tidy file, or the error that this gave. A
     tidy header is believed, unless the file has a second clock: leaving that out would cause a lag.
 
-    Raises
-    ------
-    InputError
-        The file leaves open what only ``qlvbayes convert`` asks for, or it is damaged.
+    Raises InputError where the file leaves open what only ``qlvbayes convert`` asks for, or it is
+    damaged.
     """
     if isinstance(tidy, Dialect) and not tidy.columns.ignored:
         return None

@@ -42,16 +42,10 @@ _INSTANCES: WeakSet[Executables] = WeakSet()
 class Executables:
     """Function of arrays, compiled once for all processes and each shape of its arguments.
 
-    Parameters
-    ----------
-    function
-        A function whose arguments are nested tuples and lists of arrays.
-    options
-        Options for XLA, which this version of XLA knows.
-    meaning
-        Text that identifies all that the function depends on apart from its arguments, its source
-        included; None where that is unknown (a user's own effect may call on any file), and nothing
-        is kept then.
+    Arguments are nested tuples and lists of arrays; ``options`` are XLA's, which this version
+    knows. ``meaning`` is a text that identifies all that the function depends on apart from its
+    arguments, its source included; None where that is unknown (a user's own effect may call on any
+    file), and nothing is kept then.
     """
 
     def __init__(

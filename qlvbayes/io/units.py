@@ -18,17 +18,10 @@ class UnitSystem:
 
     Time is in s throughout. With force F and displacement d, K = m exp(b d) gives m the unit of
     force over displacement and b the unit of one over displacement.
-
-    Parameters
-    ----------
-    displacement
-        mm, um, nm or m, or 1 for strain.
-    force
-        N, mN, uN or nN, or kPa, MPa or Pa for stress.
     """
 
-    displacement: str
-    force: str
+    displacement: str  # mm, um, nm or m, or 1 for strain
+    force: str  # N, mN, uN or nN, or kPa, MPa or Pa for stress
 
     @property
     def dimensionless(self) -> bool:

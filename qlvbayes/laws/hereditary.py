@@ -117,18 +117,10 @@ def _recursion(
 ) -> tuple[Array, Array, Array, Array]:
     """Return what F_e and q_i are made of, with time down the columns of chunks.
 
-    Parameters
-    ----------
-    elastic, rates, path
-        Law, rates (L,), and time, depth and sagitta (N,) of a motion.
-    kept
-        What is kept of the modes (L, chunks) at each point.
-
-    Returns
-    -------
-    tuple
-        F_e (length, chunks); what is kept of the modes of motions that begin with each chunk; by
-        how much modes have decayed since, (length, L, chunks); q_i (L, chunks) at that beginning.
+    The law has rates (L,), the path time, depth and sagitta (N,) of a motion; ``kept`` gives what
+    is kept of the modes (L, chunks) at each point. The answer is F_e (length, chunks), what is kept
+    of the modes of motions that begin with each chunk, by how much modes have decayed since
+    (length, L, chunks), and q_i (L, chunks) at that beginning.
     """
     time, depth, sagitta = path
     times, start_time = _chunks(time, time[0])

@@ -8,23 +8,12 @@ from jaxtyping import Array, ArrayLike
 
 
 class Line(eqx.Module):
-    """Next straight piece of a motion, for a model that is evaluated step by step.
+    """Next straight piece of a motion, for a model that is evaluated step by step."""
 
-    Parameters
-    ----------
-    duration
-        Duration (s); 0 is a jump.
-    displacement
-        Displacement at the end (mm).
-    velocity
-        Velocity along the line (mm/s); 0 in a jump.
-    clear
-        Distance of the platen from the specimen at the end (mm), where displacement is its depth.
-    """
-
-    duration: Array
-    displacement: Array
-    velocity: Array
+    duration: Array  # duration (s); 0 is a jump
+    displacement: Array  # displacement at the end (mm)
+    velocity: Array  # velocity along the line (mm/s); 0 in a jump
+    # distance of the platen from the specimen at the end (mm), where displacement is its depth
     clear: ArrayLike = 0.0
 
 

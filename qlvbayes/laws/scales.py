@@ -14,44 +14,24 @@ TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class Scales:
-    """Scales measured in a pad's tests: force, depth, times, noise, speed and stiffness.
+    """Scales measured in a pad's tests: force, depth, times, noise, speed and stiffness."""
 
-    Parameters
-    ----------
-    force
-        Largest force (N).
-    depth
-        Largest depth (mm).
-    shortest
-        Sampling interval (s).
-    longest
-        Duration of the longest phase (s).
-    white, ou
-        Standard deviations (N) of the white and of the correlated part of the noise floor, measured
-        without the model.
-    tau
-        Correlation time (s) of the correlated part.
-    speed, acceleration
-        Largest speed (mm/s) and acceleration (mm/s2).
-    clock
-        Time (s) from the first test's beginning to the last one's end.
-    stiffness
-        Stiffness (N/mm) of the pad where the force is largest.
-    white_factor, tau_factor
-        Factors by which one sd of their uncertainty changes ``white`` and ``tau``.
-    """
-
-    force: float
-    depth: float
-    shortest: float
-    longest: float
+    force: float  # largest force (N)
+    depth: float  # largest depth (mm)
+    shortest: float  # sampling interval (s)
+    longest: float  # duration of the longest phase (s)
+    # white, ou: standard deviations (N) of the white and of the correlated part of the noise floor,
+    # measured without the model
     white: float
     ou: float
-    tau: float
+    tau: float  # correlation time (s) of the correlated part
+    # speed, acceleration: largest speed (mm/s) and acceleration (mm/s2)
     speed: float = 1.0
     acceleration: float = 1.0
-    clock: float = 1.0
-    stiffness: float = 1.0
+    clock: float = 1.0  # time (s) from the first test's beginning to the last one's end
+    stiffness: float = 1.0  # stiffness (N/mm) of the pad where the force is largest
+    # white_factor, tau_factor: factors by which one sd of their uncertainty changes ``white`` and
+    # ``tau``
     white_factor: float = 1.2
     tau_factor: float = 3.0
 

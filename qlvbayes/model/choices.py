@@ -241,23 +241,8 @@ def default_model(
 ) -> Model:
     """Return a model with every constant free, each law under its own default priors.
 
-    Parameters
-    ----------
-    scales
-        The scales of the pad's tests.
-    law, relaxation
-        Names of an elastic law and of a relaxation law among ``laws``.
-    modes
-        Number of modes of a Prony series.
-    laws
-        The laws to choose from.
-    bonded
-        Whether the specimen is fixed to the platen.
-
-    Raises
-    ------
-    InputError
-        There is no law of that name.
+    The laws are named among ``laws``; ``modes`` counts those of a Prony series. Raises InputError
+    where there is no law of that name.
     """
     elastic = find_elastic(law, laws).default(scales)
     kind = find_relaxation(relaxation, laws)

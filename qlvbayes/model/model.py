@@ -41,10 +41,7 @@ class Model(eqx.Module):
     def __add__(self, effect: AbstractEffect) -> Model:
         """Return the model with one more effect.
 
-        Raises
-        ------
-        InputError
-            The model has the effect already, or the effect cannot act on it.
+        Raises InputError where the model has the effect already, or the effect cannot act on it.
         """
         if effect.name in [own.name for own in self.effects]:
             raise InputError(f"the effect {effect.name} is in the model already")

@@ -206,23 +206,10 @@ def smooth(
 
     Dwells come out exactly constant. Each stretch between dwells becomes a quadratic spline with
     knots where least squares puts them, as few as keep all residuals within what the encoder step
-    and the scatter explain; the velocity is continuous unless a change of it is too quick to be
-    resolved by the samples. Where the record is too sparse for that the samples are joined by
-    straight lines.
-
-    Parameters
-    ----------
-    time, displacement
-        (n,) readings, n >= 2, time increasing in s, evenly spaced or not.
-    resolution
-        Encoder step in units of displacement; estimated from the readings if None.
-    scatter
-        Largest sd of the sensor's scatter, where other records show it.
-
-    Raises
-    ------
-    InputError
-        Shapes differ, fewer than two readings, a reading not finite, time not increasing.
+    and the scatter (the largest sd that other records show) explain; the velocity is continuous
+    unless a change of it is too quick to be resolved by the samples. Where the record is too sparse
+    for that the samples are joined by straight lines. Times (s) need not be even; the encoder step,
+    in units of displacement, is estimated from the readings if it is None.
     """
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(displacement, dtype=np.float64)

@@ -46,24 +46,12 @@ def run_all(
 ) -> Iterator[Outcome[Item, Answer]]:
     """Run ``task`` for every item; yield what became of each, in the order of the items.
 
-    An item that fails does not stop the others. Items are taken as they are needed, so that there
-    may be any number of them.
+    An item that fails does not stop the others; a `Fault` or an `Outcome` among them is passed on.
+    Items are taken as they are needed, so that there may be any number of them. Task and items can
+    be pickled; without an engine this process works itself. ``keep`` takes each outcome as soon as
+    it is there, in any order.
 
-    Parameters
-    ----------
-    task
-        A function that can be pickled, of an item that can.
-    items
-        What is worked on; a `Fault` or an `Outcome` among them is passed on.
-    engine
-        What works; this process itself where it is None.
-    keep
-        Called with each outcome as soon as it is there, in any order.
-
-    Raises
-    ------
-    EngineLostError
-        A scheduler has gone; everything that was kept before stays.
+    Raises EngineLostError where a scheduler has gone; everything that was kept before stays.
     """
     if engine is None:
         for item in items:

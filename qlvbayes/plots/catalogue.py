@@ -16,26 +16,16 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure, and the command that leaves it.
+    """A figure, and the command that leaves it."""
 
-    Parameters
-    ----------
-    name
-        Name of its file and, after ``plot_``, of its function.
-    command
-        The command that leaves it.
-    shows, see
-        What it shows, also for those who cannot see it, with ``{of}`` for the pad; and what to look
-        for. Both are empty where the report does not have it.
-    takes
-        The arguments of its function, from what the command has computed of one pad; None where the
-        command draws one figure for all pads, or from something else.
-    """
-
-    name: str
-    command: str
+    name: str  # name of its file and, after ``plot_``, of its function
+    command: str  # the command that leaves it
+    # shows, see: what it shows, also for those who cannot see it, with ``{of}`` for the pad; and
+    # what to look for. Both are empty where the report does not have it.
     shows: str = ""
     see: str = ""
+    # the arguments of its function, from what the command has computed of one pad; None where the
+    # command draws one figure for all pads, or from something else
     takes: Callable[..., tuple[Any, ...]] | None = None
 
     def draw(self, *computed: Any) -> Any:

@@ -40,58 +40,27 @@ _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Force (n,) of a model at the samples of each test, and its errors.
+    """Force (n,) of a model at the samples of each test, and its errors."""
 
-    Parameters
-    ----------
-    values
-        Every constant, as used.
-    forces
-        (n,) for each test, in the unit of the file.
-    error
-        Root mean square error over all samples, in the unit of the file.
-    cells
-        Errors by test and phase.
-    """
-
-    values: dict[str, float]
-    forces: tuple[Array, ...]
-    error: float
+    values: dict[str, float]  # every constant, as used
+    forces: tuple[Array, ...]  # (n,) for each test, in the unit of the file
+    error: float  # root mean square error over all samples, in the unit of the file
     cells: tuple[CellError, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Force (n,) that an effect would add to a model at the samples of each test.
-
-    Parameters
-    ----------
-    effect
-        The effect's name.
-    amplitude
-        Name of the constant by which the effect grows.
-    size
-        Most probable size of the amplitude.
-    unit
-        Its unit.
-    alone
-        The effect's own force, (n,) for each test.
-    with_constants
-        The same with the shift of the model's constants that goes with it.
-    takes
-        Share of the squared residual that this removes.
-    error
-        Root mean square error that remains.
-    """
+    """Force (n,) that an effect would add to a model at the samples of each test."""
 
     effect: str
-    amplitude: str
-    size: float
+    amplitude: str  # name of the constant by which the effect grows
+    size: float  # most probable size of the amplitude
     unit: str
-    alone: tuple[Array, ...]
+    alone: tuple[Array, ...]  # the effect's own force, (n,) for each test
+    # the same with the shift of the model's constants that goes with it
     with_constants: tuple[Array, ...]
-    takes: float
-    error: float
+    takes: float  # share of the squared residual that this removes
+    error: float  # root mean square error that remains
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,25 +135,7 @@ def nothing_added(own: Parameters, space: Space) -> Array:
 
 @dataclass(frozen=True)
 class Slider:
-    """Slider of one constant: its value, its ends, and the central 90 % of the prior.
-
-    Parameters
-    ----------
-    name, unit, meaning
-        The constant.
-    value
-        Its value.
-    low, high
-        The slider's ends.
-    prior
-        The central 90 % of the constant's prior.
-    log
-        Whether the slider is logarithmic.
-    owner
-        The law or effect that the constant belongs to.
-    derived
-        Whether the constant follows from the others.
-    """
+    """Slider of one constant: its value, its ends, and the central 90 % of the prior."""
 
     name: str
     unit: str
@@ -161,10 +143,10 @@ class Slider:
     value: float
     low: float
     high: float
-    prior: tuple[float, float]
-    log: bool
-    owner: str
-    derived: bool
+    prior: tuple[float, float]  # the central 90 % of the constant's prior
+    log: bool  # whether the slider is logarithmic
+    owner: str  # the law or effect that the constant belongs to
+    derived: bool  # whether the constant follows from the others
 
 
 def sliders(

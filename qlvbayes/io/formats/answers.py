@@ -18,35 +18,17 @@ FILE = "file"  # value of --contact that stands for the file's own zero
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers that the user gives beforehand; None or empty where the files shall decide.
+    """Answers that the user gives beforehand; None or empty where the files shall decide."""
 
-    Parameters
-    ----------
-    sign
-        A key of ``SIGNS``.
-    contact
-        Displacement at first contact, as the file writes it, or ``FILE``.
-    units
-        Units of time, displacement and force.
-    area
-        The specimen's area (mm2).
-    pads
-        One name for all, one a file, or one a test.
-    tests
-        Their names.
-    pad_from
-        The pattern that finds a pad's name in a test's own.
-    columns
-        The columns of time, displacement and force, by name or by number from 1.
-    """
-
-    sign: str | None = None
+    sign: str | None = None  # a key of ``SIGNS``
+    # displacement at first contact, as the file writes it, or ``FILE``
     contact: float | str | None = None
-    units: tuple[str, str, str] | None = None
-    area: float | None = None
-    pads: tuple[str, ...] = ()
+    units: tuple[str, str, str] | None = None  # units of time, displacement and force
+    area: float | None = None  # the specimen's area (mm2)
+    pads: tuple[str, ...] = ()  # one name for all, one a file, or one a test
     tests: tuple[str, ...] = ()
-    pad_from: re.Pattern[str] | None = None
+    pad_from: re.Pattern[str] | None = None  # the pattern that finds a pad's name in a test's own
+    # the columns of time, displacement and force, by name or by number from 1
     columns: tuple[str, str, str] | None = None
 
     @classmethod

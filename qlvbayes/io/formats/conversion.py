@@ -32,7 +32,7 @@ LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
 @dataclass(frozen=True, eq=False)
 class Tidied:
-    """One test in tidy form, and the findings of the conversion, each with its numbers.
+    """A test in tidy form, and the findings of the conversion, each with its numbers.
 
     ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
     positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
@@ -145,12 +145,9 @@ def convert(
     With ``without_faulty``, files that cannot be used are left out and reported, as long as one can
     be used.
 
-    Raises
-    ------
-    UnsureError
-        Neither the file nor ``answers`` state a sign, the contact, a unit or the area.
-    InputError
-        A file is of no known layout, damaged, or holds no usable test.
+    Raises UnsureError where neither the file nor ``answers`` state a sign, the contact, a unit or
+    the area. Raises InputError where a file is of no known layout, damaged, or holds no usable
+    test.
     """
     if answers.columns is not None:
         kinds = (stated_columns(answers.columns),)

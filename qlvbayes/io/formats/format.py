@@ -41,61 +41,30 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One channel as it is in the file.
+    """A channel as it is in the file."""
 
-    Parameters
-    ----------
-    quantity
-        time, displacement, force, strain or stress.
-    values
-        (n,) in the unit of the file.
-    unit
-        The unit as it is written; empty where the file does not state it.
-    name
-        The name as it is written.
-    """
-
-    quantity: str
-    values: Floats
-    unit: str
-    name: str
+    quantity: str  # time, displacement, force, strain or stress
+    values: Floats  # (n,) in the unit of the file
+    unit: str  # the unit as it is written; empty where the file does not state it
+    name: str  # the name as it is written
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One test as a machine wrote it, with nothing converted and no sign changed.
+    """A test as a machine wrote it, with nothing converted and no sign changed."""
 
-    Parameters
-    ----------
-    time
-        The clock of the displacement.
-    way
-        Displacement or strain.
-    load
-        Force or stress.
-    name
-        The test's name; empty where the file states none.
-    began
-        Date of time zero (s since 1970); None where the file does not state it.
-    load_time
-        The load's own clock, where it has one.
-    dropped
-        The number of rows that are no measurements, by reason.
-    unused
-        Names of the other columns.
-    pressing
-        Whether this layout fixes the signs of both, so that the user is not asked: pressing is
-        positive, and shear has the sign of its force.
-    """
-
-    time: Channel
-    way: Channel
-    load: Channel
-    name: str = ""
+    time: Channel  # the clock of the displacement
+    way: Channel  # displacement or strain
+    load: Channel  # force or stress
+    name: str = ""  # the test's name; empty where the file states none
+    # date of time zero (s since 1970); None where the file does not state it
     began: float | None = None
-    load_time: Channel | None = None
+    load_time: Channel | None = None  # the load's own clock, where it has one
+    # the number of rows that are no measurements, by reason
     dropped: Mapping[str, int] = field(default_factory=dict)
-    unused: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()  # names of the other columns
+    # whether this layout fixes the signs of both, so that the user is not asked: pressing is
+    # positive, and shear has the sign of its force
     pressing: bool = False
 
 

@@ -70,12 +70,9 @@ def matching(
 def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[AbstractFormat]:
     """Return the one format of a file.
 
-    Raises
-    ------
-    UnsureError
-        The file is a table of numbers, and its names and units do not show which is which.
-    InputError
-        No format fits, with the nearest and what it lacks; or several do.
+    Raises UnsureError where the file is a table of numbers, and its names and units do not show
+    which is which. Raises InputError where no format fits, with the nearest and what it lacks; or
+    several do.
     """
     head = head_of(path)
     if not head.strip(b"\0 \t\r\n"):

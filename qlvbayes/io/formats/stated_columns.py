@@ -47,10 +47,7 @@ def named_columns(text: str) -> tuple[str, str, str]:
 def stated_columns(stated: Sequence[str]) -> type[AbstractFormat]:
     """Return the layout of a text table with these columns of time, displacement and force.
 
-    Parameters
-    ----------
-    stated
-        Three names as the file writes them, with or without their unit, or three numbers from 1.
+    They are names as the file writes them, with or without their unit, or numbers from 1.
     """
 
     class StatedColumns(AbstractFormat):

@@ -70,11 +70,8 @@ def read_rows(
     first line in the file. ``sparse`` is true where each channel has rows of its own, so that empty
     cells are no fault.
 
-    Raises
-    ------
-    InputError
-        No line holds numbers at all the indices, the decimal mark is ambiguous, or more than 2 % of
-        the lines between the first and the last one cannot be used.
+    Raises InputError where no line holds numbers at all the indices, the decimal mark is ambiguous,
+    or more than 2 % of the lines between the first and the last one cannot be used.
     """
     dropped: dict[str, int] = {}
     block = _with_plain_numbers(_whole(block, separator, indices, dropped))

@@ -46,10 +46,8 @@ def digest(path: Path) -> str:
 def unchanged(path: Path) -> Generator[None, None, None]:
     """Refuse a file that is being written: any fault found in it may be half a row.
 
-    Raises
-    ------
-    InputError
-        Size or time of change differ at the end; this replaces any other InputError.
+    Raises InputError where size or time of change differ at the end; this replaces any other
+    InputError.
     """
     before = _state(path)
     try:
@@ -75,13 +73,7 @@ def _compare(path: Path, before: tuple[int, int] | None, error: InputError | Non
 
 
 def blocks(path: Path, size: int = BLOCK) -> Generator[bytes, None, None]:
-    r"""Yield the text in blocks of whole lines: valid UTF-8, no byte order mark, lines ended by \n.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, compressed against its name, binary or not UTF-8.
-    """
+    r"""Yield the text in blocks of whole lines: UTF-8 without byte order mark, ended by \n."""
     with _open(path) as stream:
         data = _read(path, stream, size)
         _check_head(path, data[:HEAD])

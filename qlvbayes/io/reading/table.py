@@ -89,11 +89,8 @@ def read_table(path: Path, dialect: Dialect) -> Table:
 
     Peak memory is that of the numbers (8 bytes each) and of a few blocks more.
 
-    Raises
-    ------
-    InputError
-        A row is short or long, or a number is not one; the error names the first such line of its
-        block.
+    Raises InputError where a row is short or long, or a number is not one; the error names the
+    first such line of its block.
     """
     reader = _Reader(path, dialect)
     line = 1

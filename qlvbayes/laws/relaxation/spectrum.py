@@ -12,18 +12,10 @@ from qlvbayes.priors.distributions import Constant
 
 
 class Spectrum(AbstractRelaxation):
-    """Relaxation with a given discrete spectrum.
+    """Relaxation with a given discrete spectrum."""
 
-    Parameters
-    ----------
-    fractions
-        (L + 1,); the first is the share that never relaxes.
-    rates
-        (L,) in 1/s.
-    """
-
-    fractions: Constant
-    rates: Constant
+    fractions: Constant  # (L + 1,); the first is the share that never relaxes
+    rates: Constant  # (L,) in 1/s
     name: ClassVar[str] = "spectrum"
     units: ClassVar[dict[str, str]] = {}
     meanings: ClassVar[dict[str, str]] = {}

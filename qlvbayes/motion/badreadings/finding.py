@@ -35,10 +35,8 @@ def sound_tests(
     A force that the user leaves out is neither looked at nor counted. keep_all: only slips of the
     clock are looked for, which nothing can be made of; limited: whether too many are refused.
 
-    Raises
-    ------
-    InputError
-        More than 2 % of a test's readings are bad, or its clock slipped and all are to be kept.
+    Raises InputError where more than 2 % of a test's readings are bad, or its clock slipped and all
+    are to be kept.
     """
     clocks = [slipped(test.time) for test in tests]
     ticking = [

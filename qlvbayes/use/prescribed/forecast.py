@@ -36,34 +36,19 @@ _CLOCK = (
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A program's points (N,), and what each posterior draw (n, N) answers.
-
-    Parameters
-    ----------
-    program
-        The prescribed program; times repeat where its rate jumps.
-    time
-        Times (N,) in s.
-    given
-        The prescribed displacement or force (N,).
-    answers
-        The force of a prescribed displacement or the displacement of a prescribed force (n, N).
-    effects
-        Effects in the model, or in one of several.
-    warnings
-        Sentences on where the program leaves the range that the pad's tests cover.
-    averaged
-        Hypotheses of a diagnosis whose draws are mixed; empty where the draws are of one model.
-    """
+    """A program's points (N,), and what each posterior draw (n, N) answers."""
 
     pad: str
-    program: Program
+    program: Program  # the prescribed program; times repeat where its rate jumps
     units: UnitSystem
-    time: np.ndarray
-    given: np.ndarray
+    time: np.ndarray  # times (N,) in s
+    given: np.ndarray  # the prescribed displacement or force (N,)
+    # the force of a prescribed displacement or the displacement of a prescribed force (n, N)
     answers: np.ndarray
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # effects in the model, or in one of several
+    # sentences on where the program leaves the range that the pad's tests cover
     warnings: tuple[str, ...]
+    # hypotheses of a diagnosis whose draws are mixed; empty where the draws are of one model
     averaged: tuple[DrawnHypothesis, ...] = ()
 
     @property

@@ -12,27 +12,13 @@ MOST = 50_000  # points; 400 draws of them are 160 MB
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest.
+    """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest."""
 
-    Parameters
-    ----------
-    title
-        The text that was given, or the name of its file.
-    quantity
-        The prescribed quantity.
-    time
-        Times (N,) in s, never decreasing.
-    value
-        Displacement or force (N,) in the units of the fit.
-    rate
-        Its slope (N,) just after each point, per s.
-    """
-
-    title: str
-    quantity: Literal["displacement", "force"]
-    time: np.ndarray
-    value: np.ndarray
-    rate: np.ndarray
+    title: str  # the text that was given, or the name of its file
+    quantity: Literal["displacement", "force"]  # the prescribed quantity
+    time: np.ndarray  # times (N,) in s, never decreasing
+    value: np.ndarray  # displacement or force (N,) in the units of the fit
+    rate: np.ndarray  # its slope (N,) just after each point, per s
 
     @property
     def jumps(self) -> tuple[float, ...]:
