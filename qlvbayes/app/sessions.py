@@ -29,7 +29,7 @@ _PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown ye
 
 @dataclass
 class HistoryState:
-    """One model in the history of a pad, an entry as in docs/app_api.md.
+    """A model in the history of a pad, an entry as in docs/app_api.md.
 
     ``begun`` are the constants that its fit began from.
     """

@@ -99,14 +99,11 @@ def look_command(
 
 @dataclass(frozen=True)
 class _Input:
-    """Measurements, the files that they came from, and the commands to go on with.
-
-    next: the words of each command; the last one is ``study``.
-    """
+    """Measurements, the files that they came from, and the commands to go on with."""
 
     study: Measurements
     files: tuple[str, ...]
-    next: tuple[tuple[str, ...], ...]
+    next: tuple[tuple[str, ...], ...]  # the words of each command; the last one is ``study``
 
     def commands(self, arguments: Sequence[str]) -> tuple[str, ...]:
         """Return the commands as they are typed, with further arguments of ``study``."""

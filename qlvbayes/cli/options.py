@@ -269,10 +269,7 @@ def thresholds(tolerance: str) -> DiagnosisSettings:
 
 
 def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
-    """Return the name and the number of modes that ``--relaxation`` and ``--modes`` state.
-
-    Raises InputError where they contradict each other.
-    """
+    """Return the name and the number of modes that ``--relaxation`` and ``--modes`` state."""
     name, colon, number = (relaxation or PRONY).partition(":")
     if not colon:
         if modes is not None and name != PRONY:

@@ -80,10 +80,7 @@ def predict_command(
 def _sources(
     folder: Path, pads: str, which: str, watcher: Terminal
 ) -> Iterator[Saved | Hypotheses]:
-    """Yield each named pad's fit or hypotheses, one after the other, by default of all pads.
-
-    Raises InputError where there is neither.
-    """
+    """Yield each named pad's fit or hypotheses, one after the other, by default of all pads."""
     from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 

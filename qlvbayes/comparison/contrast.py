@@ -24,44 +24,36 @@ class Interval(Part, frozen=True):
 
 
 class Contrast(Part, frozen=True):
-    """One quantity of two pads or two fluids, with its difference, its ratio and an answer.
-
-    first, second: its values; difference: first minus second; ratio: first over second, None where
-    one of them may be zero or change its sign; direction: probability that the first is greater;
-    equivalence: probability that the ratio lies within 1/(1 + region) .. 1 + region; answer:
-    ``equal`` (equivalence at least 95 %), else ``greater`` or ``less`` (direction at least 97.5 %
-    or at most 2.5 %), else ``cannot tell``; group: kind of quantity; extrapolated: whether the
-    tests of one of them do not reach so far.
-    """
+    """A quantity of two pads or two fluids, with its difference, its ratio and an answer."""
 
     quantity: str
     first: Interval
     second: Interval
     unit: str
-    difference: Interval
+    difference: Interval  # first minus second
+    # first over second, None where one of them may be zero or change its sign
     ratio: Interval | None
-    direction: float
-    equivalence: float
+    direction: float  # probability that the first is greater
+    equivalence: float  # probability that the ratio lies within 1/(1 + region) .. 1 + region
+    # ``equal`` (equivalence at least 95 %), else ``greater`` or ``less`` (direction at least 97.5 %
+    # or at most 2.5 %), else ``cannot tell``
     answer: str
-    group: str = "constants"
-    extrapolated: bool = False
+    group: str = "constants"  # kind of quantity
+    extrapolated: bool = False  # whether the tests of one of them do not reach so far
 
 
 class Omnibus(Part, frozen=True):
-    """The joint test of all shared constants.
+    """The joint test of all shared constants."""
 
-    statistic, freedom: chi-square and its degrees of freedom (None between fluids, where the
-    smallest probability of a wrong direction is corrected for the number of constants); p_value:
-    probability of so large a difference between equals; false_alarms: the level at which they are
-    called different, which is the share of equal pairs so called; over: ``constants``, or
-    ``shown`` where the tests do not hold each other's relaxation times, and what all of them show
-    is tested instead.
-    """
-
+    # statistic, freedom: chi-square and its degrees of freedom (None between fluids, where the
+    # smallest probability of a wrong direction is corrected for the number of constants)
     statistic: float | None
     freedom: int
-    p_value: float
+    p_value: float  # probability of so large a difference between equals
+    # the level at which they are called different, which is the share of equal pairs so called
     false_alarms: float
+    # ``constants``, or ``shown`` where the tests do not hold each other's relaxation times, and
+    # what all of them show is tested instead
     over: str = "constants"
 
 

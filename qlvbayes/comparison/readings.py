@@ -24,15 +24,13 @@ _BATCH = 256
 
 @dataclass(frozen=True)
 class Reading:
-    """A derived quantity: name, unit, kind, and whether it is extrapolated.
-
-    shown: whether ramps and holds of all tests show it themselves, whatever the model.
-    """
+    """A derived quantity: name, unit, kind, and whether it is extrapolated."""
 
     quantity: str
     unit: str
     group: str
     extrapolated: bool
+    # whether ramps and holds of all tests show it themselves, whatever the model
     shown: bool = False
 
 

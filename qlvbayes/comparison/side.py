@@ -33,11 +33,7 @@ Source = Fit | Saved | Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Draws (n, P) of the named constants, their model, and the ranges of its tests.
-
-    fitted: names of the fitted tests, where they are known; converged: whether nothing spoke
-    against the sampling, where that is known.
-    """
+    """Draws (n, P) of the named constants, their model, and the ranges of its tests."""
 
     name: str
     names: tuple[str, ...]
@@ -46,8 +42,8 @@ class Side:
     units: UnitSystem
     reach: Covered | None = None
     fluid: str | None = None
-    fitted: tuple[str, ...] = ()
-    converged: bool = True
+    fitted: tuple[str, ...] = ()  # names of the fitted tests, where they are known
+    converged: bool = True  # whether nothing spoke against the sampling, where that is known
 
     @property
     def constants(self) -> dict[str, np.ndarray]:
@@ -78,10 +74,7 @@ class Side:
 
     @property
     def models(self) -> Model:
-        """Whole model with the rig's effects, whose constants have the draws as leading axis.
-
-        Raises InputError where its stiffness is a curve over a depth that nobody knows.
-        """
+        """Whole model with the rig's effects, whose constants have the draws as leading axis."""
         law = find_elastic(self.choices.law, self.choices.laws)
         if self.reach is None and not law.listed:
             raise InputError(
@@ -108,8 +101,6 @@ def side_of(source: Source, name: str) -> Side:
     """Return a side from a fit, a results file, or a dict of draws by the constants' names.
 
     name: what a dict is called, which has no name of its own.
-
-    Raises InputError where a dict lacks a constant.
     """
     if isinstance(source, Fit):
         return _of_fit(source)

@@ -14,10 +14,7 @@ _COLUMNS = ("median", "low90", "high90")
 
 
 def write_comparison(folder: Path, comparison: Comparison) -> list[Path]:
-    """Write compare.json, .csv, .tex and .txt; return their paths.
-
-    Raises InputError where the folder cannot be written.
-    """
+    """Write compare.json, .csv, .tex and .txt; return their paths."""
     results_folder(folder)
     comparison.write(folder / "compare.json")
     texts = {

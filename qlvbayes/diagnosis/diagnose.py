@@ -45,8 +45,6 @@ def diagnose(
     The evidence ``nested`` also samples the baseline model and the two best hypotheses by nested
     sampling, a minute or two each. ``report`` takes a line of text before each step that takes a
     while, ``watch`` what is known by then; it may raise `StopSearch` to end the search there.
-
-    Raises InputError where the noise model is not Gaussian.
     """
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)

@@ -61,9 +61,6 @@ def build_search(
 
     Other forms of the candidate effects and the unmodelled effects are searched too. An effect of a
     velocity or an acceleration that the records do not give is left out.
-
-    Raises InputError where the diagnosis does not know the noise model: it takes the measured
-    noise.
     """
     choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)

@@ -95,10 +95,7 @@ class Imitation:
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """Prior probabilities, and the probabilities and sizes from which the verdict says something.
-
-    Raises InputError where the tolerance is below 0, or 0.5 or more.
-    """
+    """Prior probabilities, and probabilities and sizes from which the verdict says something."""
 
     # prior probability that no (further) effect is missing, which applies anew after each effect.
     # One half is undecided.

@@ -117,11 +117,7 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
 
 
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
-    """Return the effects that a Python file defines, in its order; imported ones do not count.
-
-    Raises InputError where the file is missing, stops with an error, defines no effect or one that
-    lacks a part, or uses a name that another effect has.
-    """
+    """Return the effects that a Python file defines, in its order; imported ones do not count."""
     path = Path(path)
     kinds = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]
     if not kinds:

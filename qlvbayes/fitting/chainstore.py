@@ -15,15 +15,12 @@ from qlvbayes.io.files import write_whole
 
 @dataclass(frozen=True)
 class ChainSegment:
-    """Consecutive steps of a chain, with the state of the random generator after them.
+    """Consecutive steps of a chain, with the state of the random generator after them."""
 
-    theta (S, W, D) and log_density (S, W): of S steps of W walkers; accepted: number of accepted
-    moves.
-    """
-
+    # theta (S, W, D) and log_density (S, W): of S steps of W walkers
     theta: np.ndarray
     log_density: np.ndarray
-    accepted: int
+    accepted: int  # number of accepted moves
     random_state: tuple
 
 

@@ -30,7 +30,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """One constant of one pad: median, 90 % interval, and the reference value if there is one.
+    """A constant of one pad: median, 90 % interval, and the reference value if there is one.
 
     A fixed constant has an interval of zero width.
     """
@@ -105,10 +105,7 @@ def matching_references(references: References, summaries: Iterable[FitSummary])
 def constants_table(
     summaries: Iterable[FitSummary], references: References | None = None
 ) -> list[Entry]:
-    """Return the entries of every constant, pad by pad.
-
-    Raises InputError where a reference is in another unit than its constant.
-    """
+    """Return the entries of every constant, pad by pad."""
     return [
         _entry(s.pad, name, c, references or {})
         for s in summaries

@@ -33,16 +33,14 @@ _STEP = 1e-5  # in theta's units of order one: of a shape that a Metropolis step
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """The map between theta (D,) and the coordinates of a chain.
-
-    depth (mm), time (s): of the best reading, the time since the platen came half as far; index: of
-    ln k in theta; None where u does not bend by more than its sd, or the elastic force is not
-    proportional to one free constant.
-    """
+    """The map between theta (D,) and the coordinates of a chain."""
 
     posterior: Posterior
+    # depth (mm) of the best reading, and its time (s) since the platen came half as far
     depth: float
     time: float
+    # index of ln k in theta; None where u does not bend by more than its sd, or the elastic force
+    # is not proportional to one free constant
     index: int | None
 
     @classmethod

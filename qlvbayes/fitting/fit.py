@@ -237,8 +237,6 @@ def fit_pad(
     are the paper's routes, whose draws come from the normal approximation at the optimum. The
     growing chain is stored in ``folder``, so that an interrupted run resumes. ``progress`` takes
     the steps done and those expected.
-
-    Raises InputError where the method is unknown, or settings do not fit the model.
     """
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
@@ -255,10 +253,7 @@ def fit_pad(
 
 
 def independent_noise(choices: Choices, method: str) -> Choices:
-    """Return the choices of a least-squares method: independent noise of the residuals' own sd.
-
-    Raises InputError where another noise model was chosen: these methods would not use it.
-    """
+    """Return the choices of a least-squares method: independent noise of the residuals' own sd."""
     if choices.noise not in (Choices().noise, "white"):
         raise InputError(
             f"{method} takes no noise model: its noise is the scatter of the residuals",

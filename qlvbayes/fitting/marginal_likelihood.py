@@ -129,17 +129,12 @@ class FitResponse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """The covariance of theta about the curve that follows the data, due to a discrepancy.
+    """The covariance of theta about the curve that follows the data, due to a discrepancy."""
 
-    discrepancy: of the fitted block means; vectors (1 + D, n): whitened residual, and derivatives
-    of the force; separation: from what these can follow; prior: expansion of minus the log prior
-    density.
-    """
-
-    discrepancy: Discrepancy
-    vectors: Array
-    separation: Separation
-    prior: Terms
+    discrepancy: Discrepancy  # of the fitted block means
+    vectors: Array  # (1 + D, n): whitened residual, and derivatives of the force
+    separation: Separation  # from what these can follow
+    prior: Terms  # expansion of minus the log prior density
 
     @classmethod
     def about(cls, discrepancy: Discrepancy, fitted: FitResponse, prior: Terms) -> Spread:

@@ -35,8 +35,6 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
 
     Tests keep the role they had in the fit, so that fitted tests are not taken for predicted ones.
     Constants are converted to the pad's units.
-
-    Raises InputError where the posterior, made elsewhere, has no noise to predict with.
     """
     if not has_noise(saved.names):
         raise InputError(
@@ -65,16 +63,14 @@ class LeftOut(
     frozen=True,
     rename={"time": "time_s", "displacement": "displacement_mm", "force": "force_N"},
 ):
-    """A reading that was left out: time (s), displacement, force, channel and why.
-
-    kind: the fault, or ``excluded`` where the user leaves the force out; of a long run of these
-    there are fifty, evenly spaced.
-    """
+    """A reading that was left out: time (s), displacement, force, channel and why."""
 
     time: float
     displacement: float
     force: float
     channel: str
+    # the fault, or ``excluded`` where the user leaves the force out; of a long run of these there
+    # are fifty, evenly spaced
     kind: str
 
 

@@ -34,34 +34,28 @@ INITIAL = (
 class HoldReport(
     Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}
 ):
-    """First hold of one test after loading, in the units of the file.
-
-    deformation: that was held; rate: of loading; loading: how long it took (s); initial: largest
-    force; hold: how long (s); at, left: times since the end of loading (s) and the share of the
-    initial force at each, as far as it was held; history: what the specimen had gone through.
-    """
+    """First hold of one test after loading, in the units of the file."""
 
     test: str
-    deformation: float
-    rate: float | None
-    loading: float
-    initial: float
-    hold: float
+    deformation: float  # that was held
+    rate: float | None  # of loading
+    loading: float  # how long it took (s)
+    initial: float  # largest force
+    hold: float  # how long (s)
+    # at, left: times since the end of loading (s) and the share of the initial force at each, as
+    # far as it was held
     at: tuple[float, ...]
     left: tuple[float, ...]
-    history: str
+    history: str  # what the specimen had gone through
 
 
 class RelaxationReport(Result, frozen=True, kw_only=True):
-    """Stress relaxation of one pad, in each test that has a hold: ``relaxation.json``.
-
-    specimen: what the file says of it; temperature: None, as files of measurements state none.
-    """
+    """Stress relaxation of one pad, in each test that has a hold: ``relaxation.json``."""
 
     pad: str
     units: UnitSystem = PAD
-    specimen: str
-    temperature: float | None = None
+    specimen: str  # what the file says of it
+    temperature: float | None = None  # None, as files of measurements state none
     tests: tuple[HoldReport, ...]
     warnings: tuple[str, ...] = (INITIAL, NOT_TO_EXTRAPOLATE)
 

@@ -22,24 +22,21 @@ FALSE_ALARMS = 0.01  # probability that any cell of a right model is called fail
 
 
 class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
-    """Errors of a model in one kind of phase of one test.
-
-    rate: None where the test has none; n: number of samples; rmse, bias: root mean square and mean
-    of observed minus predicted mean (N); coverage90: share of samples within the 90 % predictive
-    interval; p_value: probability of an rmse at least as large if the model were right, from
-    posterior draws plus the noise floor; fails: whether structure beyond noise is left (1 % false
-    alarms over all cells of the pad).
-    """
+    """Errors of a model in one kind of phase of one test."""
 
     test: str
     role: str
-    rate: float | None
+    rate: float | None  # None where the test has none
     phase: str
-    n: int
+    n: int  # number of samples
+    # rmse, bias: root mean square and mean of observed minus predicted mean (N)
     rmse: float
     bias: float
-    coverage90: float
+    coverage90: float  # share of samples within the 90 % predictive interval
+    # probability of an rmse at least as large if the model were right, from posterior draws plus
+    # the noise floor
     p_value: float | None = None
+    # whether structure beyond noise is left (1 % false alarms over all cells of the pad)
     fails: bool = False
 
 

@@ -32,18 +32,16 @@ _LIBRARIES = (
 
 
 class Run(Part, frozen=True):
-    """One command: its data with their digest, its seed, the model's choices, and versions.
-
-    choices: as `Choices.as_dict` gives them, because a file of laws or effects may have vanished
-    since; settings: further options of the step, ``sampler`` and ``thresholds`` among them.
-    """
+    """A command: its data with their digest, its seed, the model's choices, and versions."""
 
     command: str
     source: str
     sha256: str
     seed: int
+    # as `Choices.as_dict` gives them, because a file of laws or effects may have vanished since
     choices: dict[str, Any]
     versions: dict[str, str]
+    # further options of the step, ``sampler`` and ``thresholds`` among them
     settings: dict[str, Any] = field(default_factory=dict)
 
 

@@ -43,12 +43,10 @@ _STEP = 1e-5  # natural lengths of a difference quotient: half the digits of a f
 
 
 class Terms(NamedTuple):
-    """The second-order expansion of minus the log density at a point.
+    """The second-order expansion of minus the log density at a point."""
 
-    loss: value; gradient (F,) and curvature (F, F) are over the F free parameters. Where several
-    sizes of the discrepancy are evaluated together, each has a leading axis of length S.
-    """
-
+    # gradient (F,) and curvature (F, F) are over the F free parameters; each has a leading axis of
+    # length S where several sizes of the discrepancy are evaluated together
     loss: Any
     gradient: Array
     curvature: Array
@@ -56,24 +54,19 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point theta in the parameter space of a hypothesis, with all that was computed there.
-
-    theta (F,): free parameters; constants (P,): the model's constants; slopes (P, F): derivatives
-    of the constants with respect to theta; predicted (T, B): block means of the force (N);
-    responses (F, T, B): derivatives of these with respect to theta; residual (n,) and jacobian
-    (F, n): whitened; prior: expansion of minus the log prior density; separation: separates the
-    discrepancy from what the derivatives of the force can follow.
-    """
+    """A point theta in the parameter space of a hypothesis, with all that was computed there."""
 
     own: Parameters
-    theta: Array
-    constants: Array
-    slopes: Array
-    predicted: Array
-    responses: Array
+    theta: Array  # (F,): free parameters
+    constants: Array  # (P,): the model's constants
+    slopes: Array  # (P, F): derivatives of the constants with respect to theta
+    predicted: Array  # (T, B): block means of the force (N)
+    responses: Array  # (F, T, B): derivatives of these with respect to theta
+    # residual (n,) and jacobian (F, n): whitened
     residual: Array
     jacobian: Array
-    prior: Terms
+    prior: Terms  # expansion of minus the log prior density
+    # separates the discrepancy from what the derivatives of the force can follow
     separation: Separation
 
     @cached_property

@@ -33,18 +33,16 @@ _SINGULAR = 1e-14  # eigenvalues of a scaled curvature below this count as zero
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The log evidence of a hypothesis about one mode, with the normal approximation there.
-
-    by_size (S,): log evidence of each size of the discrepancy, prior included; mean (F,) and
-    covariance (F, F): of the free parameters at the likeliest size, without the bounds (a parameter
-    between two bounds counts as normal with the sd that it has there); spread (F, F): additional
-    covariance by which the discrepancy may have moved the parameters, over all sizes.
-    """
+    """The log evidence of a hypothesis about one mode, with the normal approximation there."""
 
     log: float
-    by_size: Array
+    by_size: Array  # (S,): log evidence of each size of the discrepancy, prior included
+    # mean (F,) and covariance (F, F): of the free parameters at the likeliest size, without the
+    # bounds (a parameter between two bounds counts as normal with the sd that it has there)
     mean: Array
     covariance: Array
+    # (F, F): additional covariance by which the discrepancy may have moved the parameters, over all
+    # sizes
     spread: Array
 
     def probability_above(self, sizes: Array, size: float) -> float:

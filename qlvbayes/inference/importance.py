@@ -128,18 +128,14 @@ Mixture = Sequence[tuple[BoundedStudentT, float]]
 
 @dataclass(frozen=True, eq=False)
 class ImportanceSample:
-    """Weighted draws of a posterior, and the log evidence with its standard error.
-
-    by_size (S,): log evidence of each size of the discrepancy; effective: effective number of
-    draws; thetas (K, F): the draws; weights (K,): their weights, which sum to 1.
-    """
+    """Weighted draws of a posterior, and the log evidence with its standard error."""
 
     log: float
-    by_size: Array
+    by_size: Array  # (S,): log evidence of each size of the discrepancy
     error: float
-    effective: float
-    thetas: Array
-    weights: Array
+    effective: float  # effective number of draws
+    thetas: Array  # (K, F): the draws
+    weights: Array  # (K,): their weights, which sum to 1
 
 
 def sampled_evidence(

@@ -29,16 +29,13 @@ _SAME = 0.5  # difference of loss within which two modes count as one
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """The point where an optimisation ended, the size of the discrepancy (N) and the loss there.
-
-    converged: whether no further step was expected to gain enough; steps: how many were tried.
-    """
+    """The point where an optimisation ended, the size of the discrepancy (N) and the loss there."""
 
     point: Point
     size: float
     loss: float
-    converged: bool
-    steps: int
+    converged: bool  # whether no further step was expected to gain enough
+    steps: int  # how many were tried
 
 
 def find_mode(

@@ -33,16 +33,12 @@ _WORST = -1e100  # log likelihood where the model's force is not finite
 
 @dataclass(frozen=True, eq=False)
 class NestedEvidence:
-    """The result of a nested sampling run.
-
-    error: standard error of ``log_evidence``, from repeated draws of the unknown volumes X;
-    evaluations: how many likelihoods were computed; draws (N, D): equally weighted posterior draws.
-    """
+    """The result of a nested sampling run."""
 
     log_evidence: float
-    error: float
-    evaluations: int
-    draws: np.ndarray
+    error: float  # standard error of ``log_evidence``, from repeated draws of the unknown volumes X
+    evaluations: int  # how many likelihoods were computed
+    draws: np.ndarray  # (N, D): equally weighted posterior draws
 
 
 class _Chunk(NamedTuple):

@@ -18,14 +18,11 @@ _SHAPES = 4  # quantiles of the prior of an effect's first constant other than i
 
 
 class Amplitude(NamedTuple):
-    """The parameter with which an effect's force grows.
+    """The parameter with which an effect's force grows."""
 
-    number: its index in theta; constant: its index in the constants; sd: of its prior.
-    """
-
-    number: int
-    constant: int
-    sd: float
+    number: int  # its index in theta
+    constant: int  # its index in the constants
+    sd: float  # of its prior
 
 
 def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:

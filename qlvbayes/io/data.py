@@ -61,7 +61,7 @@ class Prescribed:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """One test of one pad: n samples of time, displacement and force.
+    """A test of one pad: n samples of time, displacement and force.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """One pad and its tests, in the file's order.
+    """A pad and its tests, in the file's order.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ class UnitSystem:
     """
 
     displacement: str  # mm, um, nm or m, or 1 for strain
-    force: str  # n, mN, uN or nN, or kPa, MPa or Pa for stress
+    force: str  # N, mN, uN or nN, or kPa, MPa or Pa for stress
 
     @property
     def dimensionless(self) -> bool:

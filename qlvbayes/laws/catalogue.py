@@ -60,11 +60,7 @@ def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
 
 
 def own_laws(path: str | Path) -> Laws:
-    """Return the laws that a Python file defines, in its order; imported ones do not count.
-
-    Raises InputError where the file is missing, stops with an error, defines no law or one that
-    lacks a part, or uses a name that another law has.
-    """
+    """Return the laws that a Python file defines, in its order; imported ones do not count."""
     path = Path(path)
     elastic = own_classes(path, AbstractElastic, "laws")  # type: ignore[type-abstract]
     relaxation = own_classes(path, AbstractRelaxation, "laws")  # type: ignore[type-abstract]

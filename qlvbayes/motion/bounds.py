@@ -89,13 +89,11 @@ def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
 
 @dataclass(frozen=True)
 class Departure:
-    """The largest deviation of a motion from its readings, beyond what their errors explain.
-
-    time: s; distance, explained: in units of displacement, of the mean of so many neighbouring
-    ``readings`` about that time.
-    """
+    """The largest deviation of a motion from its readings, beyond what their errors explain."""
 
     time: float
+    # distance, explained: in units of displacement, of the mean of so many neighbouring
+    # ``readings`` about that time
     distance: float
     explained: float
     readings: int = 1

@@ -22,17 +22,13 @@ Predict = Callable[[Record], np.ndarray]
 
 @dataclass(frozen=True)
 class Carryover:
-    """The part of a test's force that earlier tests cause.
-
-    before: the test just before it; pause: seconds between them; size: largest change of its force
-    (N) against a beginning at rest; share: that over the largest force of the test before.
-    """
+    """The part of a test's force that earlier tests cause."""
 
     test: str
-    before: str
-    pause: float
-    size: float
-    share: float
+    before: str  # the test just before it
+    pause: float  # seconds between them
+    size: float  # largest change of its force (N) against a beginning at rest
+    share: float  # that over the largest force of the test before
 
 
 def carryovers(

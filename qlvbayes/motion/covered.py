@@ -11,18 +11,15 @@ from qlvbayes.motion.experiment import Experiment, Trial
 
 @dataclass(frozen=True)
 class Covered:
-    """Ranges of depth, speed and time of one pad's tests.
+    """Ranges of depth, speed and time of one pad's tests."""
 
-    depth: largest depth, slowest, fastest: loading rates, in the pad's units; quickest: duration
-    of the shortest ramp (s); hold: duration of the longest dwell (s); tests: how many.
-    """
-
-    depth: float
+    depth: float  # largest depth
+    # slowest, fastest: loading rates, in the pad's units
     slowest: float
     fastest: float
-    quickest: float
-    hold: float
-    tests: int
+    quickest: float  # duration of the shortest ramp (s)
+    hold: float  # duration of the longest dwell (s)
+    tests: int  # how many
 
     def as_dict(self) -> dict[str, float]:
         """Return plain values for JSON."""

@@ -34,14 +34,12 @@ class OfTest:
 
 @dataclass(frozen=True)
 class SpanOfTest(OfTest):
-    """The part of a test from low to high, in time (s) or displacement (``unit``).
-
-    option, remedy: of the command line, for messages.
-    """
+    """The part of a test from low to high, in time (s) or displacement (``unit``)."""
 
     low: float
     high: float
     unit: str
+    # option, remedy: of the command line, for messages
     option: str = "--use"
     remedy: str = _REMEDY
 

@@ -53,7 +53,7 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 
 @dataclass(frozen=True)
 class Trial:
-    """One test with its motion and phases; ``rate`` is the loading rate, displacement over s.
+    """A test with its motion and phases; ``rate`` is the loading rate, displacement over s.
 
     phases are those of the force where that was prescribed; left_out: the readings that ``test``
     no longer has, bad ones and those that the user leaves out; None where there are none; recorded:

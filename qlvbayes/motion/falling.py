@@ -27,17 +27,14 @@ _FEWEST = 6  # readings of a ramp that show a gradual fall
 
 @dataclass(frozen=True)
 class ForceDrop:
-    """A loss of force, from ``before`` to ``after``, in the units of the pad; time in s.
+    """A loss of force, from ``before`` to ``after``, in the units of the pad; time in s."""
 
-    time, displacement: of the last reading before it; sudden: whether it takes one interval
-    between readings.
-    """
-
+    # time, displacement: of the last reading before it
     time: float
     displacement: float
     before: float
     after: float
-    sudden: bool
+    sudden: bool  # whether it takes one interval between readings
 
 
 def falls_of(

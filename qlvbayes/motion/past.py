@@ -45,17 +45,12 @@ _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
 
 @dataclass(frozen=True)
 class EarlierMotion:
-    """Earlier motion of a pad: straight lines of the depth over the test's own time.
+    """Earlier motion of a pad: straight lines of the depth over the test's own time."""
 
-    time (H,): s, before the test's first sample, never decreasing; displacement (H,): mm; ago (H,):
-    how many tests before, as in `Motion`; stays: whether the platen stood in the last pause where
-    the last test ended.
-    """
-
-    time: np.ndarray
-    displacement: np.ndarray
-    ago: np.ndarray
-    stays: bool
+    time: np.ndarray  # (H,): s, before the test's first sample, never decreasing
+    displacement: np.ndarray  # (H,): mm
+    ago: np.ndarray  # (H,): how many tests before, as in `Motion`
+    stays: bool  # whether the platen stood in the last pause where the last test ended
 
 
 def pause(before: Test, after: Test) -> float | None:

@@ -46,7 +46,7 @@ _LEAST_SPEED = 1e-4  # of the record's top speed
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase from ``start`` to ``stop`` (s), in which ``control`` was prescribed.
+    """A phase from ``start`` to ``stop`` (s), in which ``control`` was prescribed.
 
     ``ramp``: moving toward greater depth; ``hold``: at rest, also before the first movement;
     ``unload``: moving back; ``recovery``: at rest after an unload. Where the force was prescribed
@@ -190,8 +190,6 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
 
     rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp is
     little else.
-
-    Raises InputError where the phases hold no ramp.
     """
     ramp = next((p for p in phases if p.kind == "ramp"), None)
     if ramp is None:

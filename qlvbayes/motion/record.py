@@ -21,27 +21,23 @@ held = cast("Callable[[Any], Array]", np.asarray)
 
 
 class Blocks(eqx.Module):
-    """Averages over runs of consecutive samples; every field has shape (B,).
+    """Averages over runs of consecutive samples; every field has shape (B,)."""
 
-    force: mean of the samples (N); count: how many; first, last: times of the first and the last
-    (s); weight: measured sd of the samples over its root mean square in the pad (1 where none was
-    measured); scale: sd of all noise at the block's force over the one at the floor's level; extra:
-    sd (N) of the error that the motion's makes, one a block; timing: sd (N) of what is not known of
-    the moments (`timing`), independent from block to block; zero: change of the force (N) for one
-    standard error of the test's zero of displacement, common to all its blocks, 0 where the zero is
-    taken as exact; real: False for padding.
-    """
-
-    force: Array
-    count: Array
+    force: Array  # mean of the samples (N)
+    count: Array  # how many
+    # first, last: times of the first and the last (s)
     first: Array
     last: Array
+    # measured sd of the samples over its root mean square in the pad (1 where none was measured)
     weight: Array
-    scale: Array
-    extra: Array
+    scale: Array  # sd of all noise at the block's force over the one at the floor's level
+    extra: Array  # sd (N) of the error that the motion's makes, one a block
+    # sd (N) of what is not known of the moments (`timing`), independent from block to block
     timing: Array
+    # change of the force (N) for one standard error of the test's zero of displacement, common to
+    # all its blocks, 0 where the zero is taken as exact
     zero: Array
-    real: Array
+    real: Array  # False for padding
 
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
@@ -66,15 +62,11 @@ class Blocks(eqx.Module):
 
 
 class Record(eqx.Module):
-    """One test (or, with a leading axis, several padded to one size).
+    """A test (or, with a leading axis, several padded to one size)."""
 
-    motion: on the grid (N,); nodes: (B, 2) indices on the grid whose forces average to the block's
-    mean; blocks: (B,).
-    """
-
-    motion: Motion
-    nodes: Array
-    blocks: Blocks
+    motion: Motion  # on the grid (N,)
+    nodes: Array  # (B, 2) indices on the grid whose forces average to the block's mean
+    blocks: Blocks  # (B,)
 
     def average(self, force: Array) -> Array:
         """Return the block means (B,) of a force (N,) on the grid."""

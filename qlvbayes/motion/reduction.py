@@ -35,15 +35,12 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 
 @dataclass(frozen=True)
 class Fineness:
-    """Fineness with which a record is to be reduced, given its noise.
+    """Fineness with which a record is to be reduced, given its noise."""
 
-    floor: noise and its growth with the force; stiffness: the pad's largest (N/mm), by which an
-    error of the motion becomes one of the force; chord: how far the grid's straight lines may be
-    from the motion (mm), where less than the default.
-    """
-
-    floor: NoiseFloor
+    floor: NoiseFloor  # noise and its growth with the force
+    # the pad's largest (N/mm), by which an error of the motion becomes one of the force
     stiffness: float
+    # how far the grid's straight lines may be from the motion (mm), where less than the default
     chord: float
 
 

@@ -210,9 +210,6 @@ def smooth(
     unless a change of it is too quick to be resolved by the samples. Where the record is too sparse
     for that the samples are joined by straight lines. Times (s) need not be even; the encoder step,
     in units of displacement, is estimated from the readings if it is None.
-
-    Raises InputError where shapes differ, there are fewer than two readings, one is not finite, or
-    time does not increase.
     """
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(displacement, dtype=np.float64)

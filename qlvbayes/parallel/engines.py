@@ -176,10 +176,7 @@ class Cluster:
 
 
 def engine_of(client: Any) -> Engine | None:
-    """Return the engine of a Dask client or of an executor; None for this process.
-
-    Raises InputError where it is neither.
-    """
+    """Return the engine of a Dask client or of an executor; None for this process."""
     if client is None or isinstance(client, Processes | Cluster | UserExecutor):
         return client
     if hasattr(client, "get_executor") and hasattr(client, "nthreads"):
@@ -194,10 +191,7 @@ def engine_of(client: Any) -> Engine | None:
 
 @contextmanager
 def opened_engine(jobs: int = 1, cluster: str | None = None) -> Iterator[Engine | None]:
-    """Open the engine of ``--jobs`` and ``--cluster``; None where this process does all.
-
-    Raises InputError where both are asked for, no scheduler answers, or ``distributed`` is missing.
-    """
+    """Open the engine of ``--jobs`` and ``--cluster``; None where this process does all."""
     if cluster is not None:
         if jobs > 1:
             raise InputError("--jobs and --cluster are two ways to work", remedy="give one")

@@ -16,15 +16,12 @@ from qlvbayes.io.wording import listed
 
 @dataclass(frozen=True)
 class Fault:
-    """A failure: one line with its file, line and remedy.
-
-    mendable: whether the user can mend it (exit status 2), or it is an error of the program (1);
-    of: the pad, or the file, that it happened to.
-    """
+    """A failure: one line with its file, line and remedy."""
 
     text: str
+    # whether the user can mend it (exit status 2), or it is an error of the program (1)
     mendable: bool = True
-    of: str = ""
+    of: str = ""  # the pad, or the file, that it happened to
 
     @property
     def status(self) -> int:

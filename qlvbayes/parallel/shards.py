@@ -23,10 +23,7 @@ class Shard:
 
     @classmethod
     def from_text(cls, text: str) -> Shard:
-        """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM.
-
-        Raises InputError where the text is neither, or there is no such array.
-        """
+        """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM."""
         if text.strip().lower() == "slurm":
             return cls._from_slurm()
         index, slash, count = (part.strip() for part in text.partition("/"))

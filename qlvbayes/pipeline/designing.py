@@ -51,21 +51,16 @@ MOST_EXPLANATIONS = 6
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Knowledge about a pad before its next test.
-
-    belief: explanations of the tests so far, with probabilities and draws of their constants; rig:
-    limits of the rig as these tests show them; floor: noise of the load cell; discrepancy: size of
-    what no effect explains (force); clock: time on the pad's clock after
-    these tests (s).
-    """
+    """Knowledge about a pad before its next test."""
 
     pad: str
     units: UnitSystem
+    # explanations of the tests so far, with probabilities and draws of their constants
     belief: Belief
-    rig: Rig
-    floor: NoiseFloor
-    discrepancy: float
-    clock: float = 0.0
+    rig: Rig  # limits of the rig as these tests show them
+    floor: NoiseFloor  # noise of the load cell
+    discrepancy: float  # size of what no effect explains (force)
+    clock: float = 0.0  # time on the pad's clock after these tests (s)
 
     def errors(self, rig: Rig) -> ReadingErrors:
         """Return the reading errors of tests on a rig.
@@ -154,10 +149,7 @@ def _figures(plan: Plan, folder: Path) -> list[Path]:
 def _read_knowledge(
     folder: Path, out: Path, goals: Sequence[str], data: Path | None
 ) -> tuple[Knowledge, bool]:
-    """Return what is known, and whether the plan shall distinguish causes.
-
-    Raises InputError where the cause is a goal and no two causes are probable.
-    """
+    """Return what is known, and whether the plan shall distinguish causes."""
     fit, diagnosis = folder / "posterior.nc", folder / "diagnosis.json"
     result = DiagnosisResult.read(diagnosis) if diagnosis.is_file() else None
     if result is None and not fit.is_file():

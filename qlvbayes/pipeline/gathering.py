@@ -37,8 +37,6 @@ def gather(
 
     Where the parts are of a study, pads whose final fit depends on the verdicts on other pads are
     fitted first: a part in which nothing is named cannot know that another part names something.
-
-    Raises InputError where there are no fits, or the references cannot be used.
     """
     watcher = watcher or Watcher()
     run = runs_in(out)

@@ -29,13 +29,10 @@ Answer = TypeVar("Answer")
 
 
 class Step(Protocol):
-    """Work done with each pad: a frozen record of its settings, which can be pickled.
+    """Work done with each pad: a frozen record of its settings, which can be pickled."""
 
-    name: name of the step; reads: names of the files in the pad's folder that the step needs.
-    """
-
-    name: ClassVar[str]
-    reads: ClassVar[tuple[str, ...]]
+    name: ClassVar[str]  # name of the step
+    reads: ClassVar[tuple[str, ...]]  # names of the files in the pad's folder that the step needs
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """Do the step for the one pad of ``study`` and write the results into its folder."""
@@ -48,19 +45,17 @@ class Step(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Step for one pad, as it is sent to a worker.
-
-    style: Matplotlib settings of the user that differ from the package's; code: digest of the
-    package; token: a file that only workers which share the disk can see, None where all of them
-    share it; inputs: contents of the files that the step reads, for workers that do not.
-    """
+    """Step for one pad, as it is sent to a worker."""
 
     step: Step
     study: Measurements
     folder: Path
+    # Matplotlib settings of the user that differ from the package's
     style: dict[str, Any] = field(default_factory=dict)
-    code: str = ""
+    code: str = ""  # digest of the package
+    # a file that only workers which share the disk can see, None where all of them share it
     token: Path | None = None
+    # contents of the files that the step reads, for workers that do not
     inputs: dict[str, bytes] = field(default_factory=dict)
 
     @property
@@ -83,14 +78,11 @@ class Work:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """Files that a step has written, and what it has reported.
+    """Files that a step has written, and what it has reported."""
 
-    messages: what it reported, None where an earlier run had finished it; files: digests by file
-    name; contents: by file name, where the worker does not share the disk.
-    """
-
-    messages: list[Message] | None
-    files: dict[str, str] = field(default_factory=dict)
+    messages: list[Message] | None  # what it reported, None where an earlier run had finished it
+    files: dict[str, str] = field(default_factory=dict)  # digests by file name
+    # by file name, where the worker does not share the disk
     contents: dict[str, bytes] = field(default_factory=dict)
 
 

@@ -25,15 +25,11 @@ _NO_MEASUREMENTS = {
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Source of pads, each as a study of its own, in the order of the files and within them.
+    """Source of pads, each as a study of its own, in the order of the files and within them."""
 
-    read: the measurements where they are in one file; files: where they are in several, of which
-    one is read at a time; only: names of the pads that are wanted, all by default.
-    """
-
-    files: tuple[Path, ...]
-    only: tuple[str, ...] = ()
-    read: Measurements | None = None
+    files: tuple[Path, ...]  # where there are several, of which one is read at a time
+    only: tuple[str, ...] = ()  # names of the pads that are wanted, all by default
+    read: Measurements | None = None  # the measurements where they are in one file
     folder: Path | None = None
     shard: Shard = field(default_factory=Shard)
 
@@ -45,11 +41,7 @@ class Source:
         only: Sequence[str] = (),
         shard: Shard | None = None,
     ) -> Source:
-        """Return the source of measurements, of a file, of several files, or of a folder of them.
-
-        Raises InputError where a single file cannot be read or lacks a pad that is wanted, where
-        there are no files, or where two have one name.
-        """
+        """Return the source of measurements: a file, several files, or a folder of them."""
         part = shard or Shard()
         if isinstance(measurements, str | Path):
             measurements = [measurements]
@@ -138,10 +130,7 @@ def renamed(pad: Pad, name: str) -> Pad:
 
 
 def pad_of(study: Measurements, name: str) -> Measurements:
-    """Return a study of one pad, by its name among several files or in its own.
-
-    Raises InputError where there is none.
-    """
+    """Return a study of one pad, by its name among several files or in its own."""
     known: Collection[str] = [pad.name for pad in study.pads]
     if name not in known:
         several = named_after(Path(study.source), study)

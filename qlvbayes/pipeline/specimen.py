@@ -30,7 +30,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """One pad with its tests, ready to be fitted and diagnosed.
+    """A pad with its tests, ready to be fitted and diagnosed.
 
     Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
     stress.

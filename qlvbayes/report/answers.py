@@ -17,7 +17,7 @@ from qlvbayes.report.failing import where
 
 @dataclass(frozen=True)
 class Answer:
-    """One question, the anchor of its section, and the answer in short lines."""
+    """A question, the anchor of its section, and the answer in short lines."""
 
     number: int
     question: str

@@ -30,16 +30,13 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 @dataclass(frozen=True)
 class FitResults:
-    """Results of one fit: constants, check, curves, and how it was made; None where not done.
-
-    facts: the attributes of ``posterior.nc``.
-    """
+    """Results of one fit: constants, check, curves, and how it was made; None where not done."""
 
     folder: Path
     summary: FitSummary | None
     check: CheckResult | None
     curves: Curves | None
-    facts: dict
+    facts: dict  # the attributes of ``posterior.nc``
 
     @property
     def effects(self) -> list[str]:
@@ -195,10 +192,7 @@ def _damaged(path: Path) -> InputError:
 
 
 def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
-    """Return what ``summary.json`` would say, with units and choices from the attributes.
-
-    Raises InputError where the file is no posterior with our names of the constants.
-    """
+    """Return what ``summary.json`` would say, with units and choices from the attributes."""
     saved = load(path)
     kinds = {name: f.unit for f in described_fields(saved.choices) for name in f.names}
     judged = diagnose_chain(saved.constants)

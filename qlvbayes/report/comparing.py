@@ -15,7 +15,7 @@ _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}
 
 @dataclass(frozen=True)
 class ContrastRow:
-    """One quantity of two pads or fluids: medians, ratio with its interval, and what follows."""
+    """A quantity of two pads or fluids: medians, ratio with its interval, and what follows."""
 
     quantity: str
     unit: str
@@ -31,18 +31,14 @@ class ContrastRow:
 
 @dataclass(frozen=True)
 class Comparing:
-    """The comparison of two pads or fluids, as the page shows it.
-
-    words: the answer, the verdict first; line: the same in one line; more: what the table has too,
-    quantity by quantity.
-    """
+    """The comparison of two pads or fluids, as the page shows it."""
 
     first: str
     second: str
     what: str
-    words: tuple[str, ...]
-    line: str
-    more: tuple[str, ...]
+    words: tuple[str, ...]  # the answer, the verdict first
+    line: str  # the same in one line
+    more: tuple[str, ...]  # what the table has too, quantity by quantity
     groups: tuple[tuple[str, tuple[ContrastRow, ...]], ...]
     region: str
     notices: tuple[str, ...]

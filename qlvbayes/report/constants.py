@@ -30,7 +30,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Row:
-    """One constant of all pads."""
+    """A constant of all pads."""
 
     name: str
     unit: str

@@ -25,7 +25,7 @@ class MapCell:
 
 @dataclass(frozen=True)
 class TestRow:
-    """One test: its rate, its role, and a cell for each phase (None where it has none)."""
+    """A test: its rate, its role, and a cell for each phase (None where it has none)."""
 
     test: str
     rate: str
@@ -44,7 +44,7 @@ class Map:
 
 @dataclass(frozen=True)
 class Detail:
-    """One row of the table of all errors."""
+    """A row of the table of all errors."""
 
     test: str
     phase: str
@@ -60,7 +60,7 @@ class Detail:
 
 @dataclass(frozen=True)
 class Repeated:
-    """One kind of phase that a test has several of: error over noise and bias, one by one."""
+    """A kind of phase that a test has several of: error over noise and bias, one by one."""
 
     test: str
     phase: str

@@ -19,20 +19,16 @@ _CONSTANTS = 12  # columns of constants: those of most pads come first
 
 @dataclass(frozen=True)
 class OverviewRow:
-    """One pad of the overview: folder, contents, verdict and its effects, errors, constants.
-
-    fails: phases in which structure beyond noise is left; worst: largest error over the noise;
-    constants: medians, as they are shown and as values to sort by.
-    """
+    """A pad of the overview: folder, contents, verdict and its effects, errors, constants."""
 
     pad: str
     folder: str
     fluid: str
     verdict: str
     named: str
-    fails: int | None
-    worst: str
-    constants: dict[str, tuple[str, float]]
+    fails: int | None  # phases in which structure beyond noise is left
+    worst: str  # largest error over the noise
+    constants: dict[str, tuple[str, float]]  # medians, as they are shown and as values to sort by
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ MOST_ON_A_PAGE = 24
 
 @dataclass(frozen=True)
 class PadView:
-    """One pad as the page shows it; what was not done is None."""
+    """A pad as the page shows it; what was not done is None."""
 
     name: str
     box: Box

@@ -17,24 +17,13 @@ class Constants:
     """Constants of the quasi-linear law with any number of Prony modes.
 
     Elastic force m/b (e^{b d} - 1), reduced relaxation g(t) = c0 + sum c_i e^{-v_i t}, g(0) = 1.
-
-    Parameters
-    ----------
-    m : stiffness at zero displacement, N/mm
-    b : growth of stiffness, 1/mm
-    c : (c0, c1, ..., cr), shares of the force, sum 1; c0 is the share that never relaxes
-    v : (v1, ..., vr), relaxation rates, 1/s
-
-    Raises
-    ------
-    InputError
-        A constant is out of its range, or the shares do not sum to 1.
     """
 
-    m: float
-    b: float
+    m: float  # stiffness at zero displacement, N/mm
+    b: float  # growth of stiffness, 1/mm
+    # (c0, c1, ..., cr), shares of the force, sum 1; c0 is the share that never relaxes
     c: tuple[float, ...]
-    v: tuple[float, ...] = ()
+    v: tuple[float, ...] = ()  # (v1, ..., vr), relaxation rates, 1/s
 
     def __post_init__(self) -> None:
         if not all(0 < x < inf for x in (self.m, self.b, *self.v)):
@@ -84,11 +73,6 @@ def specimens_of(
 
     words: names of `SPECIMENS`; `finger:4` is four of a kind, `finger-1` to `finger-4`, each with
     constants of its own about those of the kind.
-
-    Raises
-    ------
-    InputError
-        No such kind, or no number of them.
     """
     specimens: dict[str, Constants] = {}
     kinds: dict[str, str] = {}

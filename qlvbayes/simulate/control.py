@@ -68,11 +68,6 @@ def record_controlled(
 
     closed_loop: the controller of the force follows the load cell, whose slow errors then are in
     the true force; else they are in the reading. It never pulls.
-
-    Raises
-    ------
-    InputError
-        A force to reach is not reached.
     """
     program = tuple(program)
     still = _ControlledRun(constants, 1.0 / sample_rate, None)

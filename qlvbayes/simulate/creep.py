@@ -43,13 +43,7 @@ def creep_protocol(load: float) -> tuple[Load, ...]:
 
 
 def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tuple[Array, Array]:
-    """Return times (s) and forces (N), both (n,), of a program sampled evenly.
-
-    Raises
-    ------
-    InputError
-        A force or a time that is not above 0 (`within` may be 0).
-    """
+    """Return times (s) and forces (N), both (n,), of a program sampled evenly."""
     corners, forces = [0.0], [0.0]
     for load in program:
         if not (load.force > 0.0 and load.within >= 0.0 and load.hold > 0.0):
@@ -68,11 +62,6 @@ def displacement_under(constants: Constants, time: Array, force: Array) -> Array
 
     The pad is at rest until the first time; a first force other than 0 is put on at once. Right to
     1e-9 of the displacement where no step is longer than a fifth of 1/v.
-
-    Raises
-    ------
-    InputError
-        A force below 0, which would lift the platen off.
     """
     if np.min(force) < 0.0:
         raise InputError("a prescribed force must not be below 0")

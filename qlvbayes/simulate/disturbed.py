@@ -46,15 +46,12 @@ _LAST_WAY = 0.02  # of the way in, over which the stiffness is taken
 
 @dataclass(frozen=True)
 class NoiseGain:
-    """Factor by which noise is larger than at its smallest, along a test.
+    """Factor by which noise is larger than at its smallest, along a test."""
 
-    factor: the largest; share: of the test, the time constant with which it dies away, or, where it
-    rises, the moment at which it does; rises: at once, instead of dying away.
-    """
-
-    factor: float
+    factor: float  # the largest
+    # share of the test that is its time constant of dying away or, where it rises, its moment
     share: float
-    rises: bool
+    rises: bool  # whether it rises at once, instead of dying away
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> NoiseGain:
@@ -123,16 +120,14 @@ def held_forces(plan: PadProgramme, forces: Forces, rng: np.random.Generator) ->
 
 @dataclass(frozen=True, eq=False)
 class _HeldForce:
-    """A hold under a force: the motion, the index of its piece, and the path.
-
-    moments (s), path (mm): from the beginning of the hold on; way: of the platen before, mm.
-    """
+    """A hold under a force: the motion, the index of its piece, and the path."""
 
     motion: Motion
     index: int
+    # moments (s), path (mm): from the beginning of the hold on
     moments: Array
     path: Array
-    way: float
+    way: float  # of the platen before, mm
     steady: bool = False
 
     @classmethod

@@ -36,11 +36,6 @@ def write_csv(
     `group` what kind each pad of `groups` is of, where there are such. Each line of `heading`
     becomes a comment above the columns. Times keep 4 decimals, displacement 3 (1 um), force 5.
     Written to a temporary name and renamed; the same tests give the same bytes.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or two times of a test agree to 4 decimals.
     """
     path = Path(path)
     comments = [f"# {' '.join(line.split())}" for line in heading]
@@ -80,19 +75,8 @@ def simulate_file(
 ) -> None:
     """Simulate a study and write it; `command` is quoted in the file's heading.
 
-    Parameters
-    ----------
-    effects : hidden in every pad
-    protocol : one of `PROTOCOLS`
-    answer : JSON file that gets effects, constants, noise and seed; the heading then has none
-        of them but the noise, nor the command
-    loads : each adds a load-controlled test, N
-    groups : kinds of some of the pads, by their names
-
-    Raises
-    ------
-    InputError
-        No such protocol, a load-controlled test of a pad with effects, or a file cannot be written.
+    The JSON file ``answer`` gets effects, constants, noise and seed; the heading then has none of
+    them but the noise, nor the command. Each of ``loads`` (N) adds a load-controlled test.
     """
     if loads and effects:
         raise InputError(

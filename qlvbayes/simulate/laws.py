@@ -94,13 +94,11 @@ RELAXATION: dict[str, Callable[..., Array]] = {
 
 @dataclass(frozen=True)
 class Law:
-    """A quasi-linear material with any elastic curve and any relaxation, by their names.
+    """A quasi-linear material with any elastic curve and any relaxation, by their names."""
 
-    elastic, relaxation: keys of `ELASTIC` and `RELAXATION`; curve, fading: their constants in the
-    order of the functions' arguments.
-    """
-
+    # elastic, relaxation: keys of `ELASTIC` and `RELAXATION`
     elastic: str
+    # curve, fading: their constants in the order of the functions' arguments
     curve: tuple[float, ...]
     relaxation: str
     fading: tuple[float, ...]

@@ -21,26 +21,18 @@ class LoadCell:
 
     r = abs(s - t), f = 1 + growth F / peak; the last term is white noise behind two equal low
     passes of time constant lag. Then the reading is rounded to `step`.
-
-    Parameters
-    ----------
-    white, correlated, low : standard deviations, N
-    time, lag : s
-    growth : of the standard deviation, from no force to the peak
-    step : of the analogue-digital converter, N; 0 for none
-    jitter : standard deviation of the moment at which the force is read, s
-    encoder : step of the encoder, mm; 0 for none
     """
 
+    # white, correlated, low: standard deviations, N; time, lag: s
     white: float = 0.0
     correlated: float = 0.0
     time: float = 0.5
     low: float = 0.0
     lag: float = 0.005
-    growth: float = 0.0
-    step: float = 0.0
-    jitter: float = 0.0
-    encoder: float = 0.001
+    growth: float = 0.0  # of the standard deviations, from no force to the peak
+    step: float = 0.0  # step of the analogue-digital converter, N; 0 for none
+    jitter: float = 0.0  # standard deviation of the moment at which the force is read, s
+    encoder: float = 0.001  # step of the encoder, mm; 0 for none
 
     def draw(self, times: Array, rng: np.random.Generator) -> Array:
         """Draw errors (N) at ascending times (s) before growth and rounding."""
@@ -111,14 +103,11 @@ def _twice_filtered(steps: Array, rng: np.random.Generator) -> Array:
 def draw_cell(kind: str, peak: float, hold: float, rng: np.random.Generator) -> LoadCell:
     """Draw a load cell of one kind, for a pad with a peak force (N) and a longest hold (s).
 
-    The noise has 0.2 to 0.8 % of the peak in all. ``usual`` is white and correlated; ``white``
-    is white noise alone; ``long_memory`` has a correlation time of a quarter of the longest hold;
+    The noise has 0.2 to 0.8 % of the peak in all. ``usual`` is white and correlated; ``white`` is
+    white noise alone; ``long_memory`` has a correlation time of a quarter of the longest hold;
     ``exact`` has no error at all, and no encoder step.
 
-    Raises
-    ------
-    KeyError
-        No such kind.
+    Raises KeyError where there is no such kind.
     """
     size = peak * float(np.exp(rng.uniform(np.log(0.002), np.log(0.008))))
     white, slow = 0.6 * size, 0.8 * size

@@ -19,22 +19,13 @@ def thin(
 ) -> NDArray[np.intp]:
     """Choose at most `max_rows` samples, the first and last among them; give their indices.
 
-    Dense where the force changes fast: while the platen moves and just after it starts or
-    stops; in holds the intervals grow like the time since the stop. A few bursts of
-    consecutive samples in each hold distinguish white noise from correlated noise.
+    The record has times (n,) in s, ascending, and displacements in mm as the encoder reads them.
+    Dense where the force changes fast: while the platen moves and just after it starts or stops; in
+    holds the intervals grow like the time since the stop. A few bursts of consecutive samples in
+    each hold distinguish white noise from correlated noise.
 
-    The choice looks at the motion only. Choosing by measured force would prefer samples
-    with large noise and so bias whatever is fitted to them.
-
-    Parameters
-    ----------
-    time : (n,) s, ascending
-    displacement : (n,) mm, as the encoder reads it
-
-    Raises
-    ------
-    InputError
-        Too few rows for the number of motions and holds.
+    The choice looks at the motion only. Choosing by measured force would prefer samples with large
+    noise and so bias whatever is fitted to them.
     """
     if time.size <= max_rows:
         return np.arange(time.size)

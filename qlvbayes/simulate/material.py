@@ -41,13 +41,7 @@ class Pad:
     bonded: bool = False
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force (N) at ascending `times` (s); right to 1e-8 of the peak.
-
-        Raises
-        ------
-        InputError
-            The times are not ascending or leave the program.
-        """
+        """Return the force (N) at ascending `times` (s); right to 1e-8 of the peak."""
         check_times(platen, times)
         c = np.array(self.constants.c)
         elastic = elastic_force(self.constants, platen.displacement(times))

@@ -95,13 +95,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Track(Motion):
-    """Motion given by its pieces.
-
-    Raises
-    ------
-    InputError
-        No piece, or one that does not begin where and when the one before ends.
-    """
+    """Motion given by its pieces; InputError unless each begins where and when one ends."""
 
     stretches: tuple[Piece, ...]
     start_s: float = 0.0

@@ -50,26 +50,15 @@ Step = Move | Hold
 class Platen(Motion):
     """Exact motion of one run of a program that starts from rest at displacement 0, time 0.
 
-    Each move is a trapezoid of velocity, or a triangle if the stroke is too short to reach
-    its speed: the top speed is min(speed, sqrt(acceleration_limit * stroke)).
-
-    Parameters
-    ----------
-    program : Moves and Holds, in order
-    acceleration_limit : mm/s2
-    start_s : clock at the start of the motion (s), for materials that change between tests
-    number : of the pad's tests before this one
-
-    Raises
-    ------
-    InputError
-        Nothing to do, or the acceleration is not above 0.
+    Each move is a trapezoid of velocity, or a triangle if the stroke is too short to reach its
+    speed: the top speed is min(speed, sqrt(acceleration_limit * stroke)).
     """
 
-    program: tuple[Step, ...]
-    acceleration_limit: float = PAPER_ACCELERATION
+    program: tuple[Step, ...]  # Moves and Holds, in order
+    acceleration_limit: float = PAPER_ACCELERATION  # mm/s2
+    # clock at the start of the motion (s), for materials that change between tests
     start_s: float = 0.0
-    number: int = 0
+    number: int = 0  # number of the pad's tests before this one
 
     def __post_init__(self) -> None:
         if not 0 < self.acceleration_limit < inf:

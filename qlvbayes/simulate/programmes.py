@@ -30,19 +30,15 @@ PROTOCOL_NAMES = (
 
 @dataclass(frozen=True)
 class PadProgramme:
-    """Tests of one pad, a motion each by name, in order.
-
-    continuous: whether each test follows the one before by `pause` (s), in which the platen goes
-    back to 0 and the pad has not forgotten; else every test begins at rest. The motions know their
-    clocks.
-    longest_hold: s, or a quarter of the longest test where there is no hold; smooth: without kinks.
-    """
+    """Tests of one pad, a motion each by name, in order."""
 
     motions: dict[str, Motion]
+    # whether each test follows the one before by `pause` (s), in which the platen goes back to 0
+    # and the pad has not forgotten; else every test begins at rest. The motions know their clocks.
     continuous: bool
     pause: float
-    longest_hold: float
-    smooth: bool
+    longest_hold: float  # s, or a quarter of the longest test where there is no hold
+    smooth: bool  # without kinks
 
     @property
     def whole(self) -> Track:

@@ -26,7 +26,7 @@ PAUSE_S = 120.0
 
 @dataclass(frozen=True)
 class Record:
-    """One test as measured, and the truth behind it; all arrays (n,), s, mm and N."""
+    """A test as measured, and the truth behind it; all arrays (n,), s, mm and N."""
 
     time: NDArray[np.float64]
     displacement: NDArray[np.float64]
@@ -48,16 +48,13 @@ class Record:
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A record with its pad and test in a study; `start_s` is the clock at its first sample.
-
-    control: what was prescribed, displacement or force
-    """
+    """A record with its pad and test in a study; `start_s` is the clock at its first sample."""
 
     pad: str
     name: str
     start_s: float
     record: Record
-    control: str = "displacement"
+    control: str = "displacement"  # what was prescribed, displacement or force
 
 
 def record_test(
@@ -70,13 +67,8 @@ def record_test(
 ) -> Record:
     """Run one test on any material, sampled from the start of the motion.
 
-    With `max_rows`, only the rows that the data logger keeps; the noise is the one of all
-    samples, so that a kept row is what it would be in the full record.
-
-    Raises
-    ------
-    InputError
-        The sample rate (1/s) is not above 0.
+    With `max_rows`, only the rows that the data logger keeps; the noise is the one of all samples,
+    so that a kept row is what it would be in the full record.
     """
     if not sample_rate > 0:
         raise InputError(f"the sample rate must be above 0, not {sample_rate} 1/s")

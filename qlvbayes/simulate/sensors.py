@@ -21,21 +21,12 @@ class Noise:
     """Load-cell noise: white plus a stationary Ornstein-Uhlenbeck process.
 
     cov(s, t) = white^2 [s = t] + correlated^2 e^{-|s - t| / correlation_time}
-
-    Parameters
-    ----------
-    white, correlated : standard deviations, N
-    correlation_time : s
-
-    Raises
-    ------
-    InputError
-        A standard deviation below 0, or a correlation time not above 0.
     """
 
+    # white, correlated: standard deviations, N
     white: float = 0.006
     correlated: float = 0.008
-    correlation_time: float = 0.5
+    correlation_time: float = 0.5  # s
 
     def __post_init__(self) -> None:
         if not (0 <= self.white < inf and 0 <= self.correlated < inf):

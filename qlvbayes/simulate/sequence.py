@@ -22,13 +22,11 @@ RETURN_SPEED = 20.0
 
 @dataclass(frozen=True)
 class Sequence:
-    """Programs joined by pauses in which the platen goes back to zero and waits.
+    """Programs joined by pauses in which the platen goes back to zero and waits."""
 
-    platen: of the whole; names: of the tests; begins, ends: their times (s) in the whole.
-    """
-
-    platen: Platen
-    names: tuple[str, ...]
+    platen: Platen  # of the whole
+    names: tuple[str, ...]  # of the tests
+    # begins, ends: their times (s) in the whole
     begins: tuple[float, ...]
     ends: tuple[float, ...]
 
@@ -44,11 +42,6 @@ def join_programs(
 
     return_speed: at which the platen goes back to zero when a pause begins (mm/s); None leaves it
     where the test ended. The next program goes on from there.
-
-    Raises
-    ------
-    InputError
-        There is no program, or a pause is too short for the way back.
     """
     if not programs:
         raise InputError("no tests to do", remedy="give at least one program")
@@ -87,11 +80,6 @@ def record_sequence(
     With ``continuous`` False every test is run on a rested pad, at the same clock. Each test's
     random stream comes from the seed and the test's name. For the other arguments see
     `join_programs` and `record_test`.
-
-    Raises
-    ------
-    InputError
-        The sample rate (1/s) is not above 0; see also `join_programs`.
     """
     programs = {name: tuple(program) for name, program in programs.items()}
     whole = join_programs(

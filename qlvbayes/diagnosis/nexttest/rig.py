@@ -45,10 +45,7 @@ class Rig:
         return cls(covered.depth, covered.fastest, covered.fastest**2 / covered.depth)
 
     def limited(self, depth: float | None, speed: float | None, acceleration: float | None) -> Rig:
-        """Return the rig with the limits that are given.
-
-        Raises InputError where a limit is not above 0.
-        """
+        """Return the rig with the limits that are given."""
         given = {"depth": depth, "speed": speed, "acceleration": acceleration}
         for name, value in given.items():
             if value is not None and not (value > 0.0 and math.isfinite(value)):

@@ -107,8 +107,6 @@ def plan_series(
 
     Tests are added one by one, each the best given the tests before it. For constants alone, bits
     per minute count. The pad's clock stands at ``clock`` (s) after the tests that were done.
-
-    Raises InputError where no test fits into the time, or none has a finite force.
     """
     report(f"screening {count} tests")
     designs = draw_designs(rig, belief.recovery, 60.0 * minutes, count, seed)

@@ -40,20 +40,14 @@ from qlvbayes.motion.record import Blocks
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """The features of a pad's block means, and the sizes that the discrepancy may have.
+    """The features of a pad's block means, and the sizes that the discrepancy may have."""
 
-    features (M, T, B): in N, for unit size; peak: largest force (N); sizes (S,): in N, the first is
-    0; log_prior (S,): of the sizes; rough: variance ratio rho; scatter: prior of that between
-    tests, None where there is none.
-    """
-
-    features: Array
+    features: Array  # (M, T, B): in N, for unit size
     whitener: Whitener
-    peak: float
-    sizes: Array
-    log_prior: Array
-    rough: float
-    scatter: ScatterPrior | None = None
+    peak: float  # largest force (N)
+    sizes: Array  # (S,): in N, the first is 0
+    log_prior: Array  # (S,): of the sizes
+    rough: float  # variance ratio rho
     _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @classmethod

@@ -34,20 +34,19 @@ _LEFT_OUT = 1e-3  # share of the largest variance that features may leave out an
 class DiscrepancyPrior:
     """The prior of a discrepancy before any test.
 
-    none: prior probability that there is none, 0.5 as it is undecided; smallest, largest: range of
-    its size over the peak force, with ``sizes`` values, evenly spaced in the logarithm (noise hides
-    anything below the smallest); rough: variance of the part that is independent from block to
-    block over that of the smooth part. It is small because curves of soft bodies have few kinks.
-
     The smooth part changes over the lengths time (e-folds of the time since the phase began), depth
     (share of the largest) and rate (e-folds of the loading rate). unloaded: its size at zero force
     over that at the largest force.
     """
 
-    none: float = 0.5
+    none: float = 0.5  # prior probability that there is none, 0.5 as it is undecided
+    # smallest, largest: range of its size over the peak force, with ``sizes`` values, evenly spaced
+    # in the logarithm (noise hides anything below the smallest)
     smallest: float = 3e-4
     largest: float = 0.3
     sizes: int = 19
+    # variance of the part that is independent from block to block over that of the smooth part. It
+    # is small because curves of soft bodies have few kinks.
     rough: float = 0.1
     time: float = 2.0
     depth: float = 0.3
@@ -76,16 +75,13 @@ UNDECIDED = DiscrepancyPrior()
 
 @dataclass(frozen=True, eq=False)
 class Locations:
-    """The N points at which the smooth functions are evaluated.
+    """The N points at which the smooth functions are evaluated."""
 
-    smooth (N, 3): log time since the phase began, depth and log rate, each in correlation lengths;
-    size (N,): g; phase (N,): index of the kind of phase; test (N,): index of the test.
-    """
-
+    # (N, 3): log time since the phase began, depth and log rate, each in correlation lengths
     smooth: Array
-    size: Array
-    phase: NDArray[np.intp]
-    test: NDArray[np.intp]
+    size: Array  # (N,): g
+    phase: NDArray[np.intp]  # (N,): index of the kind of phase
+    test: NDArray[np.intp]  # (N,): index of the test
 
     @classmethod
     def from_trial(

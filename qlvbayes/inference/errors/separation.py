@@ -189,17 +189,14 @@ class DiscrepancyOfSize:
 
 @dataclass(frozen=True, eq=False)
 class Separated:
-    """A separated discrepancy of one size with the scatter between tests, of covariance C_P.
+    """A separated discrepancy of one size, with the covariance C_P."""
 
-    unseparated: the discrepancy of covariance C; own (2R + K, n), parts: scaled U and its
-    components along the axes; core (2R + K, 2R + K): M; log_volume: ln|C_P|.
-    """
-
-    unseparated: DiscrepancyOfSize
+    unseparated: DiscrepancyOfSize  # the discrepancy of covariance C
+    # own (2R, n), parts: scaled U and its components along the axes
     own: Array
     parts: Array
-    core: Array
-    log_volume: float
+    core: Array  # (2R, 2R): M
+    log_volume: float  # ln|C_P|
 
     @classmethod
     def from_unseparated(

@@ -33,15 +33,11 @@ _SINGULAR = 1e-14  # eigenvalues below this share of the largest are rounding
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """The whitening of the n blocks of T tests that are neither padding nor left out.
+    """The whitening of the n blocks of T tests that are neither padding nor left out."""
 
-    blocks: for each test, a mask (B,) of those blocks; covariances: of their means, for each test
-    (N^2); timing: the part of their variances that uncertain moments contribute, for each test
-    (N^2).
-    """
-
-    blocks: tuple[NDArray[np.bool_], ...]
-    covariances: tuple[Array, ...]
+    blocks: tuple[NDArray[np.bool_], ...]  # for each test, a mask (B,) of those blocks
+    covariances: tuple[Array, ...]  # of their means, for each test (N^2)
+    # the part of their variances that uncertain moments contribute, for each test (N^2)
     timing: tuple[Array, ...]
 
     @classmethod

@@ -51,16 +51,12 @@ _KEPT = 4  # records that are cached in the form pieces take
 
 @dataclass(frozen=True, eq=False)
 class ConstantSets:
-    """K sets of the constants of one law.
+    """K sets of the constants of one law."""
 
-    elastic: (K, E); fractions: (K, L + 1); rates: (K, L) in 1/s, or (L,) where all sets share them;
-    layers: (K, P) of each layer, the innermost first.
-    """
-
-    elastic: Array
-    fractions: Array
-    rates: Array
-    layers: tuple[Array, ...]
+    elastic: Array  # (K, E)
+    fractions: Array  # (K, L + 1)
+    rates: Array  # (K, L) in 1/s, or (L,) where all sets share them
+    layers: tuple[Array, ...]  # (K, P) of each layer, the innermost first
 
     @property
     def laws(self) -> tuple[Array, Array, Array]:
@@ -80,18 +76,16 @@ class ConstantSets:
 
 @dataclass(frozen=True, eq=False)
 class TestGroup:
-    """Tests of about the same length, in the form in which pieces take them.
+    """Tests of about the same length, in the form in which pieces take them."""
 
-    members: indices in the record; structure, leaves (T, N): of the motion, the same for all sets;
-    begin, end (T, K, B): indices of the ends of each block in the flattened force (T, K, N); known:
-    motions that layers without constants make of this motion.
-    """
-
-    members: list[int]
+    members: list[int]  # indices in the record
+    # structure, leaves (T, N): of the motion, the same for all sets
     structure: PyTreeDef
     leaves: Leaves
+    # begin, end (T, K, B): indices of the ends of each block in the flattened force (T, K, N)
     begin: NDArray[np.intp]
     end: NDArray[np.intp]
+    # motions that layers without constants make of this motion
     known: dict[tuple[Any, ...], Leaves] = field(default_factory=dict)
 
     @classmethod

@@ -34,14 +34,11 @@ _MULTIPLE = 8  # the number of modes is a multiple of this, so that few sizes ar
 
 @dataclass(frozen=True, eq=False)
 class FixedRates:
-    """A set of fixed rates with the matrix that fits fractions to a relaxation function g.
+    """A set of fixed rates with the matrix that fits fractions to a relaxation function g."""
 
-    rates (L,): in 1/s; times (N,): in s; matrix (L + 1, N): takes g at those times to fractions.
-    """
-
-    rates: Array
-    times: Array
-    matrix: Array
+    rates: Array  # (L,): in 1/s
+    times: Array  # (N,): in s
+    matrix: Array  # (L + 1, N): takes g at those times to fractions
 
     @classmethod
     def over(cls, time: Array) -> Self:

@@ -68,20 +68,17 @@ class Leaf:
 
 @dataclass(frozen=True, eq=False)
 class Direct:
-    """The free parameters whose priors are quadratic in them, as arrays.
+    """The free parameters whose priors are quadratic in them, as arrays."""
 
-    theta, constants (Q,): their indices in theta and in the constants; in_log (Q,): which of them
-    are logarithms; mean, precision, curvature (Q,): of the priors; top: sum of the maxima of the
-    log densities.
-    """
-
+    # theta, constants (Q,): their indices in theta and in the constants
     theta: NDArray[np.intp]
     constants: NDArray[np.intp]
-    in_log: NDArray[np.bool_]
+    in_log: NDArray[np.bool_]  # (Q,): which of them are logarithms
+    # mean, precision, curvature (Q,): of the priors
     mean: Array
     precision: Array
     curvature: Array
-    top: float
+    top: float  # sum of the maxima of the log densities
 
     @classmethod
     def from_leaves(cls, leaves: Iterable[Leaf]) -> Direct:
@@ -107,22 +104,18 @@ class Direct:
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """The free parameters theta (F,) of a hypothesis, and its constants (P,).
-
-    lowest, highest, length (F,): bounds and natural length of each parameter; fixed (P,): constants
-    that are not free, NaN elsewhere; direct: parameters whose prior is quadratic in them; joint:
-    the other fields; leaves: all free fields.
-    """
+    """The free parameters theta (F,) of a hypothesis, and its constants (P,)."""
 
     hypothesis: Hypothesis
     posterior: Posterior
-    leaves: tuple[Leaf, ...]
+    leaves: tuple[Leaf, ...]  # all free fields
+    # lowest, highest, length (F,): bounds and natural length of each parameter
     lowest: Array
     highest: Array
     length: Array
-    fixed: Array
-    direct: Direct
-    joint: tuple[Leaf, ...]
+    fixed: Array  # (P,): constants that are not free, NaN elsewhere
+    direct: Direct  # parameters whose prior is quadratic in them
+    joint: tuple[Leaf, ...]  # the other fields
 
     @classmethod
     def from_posterior(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:

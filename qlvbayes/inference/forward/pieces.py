@@ -85,13 +85,10 @@ class _LawBeneath:
 
 @dataclass(frozen=True, eq=False)
 class MotionRequest:
-    """A motion of which a layer requests the force, given by its structure.
-
-    new: which of its leaves differ from those of the motion above.
-    """
+    """A motion of which a layer requests the force, given by its structure."""
 
     structure: Any
-    new: tuple[bool, ...]
+    new: tuple[bool, ...]  # which of its leaves differ from those of the motion above
 
 
 @dataclass(frozen=True, eq=False)

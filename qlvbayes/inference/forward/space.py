@@ -47,18 +47,15 @@ _GRID = 40  # depths, or times, at which the curves of laws are compared
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """The record, laws and effects, with priors, from which hypotheses are formed.
-
-    elastic, relaxation: laws by name; effects: candidates by name, with `Natural` amplitudes;
-    noise: the floor, with fixed parameters; bonded: whether the specimen is fixed to the indenter.
-    """
+    """The record, laws and effects, with priors, from which hypotheses are formed."""
 
     record: Record
+    # elastic, relaxation: laws by name
     elastic: dict[str, AbstractElastic]
     relaxation: dict[str, AbstractRelaxation]
-    effects: dict[str, AbstractEffect]
-    noise: AbstractNoise
-    bonded: bool
+    effects: dict[str, AbstractEffect]  # candidates by name, with `Natural` amplitudes
+    noise: AbstractNoise  # the floor, with fixed parameters
+    bonded: bool  # whether the specimen is fixed to the indenter
     _engine: ForceEngine = field(default_factory=ForceEngine)
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
     _chains: dict[Hypothesis, tuple[LayerChain, list[slice]]] = field(default_factory=dict)

@@ -48,11 +48,7 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
 
 
 def own_formats(path: Path) -> tuple[type[AbstractFormat], ...]:
-    """Return the formats that a Python file defines, in its order; imported ones do not count.
-
-    Raises InputError where the file is missing, stops with an error, defines no format or one that
-    lacks a part, or uses a name that another format has.
-    """
+    """Return the formats that a Python file defines, in its order; imported ones do not count."""
     kinds = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
     if not kinds:
         raise InputError(

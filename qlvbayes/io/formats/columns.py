@@ -289,10 +289,7 @@ def columns_of(columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]) -
 def chosen(
     columns: Sequence[NamedColumn], file: Path, line: int | None = None
 ) -> dict[str, NamedColumn]:
-    """Return the columns that ``measured`` finds.
-
-    Raises InputError where one of the three is not there.
-    """
+    """Return the columns that ``measured`` finds."""
     by_quantity = measured(columns)
     whole = {key: named for key, named in by_quantity.items() if named is not None}
     words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))

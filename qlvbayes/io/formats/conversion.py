@@ -32,7 +32,7 @@ LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
 @dataclass(frozen=True, eq=False)
 class Tidied:
-    """One test in tidy form, and the findings of the conversion, each with its numbers.
+    """A test in tidy form, and the findings of the conversion, each with its numbers.
 
     ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
     positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first

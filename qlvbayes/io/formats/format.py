@@ -41,7 +41,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One channel as it is in the file."""
+    """A channel as it is in the file."""
 
     quantity: str  # time, displacement, force, strain or stress
     values: Floats  # (n,) in the unit of the file
@@ -51,7 +51,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One test as a machine wrote it, with nothing converted and no sign changed."""
+    """A test as a machine wrote it, with nothing converted and no sign changed."""
 
     time: Channel  # the clock of the displacement
     way: Channel  # displacement or strain

@@ -34,10 +34,7 @@ class Hdf5(AbstractFormat):
 
 
 def read_groups(path: Path) -> tuple[Recording, ...]:
-    """Return the tests of an HDF5 file: its groups with three or more vectors of numbers.
-
-    Raises InputError where the file is damaged, or no group holds time, displacement and force.
-    """
+    """Return the tests of an HDF5 file: its groups with three or more vectors of numbers."""
     groups: dict[str, list[NamedArray]] = {}
     try:
         vectors = read_apart("hdf5", path)

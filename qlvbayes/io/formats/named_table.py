@@ -71,10 +71,7 @@ class NamedTable(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return one test for each time that the names appear, and for each specimen below them.
-
-        Raises InputError where other names or units follow below, or the rows cannot be read.
-        """
+        """Return one test for each time that the names appear, and for each specimen below them."""
         data, blanks = with_tabs(content(path))
         lines = Lines.from_bytes(data)
         if (header := _header(lines, blanks=blanks)) is None:

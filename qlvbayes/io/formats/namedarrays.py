@@ -36,10 +36,7 @@ def as_column(value: Any) -> Floats | None:
 
 
 def from_arrays(arrays: Sequence[NamedArray], file: Path, name: str = "") -> Recording:
-    """Return the test that arrays hold, recognised by their names.
-
-    Raises InputError where time, displacement or force is not among them, or they differ in length.
-    """
+    """Return the test that arrays hold, recognised by their names."""
     columns = []
     for index, array in enumerate(arrays):
         plain, unit = (array.name, array.unit) if array.unit else split_header(array.name)

@@ -25,7 +25,7 @@ _DATED = 1e8  # s since 1970, below which a stamp is of a simulated clock, or si
 
 @dataclass(frozen=True, eq=False)
 class RosChannel:
-    """One field of a topic: its path as written, stamps (s) and values, both (n,)."""
+    """A field of a topic: its path as written, stamps (s) and values, both (n,)."""
 
     name: str
     time: Floats
@@ -83,9 +83,6 @@ def recording_of(
 
     Of all forces and of all positions the one that changes most is taken. ``origin`` is the date of
     the stamps' zero (s since 1970); ``dropped`` counts rows that were no messages.
-
-    Raises InputError where there is no force or no displacement, another channel changes about as
-    much, or their stamps do not rise or overlap.
     """
     load, of_load = _chosen(channels, "force", path)
     way, of_way = _chosen(channels, "displacement", path)

@@ -71,10 +71,7 @@ class ClockError(ValueError):
 def rising(
     time: Floats, columns: list[Floats], dropped: dict[str, int]
 ) -> tuple[Floats, list[Floats]]:
-    """Return the rows without repeated and slipped times, which are counted in ``dropped``.
-
-    Raises ClockError where time falls, or repeats so often that it is too coarse.
-    """
+    """Return the rows without repeated and slipped times, which are counted in ``dropped``."""
     steps = np.diff(time)
     slips = slipped(time) if (steps < 0).any() else None
     if slips is not None:
@@ -103,8 +100,6 @@ def on_one_clock(
     """Return displacement at the force's times, and the rows of the force that it covers.
 
     The displacement is interpolated, as it is smooth, so that the force keeps its noise.
-
-    Raises ClockError where the clocks do not overlap, or one of them falls.
     """
     if (np.diff(time) <= 0).any() or (np.diff(load_time) <= 0).any():
         raise ClockError("one of the two clocks does not rise")

@@ -50,10 +50,7 @@ def decoded(data: bytes) -> str:
 
 
 def content(path: Path) -> bytes:
-    """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone.
-
-    Raises InputError where the file is missing, cannot be read, or is damaged gzip.
-    """
+    """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone."""
     try:
         data = path.read_bytes()
         if data.startswith(b"\x1f\x8b"):
@@ -158,11 +155,7 @@ def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
 def with_header(
     path: Path, find: Callable[[Lines], Header | None], lacking: str, remedy: str
 ) -> tuple[bytes, Lines, Header]:
-    """Return a file's text, its first lines, and what ``find`` sees of the header in them.
-
-    Raises InputError where the file cannot be read, or ``lacking`` the header; ``remedy`` says what
-    to do then.
-    """
+    """Return a file's text, its first lines, and what ``find`` sees of the header in them."""
     data = content(path)
     lines = Lines.from_bytes(data)
     header = find(lines)

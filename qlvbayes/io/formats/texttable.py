@@ -77,9 +77,6 @@ def tables_in_two_rows(
 
     ``find`` returns the line of the names; given that line, ``find_title`` returns the test's name
     and date.
-
-    Raises InputError where there is no row of units, a column is not there, or the rows cannot be
-    read.
     """
     data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
     separator = separator_of(lines.texts[first])
@@ -110,8 +107,6 @@ def table(
     """Read the columns of time, displacement and force from rows of text.
 
     ``line`` is the line of the names and ``first`` that of the first row, from 0.
-
-    Raises InputError where a column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
     return _of_larger_motion(columns, picked, rows, separator, file, first, name, began)
@@ -187,8 +182,6 @@ def tables(
 
     ``line`` is the line of the names and ``first`` that of the first row, from 0. Where the names
     are repeated, a further test begins if time falls there; if not, the rows go on.
-
-    Raises InputError where a column is not there, or the rows cannot be read.
     """
     names = lines.texts[line]
     separator = separator_of(names)
@@ -239,10 +232,7 @@ def recorded(
     name: str,
     began: float | None = None,
 ) -> Recording:
-    """Return the recording of the picked columns; ``first`` is the line of the first row, from 0.
-
-    Raises InputError where the rows cannot be read.
-    """
+    """Return the recording of the picked columns; ``first`` is the first row's line, from 0."""
     refuse_split_numbers(rows, separator, len(columns), file, first + 1)
     read = read_rows(rows, separator, [named.index for named in picked.values()], file, first + 1)
     own = on_clock(picked, read.clocks, file)

@@ -25,7 +25,7 @@ _ENOUGH = 2  # other files whose contacts have to agree for a pad to lie on one 
 
 @dataclass(frozen=True, eq=False)
 class OrientedRecording:
-    """One recording in which pressing is positive in ``way`` and ``load`` (n,).
+    """A recording in which pressing is positive in ``way`` and ``load`` (n,).
 
     ``stage`` is equal for recordings whose displacement may have one zero: those of one pad and
     layout. ``contact`` is None where the recording shows none.

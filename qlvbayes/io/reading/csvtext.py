@@ -73,11 +73,7 @@ def _compare(path: Path, before: tuple[int, int] | None, error: InputError | Non
 
 
 def blocks(path: Path, size: int = BLOCK) -> Generator[bytes, None, None]:
-    r"""Yield the text in blocks of whole lines: valid UTF-8, no byte order mark, lines ended by \n.
-
-    Raises InputError where the file is missing, damaged, compressed against its name, binary or not
-    UTF-8.
-    """
+    r"""Yield the text in blocks of whole lines: UTF-8 without byte order mark, ended by \n."""
     with _open(path) as stream:
         data = _read(path, stream, size)
         _check_head(path, data[:HEAD])

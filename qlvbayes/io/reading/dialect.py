@@ -37,10 +37,7 @@ class Dialect:
 
 
 def sniff(path: Path) -> Dialect:
-    """Read the header and find out how the rows are written.
-
-    Raises InputError where the file has no header, no rows, or its header lacks a column.
-    """
+    """Read the header and find out how the rows are written."""
     lines = head(path).decode("utf-8").split("\n")
     written = [(n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#"]
     if not written:

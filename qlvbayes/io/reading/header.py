@@ -42,7 +42,7 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its index, its name in the file, its unit, and a scale.
+    """A column: its index, its name in the file, its unit, and a scale.
 
     ``scale`` converts to the unit of the displacement column for displacement and rate, to that of
     the force column for force and its sd, and to s for time.
@@ -66,11 +66,7 @@ class Columns:
 
 
 def read_columns(names: list[str], file: Path, line: int) -> Columns:
-    """Return every column with its quantity and unit.
-
-    Raises InputError where a quantity is missing, doubled, of unknown unit or of the other system
-    of units.
-    """
+    """Return every column with its quantity and unit."""
     header = _Header(names, file, line)
     header.refuse_numbers()
     by_quantity = header.find()

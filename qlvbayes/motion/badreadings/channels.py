@@ -31,20 +31,16 @@ _SMALL = 0.02  # of the range: a larger step is one of the motion, sampled seldo
 
 @dataclass(frozen=True)
 class Channels:
-    """The displacement and force channels of one test of n readings.
-
-    doubtful: (n,) readings that either channel doubts by itself; fastest: largest speed that other
-    readings of the pad's tests show; lost: (n,) readings of displacement found to be bad.
-    """
+    """The displacement and force channels of one test of n readings."""
 
     time: Array
     displacement: Array
     force: Array
     of_displacement: ChangeScale
     of_force: ChangeScale
-    doubtful: NDArray[np.bool_]
-    fastest: float
-    lost: NDArray[np.bool_]
+    doubtful: NDArray[np.bool_]  # (n,) readings that either channel doubts by itself
+    fastest: float  # largest speed that other readings of the pad's tests show
+    lost: NDArray[np.bool_]  # (n,) readings of displacement found to be bad
 
     def at(self, some: NDArray[np.intp]) -> Channels:
         """Return some of the readings (k,), in order."""

@@ -40,16 +40,12 @@ FEWEST = 12  # readings of which anything can be said
 
 @dataclass(frozen=True)
 class ChangeScale:
-    """Size of the changes from reading to reading in one channel.
+    """Size of the changes from reading to reading in one channel."""
 
-    deviation: (n,) median distance of a reading from the line through its neighbours; change: (n,)
-    median change nearby; step: of a digitised channel, 0 where none shows; span: its range.
-    """
-
-    deviation: Array
-    change: Array
-    step: float
-    span: float
+    deviation: Array  # (n,) median distance of a reading from the line through its neighbours
+    change: Array  # (n,) median change nearby
+    step: float  # of a digitised channel, 0 where none shows
+    span: float  # its range
 
     def at(self, indices: NDArray[np.intp]) -> ChangeScale:
         """Return the scale of some of the readings."""

@@ -24,32 +24,27 @@ _CHANNELS = {"time": "time", "both": "displacement and force"}
 
 @dataclass(frozen=True)
 class Bad:
-    """Readings [first, stop) of a test that are left out together, in one channel or in both.
-
-    stated_by: option or column by which the user excludes them.
-    """
+    """Readings [first, stop) of a test that are left out together, in one channel or in both."""
 
     first: int
     stop: int
     channel: Channel
     kind: Kind
-    stated_by: str = ""
+    stated_by: str = ""  # option or column by which the user excludes them
 
 
 @dataclass(frozen=True, eq=False)
 class BadReadings:
-    """The readings of one test of n readings that are left out: bad ones, and excluded ones.
+    """The readings of one test of n readings that are left out: bad ones, and excluded ones."""
 
-    time, displacement, force: (k,) of these, as they were read; runs: which they are and why; mask:
-    (n,) True for them; around: of each run the displacement and the force of the
-    sound readings before and after it (NaN where there is none).
-    """
-
+    # time, displacement, force: (k,) of these, as they were read
     time: Array
     displacement: Array
     force: Array
-    runs: tuple[Bad, ...]
-    mask: NDArray[np.bool_]
+    runs: tuple[Bad, ...]  # which they are and why
+    mask: NDArray[np.bool_]  # (n,) True for them
+    # of each run the displacement and the force of the sound readings before and after it (NaN
+    # where there is none)
     around: tuple[tuple[Array, Array], ...]
 
     @classmethod

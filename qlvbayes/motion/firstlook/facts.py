@@ -36,29 +36,22 @@ class Movement:
 
 @dataclass(frozen=True)
 class LoadedDwell:
-    """A dwell under load: its level (displacement, or the prescribed force) and duration (s).
+    """A dwell under load: its level (displacement, or the prescribed force) and duration (s)."""
 
-    control: which of both is prescribed; change: of the other in its second half, over the pad's
-    largest.
-    """
-
-    control: Control
+    control: Control  # which of both is prescribed
     level: float
     duration: float
-    change: float
+    change: float  # of the other in its second half, over the pad's largest
 
 
 @dataclass(frozen=True)
 class Facts:
-    """All movements, and all dwells under load with enough readings.
-
-    interval: shortest median time (s) between readings of a test; loads: ramps of all tests.
-    """
+    """All movements, and all dwells under load with enough readings."""
 
     moves: tuple[Movement, ...]
     holds: tuple[LoadedDwell, ...]
-    interval: float
-    loads: int
+    interval: float  # shortest median time (s) between readings of a test
+    loads: int  # ramps of all tests
 
     @property
     def longest_hold(self) -> float:

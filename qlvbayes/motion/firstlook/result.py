@@ -17,10 +17,7 @@ class PhaseSeen(
     frozen=True,
     rename={"start": "start_s", "stop": "stop_s", "begin": "from_mm", "end": "to_mm"},
 ):
-    """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings.
-
-    control: what was prescribed in it, ``displacement`` or ``force``.
-    """
+    """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings."""
 
     phase: str
     start: float
@@ -28,7 +25,7 @@ class PhaseSeen(
     begin: float
     end: float
     readings: int
-    control: str
+    control: str  # what was prescribed in it, ``displacement`` or ``force``
 
 
 class MotionSeen(
@@ -36,19 +33,15 @@ class MotionSeen(
     frozen=True,
     rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
 ):
-    """Deviation of the fitted motion from the readings of displacement.
+    """Deviation of the fitted motion from the readings of displacement."""
 
-    step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
-    makes them; rms, largest: of readings less motion; at: the time (s) at which it is largest;
-    departure: in words, where that is more than scatter and resolution explain.
-    """
-
-    step: float
+    step: float  # of the encoder, 0 where none shows
+    # rms, largest: of readings less motion
     rms: float
     largest: float
-    at: float
-    step_shows: bool
-    departure: str | None
+    at: float  # the time (s) at which it is largest
+    step_shows: bool  # whether readings are off by as much as it makes them
+    departure: str | None  # in words, where that is more than scatter and resolution explain
 
 
 class ContactSeen(
@@ -79,39 +72,33 @@ class TestSeen(
         "at_rest": "at_rest_N",
     },
 ):
-    """One test: its sampling, its phases and its readings.
-
-    interval: median time between readings, sampling: in words; clock_sd: error of one time stamp;
-    start: the pad's clock at its first reading, and whether the file says it; after: names of the
-    tests from which it has not yet recovered; rate: of loading, as declared or found; reached: the
-    speed of the first ramp; control: what was prescribed (``displacement``, ``force``, or ``by
-    phase`` where it changes), and whether the file says it; at_rest: force before contact, where it
-    is clearly not zero; left_out: how many readings.
-    """
+    """A test: its sampling, its phases and its readings."""
 
     __test__ = False  # not one of pytest's
 
     test: str
     role: str
+    # what was prescribed (``displacement``, ``force``, or ``by phase`` where it changes);
+    # control_declared: whether the file says it
     control: str
     control_declared: bool
     readings: int
     duration: float
-    interval: float
+    interval: float  # median time between readings; sampling: in words
     sampling: str
-    clock_sd: float
-    start: float
+    clock_sd: float  # error of one time stamp
+    start: float  # the pad's clock at its first reading; start_known: the file says it
     start_known: bool
-    after: tuple[str, ...]
-    rate: float | None
-    reached: float | None
+    after: tuple[str, ...]  # names of the tests from which it has not yet recovered
+    rate: float | None  # of loading, as declared or found
+    reached: float | None  # the speed of the first ramp
     depth: float
     peak: float
     phases: tuple[PhaseSeen, ...]
     motion: MotionSeen
     contact: ContactSeen | None
-    at_rest: float | None
-    left_out: int
+    at_rest: float | None  # force before contact, where it is clearly not zero
+    left_out: int  # how many readings
 
 
 class NoiseSeen(
@@ -119,37 +106,30 @@ class NoiseSeen(
     frozen=True,
     rename={"total": "total_N", "white": "white_N", "correlated": "correlated_N", "tau": "tau_s"},
 ):
-    """Noise of the force at rest: sd of a reading, its white and its correlated part.
-
-    testable: whether structure can be distinguished from correlated noise; by_reading: whether each
-    reading has a sd of its own, of whose root mean square these are.
-    """
+    """Noise of the force at rest: sd of a reading, its white and its correlated part."""
 
     total: float
     white: float
     correlated: float
     tau: float
-    testable: bool
+    testable: bool  # whether structure can be distinguished from correlated noise
+    # whether each reading has a sd of its own, of whose root mean square these are
     by_reading: bool
 
 
 class Shown(Part, frozen=True):
-    """Answer to whether the tests can show one part of the model.
-
-    about: which; constants, effects: their names; reason: the fact behind the answer; remedy: the
-    test that would show it, empty where they do.
-    """
+    """Answer to whether the tests can show one part of the model."""
 
     about: str
     answer: Answer
-    reason: str
-    remedy: str = ""
+    reason: str  # the fact behind the answer
+    remedy: str = ""  # the test that would show it, empty where they do
     constants: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
 
 class PadSeen(Part, frozen=True):
-    """One pad: its tests, its noise, what its tests can show, and what to correct before a fit."""
+    """A pad: its tests, its noise, what its tests can show, and what to correct before a fit."""
 
     pad: str
     fluid: str | None

@@ -64,18 +64,14 @@ class Readings:
 
 @dataclass(frozen=True)
 class Dwell:
-    """One dwell: all readings (n,) and the first one (k,) of each run that is averaged.
-
-    scale: (n,) relative sd of each reading; degree: of the polynomial that is there with the
-    relaxation; curve: (k, p) means over the runs of what may be there instead.
-    """
+    """A dwell: all readings (n,) and the first one (k,) of each run that is averaged."""
 
     time: Array
     force: Array
-    scale: Array
+    scale: Array  # (n,) relative sd of each reading
     begin: NDArray[np.intp]
-    degree: int = 1
-    curve: Array | None = None
+    degree: int = 1  # of the polynomial that is there with the relaxation
+    curve: Array | None = None  # (k, p) means over the runs of what may be there instead
 
     @property
     def count(self) -> Array:

@@ -24,22 +24,18 @@ from qlvbayes.motion.noisefloor.dwells import Dwell, run_scale, trend
 
 @dataclass(frozen=True)
 class Pool:
-    """Data of all dwells, one after another.
+    """Data of all dwells, one after another."""
 
-    gaps (n - 1,): time between neighbouring runs' middles (inf between dwells); count, length (n,):
-    readings in a run and its duration; force (n,): smooth force; y (n,): what the trends leave;
-    trends: their orthonormal bases; constant: of the log-likelihood, for relative sds.
-    """
-
-    gaps: Array
+    gaps: Array  # (n - 1,): time between neighbouring runs' middles (inf between dwells)
+    # count, length (n,): readings in a run and its duration
     count: Array
     length: Array
-    force: Array
-    y: Array
-    trends: list[Array]
+    force: Array  # (n,): smooth force
+    y: Array  # (n,): what the trends leave
+    trends: list[Array]  # their orthonormal bases
     columns: Array
     freedom: int
-    constant: float = 0.0
+    constant: float = 0.0  # of the log-likelihood, for relative sds
 
     @classmethod
     def from_dwells(cls, dwells: list[Dwell], ratio: float) -> Pool:

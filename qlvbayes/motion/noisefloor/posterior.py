@@ -35,23 +35,20 @@ class NoiseConstants(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Dwells:
-    """The pooled dwells, and the noise of highest restricted likelihood.
-
-    ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
-    (2, 2) lowest and highest of both; prior_log_tau: log of
-    the prior's median time; correlated: whether
-    the correlated part is beyond doubt (else white noise alone has half the prior probability);
-    other: the other kind of correlated noise, as likely beforehand, at its own mode.
-    """
+    """The pooled dwells, and the noise of highest restricted likelihood."""
 
     pool: Pool
     best: float
+    # ratio, tau: logarithms of the correlated variance over the white one, and of its time
     ratio: float
     tau: float
-    bounds: Array
-    prior_log_tau: float
+    bounds: Array  # (2, 2) lowest and highest of both
+    prior_log_tau: float  # log of the prior's median time
     smooth: bool
+    # whether the correlated part is beyond doubt (else white noise alone has half the prior
+    # probability)
     correlated: bool
+    # the other kind of correlated noise, as likely beforehand, at its own mode
     other: Dwells | None = None
 
     def log_likelihood(self, white: float, ou: float, tau: float) -> float:

@@ -105,13 +105,7 @@ FURTHER = _by_name(
 
 
 def effect_class(name: str) -> type[Effect]:
-    """Return the class of the effect with this name, of any kind.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the class of the effect with this name, of any kind."""
     known = {**HIDDEN, **FORMS, **OUTSIDE, **FOREIGN, **FURTHER}
     if name not in known:
         raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(known)}")

@@ -41,25 +41,11 @@ def draw_effect(
 ) -> Effect:
     """Draw an effect whose largest contribution to the force in a study is `size` of the peak.
 
-    The contribution is measured in trial runs of six tests with the effect and without. Where
-    an effect cannot be that large, such as a fast extra mode at slow rates, it is as large as it
-    sensibly gets. Signs are random where both are physical.
-
-    Parameters
-    ----------
-    name : of any hidden effect, form or outsider
-    rng : source of all randomness
-    pad_peak_force : N, largest force of the pad in the study
-    depth, top_speed : of the study, mm and mm/s
-    size : share of the peak force
-    constants : of the pad; without, a pad like the paper's B of the same peak force
-    protocol : of the tests; without, the paper's, or two full retractions for the effects that
-        show on the way back only (softening and adhesion)
-
-    Raises
-    ------
-    InputError
-        Unknown name, or a number that is not above 0.
+    The contribution is measured in trial runs of six tests (depth in mm, speed in mm/s, peak force
+    in N) with the effect and without. Where an effect cannot be that large, such as a fast extra
+    mode at slow rates, it is as large as it sensibly gets. Signs are random where both are
+    physical. The pad is like the paper's B and the protocol the paper's, where none is given;
+    softening and adhesion, which show on the way back only, have two full retractions.
     """
     effect_class(name)  # refuses one that is not known
     if not min(pad_peak_force, depth, top_speed, size) > 0 or not size < 1:

@@ -88,20 +88,14 @@ def graded(breaks: Array, cells: int) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """Depth and velocity of the pad along a test, all of shape (cells, 4), in mm, N and s.
-
-    Parameters
-    ----------
-    platen, mesh : the motion and the cells of time
-    depth, velocity : of the pad, as the contact lets them through
-    elastic : force of an infinitely fast test to this depth, N
-    """
+    """Depth and velocity of the pad along a test, all of shape (cells, 4), in mm, N and s."""
 
     platen: Motion
     mesh: Mesh
+    # depth, velocity: those of the pad, as the contact lets them through
     depth: Array
     velocity: Array
-    elastic: Array
+    elastic: Array  # force of an infinitely fast test to this depth, N
 
     @property
     def time(self) -> Array:

@@ -25,41 +25,28 @@ _OFF_MM = 0.01  # farther off the surface a loose pad stays behind; a hold's cre
 class HiddenPad:
     """A quasi-linear pad with any number of hidden effects.
 
-    w_i' = v_i (F_e(d) - w_i), w_i(0) = F_e(d(0)),  F = c0 F_e + sum c_i (F_e - w_i)
+    w_i' = v_i (F_e(d) - w_i), w_i(0) = F_e(d(0)), F = c0 F_e + sum c_i (F_e - w_i)
 
-    which is the pad's law with q_i = F_e - w_i, and needs no velocity. The effects change the
-    depth on its way in and the force on its way out, always in the same order of nesting.
+    which is the pad's law with q_i = F_e - w_i, and needs no velocity. The effects change the depth
+    on its way in and the force on its way out, always in the same order of nesting.
 
-    Every state obeys a linear equation along a known depth, solved by Radau IIA in cells that
-    are fine where the motion or the contact changes. A frame that yields makes the depth unknown;
-    then depth and force are iterated along the whole test until they agree.
-
-    Parameters
-    ----------
-    constants : of the quasi-linear law, or another law
-    effects : in any order
-    bonded : the pad can pull
-    cells : of time, in each stretch of constant acceleration
-    frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that
-        of an elastic pad of stiffness K, in place of the platen's V
-    settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
+    Every state obeys a linear equation along a known depth, solved by Radau IIA in cells that are
+    fine where the motion or the contact changes. A frame that yields makes the depth unknown; then
+    depth and force are iterated along the whole test until they agree.
     """
 
     constants: Constants | Law
     effects: tuple[Effect, ...] = ()
-    bonded: bool = False
-    cells: int = 600
+    bonded: bool = False  # whether the pad can pull
+    cells: int = 600  # cells of time in each stretch of constant acceleration
+    # where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that of an elastic
+    # pad of stiffness K, in place of the platen's V
     frame_speed: bool = False
+    # change of the frame's yielding at which frame and pad agree, as a share of the stroke
     settled: float = 1e-10
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N) at ascending `times` (s); continuous from the right where it jumps.
-
-        Raises
-        ------
-        InputError
-            The times are not ascending or leave the program.
-        """
+        """Force (N) at ascending `times` (s); continuous from the right where it jumps."""
         check_times(platen, times)
         late = sum(effect.late() for effect in self._nested)
         seen = np.clip(times - late, 0.0, platen.duration)

@@ -21,13 +21,7 @@ _SIZE = 0.06  # share of the peak force that an effect has unless the user says 
 def parse_effect(
     text: str, constants: Constants, protocol: Protocol, top_speed: float, rng: np.random.Generator
 ) -> Effect:
-    """Effect from 'name:parameter=value,...', or drawn at 6 % of the peak force from 'name'.
-
-    Raises
-    ------
-    InputError
-        Unknown name, or its parameters are not all there, not known or out of range.
-    """
+    """Effect from 'name:parameter=value,...', or drawn at 6 % of the peak force from 'name'."""
     name, colon, words = (part.strip() for part in text.partition(":"))
     cls = effect_class(name)
     if colon:

@@ -18,22 +18,13 @@ Protocol = Callable[[float], tuple[Step, ...]]
 
 @dataclass(frozen=True)
 class Draw:
-    """Quantities that the parameters are drawn from.
+    """Quantities that the parameters are drawn from."""
 
-    Parameters
-    ----------
-    rng : source of all randomness
-    peak : N, largest force of the pad in the study
-    depth : mm, largest depth
-    rates : 1/s, of the pad's own relaxation
-    study_s : length of the study, s
-    """
-
-    rng: np.random.Generator
-    peak: float
-    depth: float
-    rates: tuple[float, ...]
-    study_s: float
+    rng: np.random.Generator  # source of all randomness
+    peak: float  # largest force of the pad in the study, N
+    depth: float  # largest depth, mm
+    rates: tuple[float, ...]  # those of the pad's own relaxation, 1/s
+    study_s: float  # length of the study, s
 
     def even(self, low: float, high: float) -> float:
         """Uniform between two bounds."""

@@ -29,14 +29,11 @@ _TRIED = 20  # draws for each that is kept, of which those beyond a bound are le
 
 
 class DrawnHypothesis(Part, frozen=True):
-    """Laws and effects, as in diagnosis.json; constants: draws (n,) of each by its name.
-
-    probability: posterior, over all hypotheses that were seen.
-    """
+    """Laws and effects, as in diagnosis.json; constants: draws (n,) of each by its name."""
 
     base: LawPair
     effects: tuple[str, ...]
-    probability: float
+    probability: float  # posterior, over all hypotheses that were seen
     constants: dict[str, tuple[float, ...]]
 
     def __str__(self) -> str:
