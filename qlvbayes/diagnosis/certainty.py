@@ -4,13 +4,16 @@ The posterior over hypotheses is right only where the truth is among them. The c
 by what happened in registered blind studies away from the paper's rig, in which unmodelled things
 were hidden too. It is how often an effect with such evidence was there, by a logistic regression,
 
-.. math:: \ln \frac{c}{1 - c} = w_0 + \sum_{k=1}^7 w_k x_k,
+.. math:: \ln \frac{c}{1 - c} = w_0 + \sum_{k=1}^6 w_k x_k,
 
 on the evidence for the effect and its support (`checks.support`): how much better and how surely
-better tests left out are predicted with it, how much structure it explains, whether its strength
-would have to vary, and how large an error and which structure are left with it.
-`validation/certainty.py` learns the weights and checks them on studies that they were not learnt
-from; ``certainty.json`` names the runs.
+better tests left out are predicted with it, how large an error and which structure are left with
+it, and how many effects stand beside it. Features beyond the range that was learnt from count as
+its end. `validation/certainty.py` learns the weights and checks them on studies that they were not
+learnt from; ``certainty.json`` names the runs.
+
+A force that needs another strength in each test is not that of one effect: the certainty is
+multiplied by the share of the effect's force that one strength makes (`checks.strengths`).
 """
 
 from __future__ import annotations
@@ -30,10 +33,9 @@ FEATURES = (
     "evidence",
     "heldout_gain",
     "heldout_sds",
-    "structure_explained",
-    "varying",
     "error_left",
     "structure_left",
+    "effects",
 )
 """Names of the features, in the order of the weights."""
 STRUCTURE = 0.01
@@ -44,21 +46,19 @@ LEAST = 0.1
 
 
 def features(log_bayes_factor: float, support: Support) -> Array:
-    """Return the features (7,) of an effect.
+    """Return the features (6,) of an effect.
 
-    The evidence, the structure that it explains and the log Bayes factor of a varying strength are
-    taken as asinh, which is a logarithm where they are large. The last feature is 1 where the
-    hypothesis with the effect leaves structure, and 0 elsewhere.
+    The evidence is taken as asinh, which is a logarithm where it is large. ``structure_left`` is 1
+    where the hypothesis with the effect leaves structure, and 0 elsewhere.
     """
     return np.array(
         [
             math.asinh(log_bayes_factor),
             support.heldout_gain,
             min(max(support.heldout_sds, -_SURE), _SURE),
-            math.asinh(support.share),
-            math.asinh(support.varying),
             support.error_left,
             float(support.p_left < STRUCTURE),
+            float(support.effects),
         ]
     )
 
@@ -68,7 +68,7 @@ class Calibration:
     """The weights of the logistic regression, and the studies they come from."""
 
     weights: tuple[float, ...]  # 8 of them, the constant first
-    # low, high: range (7,) of each feature in the studies
+    # low, high: range (6,) of each feature in the studies
     low: tuple[float, ...]
     high: tuple[float, ...]
     # names, studies: numbers of effects and of studies that were learnt from
@@ -79,11 +79,10 @@ class Calibration:
     # them were there, in studies left out
     bins: tuple[tuple[float, float, int, int], ...]
 
-    def __call__(self, x: Array) -> float | None:
-        """Return the certainty at features (7,); None outside the range that was learnt from."""
-        if not bool(np.all((x >= self.low) & (x <= self.high))):
-            return None
-        return float(1.0 / (1.0 + math.exp(-self.weights[0] - float(np.dot(self.weights[1:], x)))))
+    def __call__(self, x: Array) -> float:
+        """Return the certainty at features (6,)."""
+        inside = np.clip(x, self.low, self.high)
+        return float(1.0 / (1.0 + math.exp(-self.weights[0] - inside @ self.weights[1:])))
 
     def bin_of(self, certainty: float) -> tuple[float, float, int, int]:
         """Return the bin that a certainty lies in."""
@@ -101,9 +100,10 @@ def certainty(
 ) -> float | None:
     """Return the calibrated probability that an effect is there.
 
-    It is None where the inclusion probability is below `LEAST`, where no hypothesis without the
-    effect was evaluated, or where a feature lies outside the range that was learnt from.
+    It is None where the inclusion probability is below `LEAST`, or where no hypothesis without the
+    effect was evaluated.
     """
     if probability < LEAST or log_bayes_factor is None or support is None:
         return None
-    return calibration()(features(log_bayes_factor, support))
+    sure = calibration()(features(log_bayes_factor, support))
+    return sure * (1.0 if support.strengths is None else support.strengths.agreement)

@@ -1,6 +1,6 @@
 r"""The decision by probabilities: a pure function from a posterior over hypotheses to a verdict.
 
-What is named by it may still be refused after checks of the tests (`checks.vetoes`).
+What is named by it may still be refused after checks of the tests (`checks.naming`).
 
 Each hypothesis H has a log posterior and the probability that the data also hold something
 unmodelled (the discrepancy is larger than the tolerance). An effect's inclusion probability is the
@@ -102,7 +102,7 @@ class Decision:
 def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None) -> Decision:
     """Return the decision from the probabilities alone.
 
-    The selected hypothesis is not tested yet: `checks.vetoes` does that.
+    The selected hypothesis is not tested yet: `checks.naming` does that.
     """
     settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)

@@ -137,6 +137,30 @@ class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time
     time: float
 
 
+class Strength(Part, frozen=True):
+    """The strength of an effect in one test, over its strength in all tests together."""
+
+    test: str  # name of the test, or of the phase where there is only one test
+    ratio: float
+    sd: float
+    share: float  # of the effect's squared force that lies in this test
+
+
+class Strengths(Part, frozen=True):
+    """How the strength of an effect differs between tests (`checks.strengths`)."""
+
+    spread: float  # relative sd between tests; 0 where one strength fits all
+    agreement: float  # share of its force that one strength makes, 0 to 1
+    parts: tuple[Strength, ...]
+    grows_with: str | None = None  # as ``grows with depth``, where that is clear
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest ratio, of the tests in which the effect acts notably."""
+        some = [one.ratio for one in self.parts if one.share > 0.1 / len(self.parts)]
+        return min(some), max(some)
+
+
 class Support(Part, frozen=True):
     """Measures besides the evidence that speak for or against an effect (`checks.support`)."""
 
@@ -145,12 +169,11 @@ class Support(Part, frozen=True):
     # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
     # than three parts
     heldout_sds: float
-    # logarithm of the structured part that is left without the effect over that with it
-    share: float
-    varying: float  # log Bayes factor that its strength varies between tests and kinds of phase
+    heldout: float | None  # error on tests left out with the effect (N); None of a single phase
     error_left: float  # logarithm of the error of the fit with the effect over the noise floor
     p_left: float  # p-value of the adequacy test with the effect
     effects: int  # number of effects that the hypothesis adds
+    strengths: Strengths | None = None  # its strength in each test; None where it has one part
 
 
 class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):
@@ -357,6 +380,9 @@ class DiagnosisResult(
         Counts of the checks for missed modes.
     discrepancy
         Most probable size of what the selected hypothesis leaves.
+    scatter
+        Relative sd from test to test of the ``stiffness``, and of the strength of each effect of
+        the selected hypothesis, where these differ.
     tolerance
         Share of the peak force below which that does not matter.
     remainder
@@ -393,6 +419,7 @@ class DiagnosisResult(
     nested: tuple[EvidenceComparison, ...] = ()
     checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
+    scatter: dict[str, float] = msgspec.field(default_factory=dict)
     tolerance: float | None = None
     remainder: RemainingStructure | None = None
     worst: Worst
@@ -408,6 +435,11 @@ class DiagnosisResult(
         """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
 
+    def ranked(self, effect: str) -> Ranked | None:
+        """Return the entry of an effect in the ranking; None if it has none."""
+        return next((one for one in self.ranking if one.effect == effect), None)
+
     def probability_of(self, effect: str) -> float:
         """Return the probability that an effect is in the model; for ``none``, that none is."""
-        return next((r.inclusion for r in self.ranking if r.effect == effect), 0.0)
+        ranked = self.ranked(effect)
+        return ranked.inclusion if ranked is not None else 0.0

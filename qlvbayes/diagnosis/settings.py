@@ -78,19 +78,17 @@ class CellTests:
     level: float = 0.05
 
 
+# of the strengths of one effect: up to twice its mean, from where on there is no common strength
+STRENGTHS = ScatterPrior(largest=2.0, sizes=12)
+
+
 @dataclass(frozen=True)
 class Imitation:
-    """Thresholds between an effect and an imitation, whose strength varies between tests."""
+    """Settings of the strengths of an effect in single tests."""
 
-    varies: float = 0.3  # relative sd of an imitation's strength
-    # relative sd of a true effect's strength: the effect predicts forces to about 5 %
-    holds: float = 0.05
-    # Bayes factor of an imitation over a true effect from which an effect counts as an imitation.
-    # Its mean is 1 for a true effect, so that 20 is exceeded in 5 % of pads at most.
-    odds: float = 20.0
-    # least ratio of the squared structure that an effect explains to that which nothing explains.
-    # Below it the effect may be an imitation of a part of the latter.
-    least: float = 1.0
+    prior: ScatterPrior = STRENGTHS  # prior of their scatter
+    ranked: int = 4  # tests from which a trend of the strengths is looked for
+    rank: float = 0.8  # rank correlation from which strengths grow or fall with depth or speed
 
 
 @dataclass(frozen=True)
@@ -109,14 +107,14 @@ class DiagnosisSettings:
     # inclusion probability from which an effect is named, and probability of one more effect from
     # which a group is sought for it
     named: float = 0.9
-    # certainty below which an effect is not named. One half: in blind studies with such evidence
-    # and support it was as often there as not.
-    confirmed: float = 0.5
+    # certainty below which an effect is not named: a wrong name costs one and a half times as much
+    # as a missed one
+    confirmed: float = 0.6
+    # inclusion probability over all hypotheses, free curves among them, below which no effect is
+    # named: less is more likely absent than not
+    own: float = 0.5
     covered: float = 0.95  # probability with which a group must hold the missing effect
     false_alarms: float = 0.001  # significance level of the adequacy test over all cells of a pad
-    # relative increase of the error on tests left out that a named effect may cause: rounding, or
-    # an effect that helps where nothing was left out
-    rise: float = 0.001
     # share of the peak force below which neither an effect nor structure matters
     tolerance: float = TOLERANCE
     breadth: Breadth = Breadth()
@@ -135,7 +133,7 @@ class DiagnosisSettings:
     # back to zero
     returned: float = NEARLY
     cells: CellTests = CellTests()  # how structure is tested for
-    imitation: Imitation = Imitation()  # how an effect is distinguished from an imitation
+    imitation: Imitation = Imitation()  # how strengths in single tests are told
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.errors.scatter import NONE, Scatter, scaled_parts
+from qlvbayes.inference.errors.scatter import NONE, Scatter, by_test, scaled_parts
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
@@ -73,6 +73,13 @@ class Point:
     def vectors(self) -> Array:
         """Return the residual and the rows of the Jacobian as one array (1 + F, n)."""
         return np.concatenate([self.residual[None], self.jacobian])
+
+    @property
+    def scattered(self) -> Array:
+        """Return the parts (K, T, B) of the force (N) that scatter between tests at this point."""
+        sizes = self.separation.scatter.sizes
+        parts = scaled_parts(self.predicted, self.responses, self.theta, self.own.amplitudes)
+        return by_test(parts[np.flatnonzero(sizes)])
 
     def terms(self, discrepancy: DiscrepancyOfSize | Separated) -> Terms:
         """Return the expansion of minus the log density, given a discrepancy of one size."""

@@ -92,7 +92,7 @@ def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array
     size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
     if size == 0.0 and not any(point.separation.scatter.sizes):
         return np.zeros((point.theta.size, point.theta.size))
-    whole = point.separation.unseparated(density.discrepancy.at(size))
+    whole = density.discrepancy.unseparated(size, point.separation)
     return second_moment(point.terms(whole), point.own.length)
 
 

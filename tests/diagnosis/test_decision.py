@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.checks import vetoes
-from qlvbayes.diagnosis.checks.vetoes import RISES
+from qlvbayes.diagnosis.checks.naming import refusals
 from qlvbayes.diagnosis.decision import (
     Weight,
     apply_adequacy,
@@ -18,6 +17,7 @@ from qlvbayes.diagnosis.decision import (
     restrict_to,
 )
 from qlvbayes.diagnosis.prior import Families
+from qlvbayes.diagnosis.result import Ranked, Strength, Strengths, Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
 from qlvbayes.diagnosis.verdict import Verdict
@@ -112,17 +112,53 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
     assert weights[found.selected].base == EXP
 
 
-@pytest.mark.parametrize(("error", "reason"), [(0.99, None), (1.0005, None), (1.01, RISES)])
-def test_an_effect_with_which_tests_left_out_are_predicted_worse_is_refused(
-    monkeypatch, error, reason
-):
-    monkeypatch.setattr(vetoes, "_varies", lambda *_: False)
-    search = SimpleNamespace(settings=DiagnosisSettings(), without=lambda candidate, effect: "")
-    outcome = SimpleNamespace(
-        search=search, candidates=["drag"], heldout=lambda one: error if one == "drag" else 1.0
+def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0):
+    own = Support(
+        heldout_gain=gain,
+        heldout_sds=5.0,
+        heldout=0.1,
+        error_left=0.1,
+        p_left=0.5,
+        effects=1,
+        strengths=Strengths(
+            spread=0.1, agreement=agreement, parts=(Strength("slow", 0.5, 0.1, 1.0),)
+        ),
     )
+    return Ranked(
+        effect=name,
+        inclusion=inclusion,
+        probability=inclusion,
+        log_bayes_factor=9.0,
+        rmse=0.1,
+        parameters={},
+        support=own,
+        certainty=certainty,
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "reason"),
+    [
+        (ranked("drag"), None),
+        (ranked("drag", certainty=0.3, gain=-0.2), "tests left out are predicted worse"),
+        (ranked("drag", certainty=0.3), "there in 30 %"),
+        (ranked("drag", certainty=0.3, agreement=0.35), "something else looks like it"),
+        (ranked("drag", inclusion=0.1), "over all hypotheses its probability is 10 %"),
+    ],
+)
+def test_an_effect_is_named_if_its_certainty_is_enough(entry, reason):
     decision = decide([weight("drag", 1.0)])
-    assert vetoes._refused(outcome, decision) == ({"drag": reason} if reason else {})
+    found = refusals(decision, {"drag": entry}, DiagnosisSettings())
+    assert (reason is None and not found) or reason in found["drag"]
+
+
+def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_worse():
+    decision = decide([weight("drag", 0.55), weight("film", 0.43), weight("", 0.02)])
+    assert decision.tried == ("drag",)
+    unsure = {"drag": ranked("drag", inclusion=0.55, certainty=0.3)}
+    assert refusals(decision, unsure, DiagnosisSettings()) == {}
+    worse = {"drag": ranked("drag", inclusion=0.55, certainty=0.3, gain=-0.1)}
+    assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
 def test_what_is_likely_without_a_refused_effect_is_named():

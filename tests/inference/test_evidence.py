@@ -17,6 +17,7 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
+from qlvbayes.inference.errors.scatter import NONE
 from qlvbayes.inference.errors.whitening import Whitener, covariance
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -238,7 +239,8 @@ def quadratic(gradient, curvature, theta, lowest, highest):
         highest=np.asarray(highest),
         length=np.full(len(theta), 1e3),
     )
-    point = SimpleNamespace(own=own, theta=np.asarray(theta))
+    separation = SimpleNamespace(scatter=NONE)
+    point = SimpleNamespace(own=own, theta=np.asarray(theta), separation=separation)
     stacked = Terms(np.zeros(1), terms.gradient[None], terms.curvature[None])
     density = SimpleNamespace(
         discrepancy=SimpleNamespace(log_prior=np.zeros(1), sizes=np.zeros(1)),

@@ -78,7 +78,7 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
     residual = np.asarray(record.blocks.force) - point.predicted
     cells, curves = cell_curves(experiment.trials, record.blocks, tests)
     sizes = np.abs(point.responses).max(axis=(1, 2))
-    slopes = point.responses[(sizes > 0.0) & np.isfinite(sizes)]
+    slopes = np.concatenate([point.responses[(sizes > 0.0) & np.isfinite(sizes)], point.scattered])
     vectors = np.concatenate([residual[None], slopes, curves])
     peak = experiment.scales.force
     blocks = _by_test(record.blocks)

@@ -1,13 +1,11 @@
 r"""Measure the support for an effect: signs for or against it in addition to its evidence.
 
-All figures compare the most probable hypothesis that has the effect with the same without it, as
-the search left both. With E the errors on tests left out, S the structured parts of the residuals
-(`remainder`) and n the number of parts left out,
+All figures compare the most probable hypothesis that has the effect with the same without it. With
+E the errors on tests left out and n the number of parts left out,
 
 .. math:: \text{gain} = \ln \frac{E_{without}}{E_{with}}, \quad
           \text{sds} = \frac{\bar d}{s_d / \sqrt n},\ d = E_{without}^2 - E_{with}^2
-          \text{ of each part}, \quad
-          \text{share} = \ln \frac{S_{without}}{S_{with}}
+          \text{ of each part}.
 """
 
 from __future__ import annotations
@@ -18,11 +16,10 @@ import numpy as np
 from msgspec import structs
 
 from qlvbayes.diagnosis.certainty import LEAST, certainty
-from qlvbayes.diagnosis.checks.constancy import log_odds_of_varying
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
+from qlvbayes.diagnosis.checks.strengths import strengths
 from qlvbayes.diagnosis.result import Ranked, Support
-
-_NONE_LEFT = 1e-3  # of the noise floor: a structured part that counts as none
+from qlvbayes.io.arrays import finite_or_none
 
 
 def supported(outcome: SearchOutcome) -> tuple[Ranked, ...]:
@@ -45,24 +42,21 @@ def support(outcome: SearchOutcome, effect: str) -> Support | None:
     search = outcome.search
     index = outcome.most_probable(outcome.having(effect))
     having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)
-    without = search.candidates.get(having.hypothesis.less(form))
+    without = search.without(having, effect)
     if without is None:
         return None
     errors = [outcome.heldout_parts(one) for one in (without, having)]
     noise = outcome.experiment.floor.total
-    left = [
-        math.hypot(outcome.remainder(one).excess, _NONE_LEFT * noise) for one in (without, having)
-    ]
     return Support(
         heldout_gain=_log_ratio(*(one.rmse for one in errors)),
         heldout_sds=_paired(*(np.square(one.by_part) for one in errors)),
-        share=math.log(left[0] / left[1]),
-        varying=log_odds_of_varying(
-            search.density, outcome.samples, having, form, search.settings.imitation
-        ),
+        heldout=finite_or_none(errors[1].rmse),
         error_left=_log_ratio(outcome.samples.error(outcome.residuals(having)), noise),
         p_left=outcome.adequacy(having).p_value,
         effects=len(search.added(having.hypothesis)),
+        strengths=strengths(
+            search.density, outcome.samples, having, form, search.settings.imitation
+        ),
     )
 
 

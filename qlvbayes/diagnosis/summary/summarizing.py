@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.checks.naming import final_decision
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
@@ -18,7 +19,6 @@ from qlvbayes.diagnosis.checks.sensitivity import (
     unseen,
 )
 from qlvbayes.diagnosis.checks.support import supported
-from qlvbayes.diagnosis.checks.vetoes import final_decision
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
@@ -102,6 +102,7 @@ def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]
         "stages": stages,
         "heldout_of_all": outcome.heldout_of_all(),
         "discrepancy": selected.mode.size,
+        "scatter": _scatter(selected),
         "tolerance": remainder.tolerance,
         "remainder": remainder.record,
         "worst": Worst(worst.test, worst.phase, worst.rmse, worst.bias),
@@ -148,6 +149,15 @@ def _alike(outcome: SearchOutcome, decision: Decision) -> tuple[str, ...]:
         "probable as stated; which of them, or whether the specimen yielded, depends on the "
         "elastic law. Press a fresh specimen in steps to growing depths, back after each",
     )
+
+
+def _scatter(selected: Candidate) -> dict[str, float]:
+    """Return the relative sds between tests of the stiffness and of the effects' strengths."""
+    own = selected.point.own
+    by_number = {leaf.theta.start: name for name, leaf in own.by_name.items()}
+    names = ["stiffness", *(by_number[k].partition(".")[0] for k in own.amplitudes)]
+    sizes = selected.point.separation.scatter.sizes
+    return {name: size for name, size in zip(names, sizes, strict=False) if size > 0.0}
 
 
 def _forms(search: Search, selected: Candidate, decision: Decision) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 from qlvbayes.diagnosis.certainty import calibration
@@ -39,6 +40,8 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
         *_certainty(d),
+        *_strengths(d),
+        *_scatter(d),
     ]
     if d.verdict != Verdict.ADEQUATE:
         text += [_where(d), *_runner_up(d)]
@@ -147,12 +150,43 @@ def _certainty(d: DiagnosisResult) -> list[str]:
             f"Certainty by experience: {listed}. In {learnt.studies} blind studies on other rigs, "
             f"effects with a certainty of {joined(counts, 'and with')}."
         )
-    if new := [name for name in names if known[name] is None]:
-        text.append(
-            f"No blind study had evidence like that for {joined(new)}: the probability is that of "
-            "the compared hypotheses alone."
-        )
     return text
+
+
+def _strengths(d: DiagnosisResult) -> list[str]:
+    """Return how much of the error each named effect removes, and how its strength differs."""
+    text = []
+    for name in dict.fromkeys((*d.effects, *d.group)):
+        ranked = d.ranked(name)
+        own = ranked.support if ranked is not None else None
+        if own is None:
+            continue
+        removed = 1.0 - math.exp(-own.heldout_gain)
+        if removed > 0.0 and own.heldout is not None:
+            text.append(
+                f"{capitalized(name)} removes {percent(removed)} of the error on tests left out; "
+                f"{_error(d, own.heldout)} remain."
+            )
+        if own.strengths is not None and own.strengths.spread > 0.0:
+            low, high = own.strengths.range
+            trend = f" and {own.strengths.grows_with}" if own.strengths.grows_with else ""
+            text.append(
+                f"From test to test the strength of {name} is {plain(low, 2)} to {plain(high, 2)} "
+                f"times its mean{trend}; {percent(own.strengths.agreement)} of its force is that "
+                "of one strength."
+            )
+    return text
+
+
+def _scatter(d: DiagnosisResult) -> list[str]:
+    """Return by how much the stiffness differs from test to test."""
+    size = d.scatter.get("stiffness", 0.0)
+    if size == 0.0:
+        return []
+    return [
+        f"The stiffness differs from test to test by about {percent(size)} (one sd) in addition to "
+        "all that the model says: that of a new test is known no better."
+    ]
 
 
 def _missing_effect_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:

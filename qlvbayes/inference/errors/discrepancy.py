@@ -48,6 +48,7 @@ class Discrepancy:
     sizes: Array  # (S,): in N, the first is 0
     log_prior: Array  # (S,): of the sizes
     rough: float  # variance ratio rho
+    scatter: ScatterPrior | None = None  # prior of the scatter between tests; None without any
     _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @classmethod
@@ -187,6 +188,10 @@ class Discrepancy:
         """Return the discrepancy at a size (N), separated if a separation is given."""
         unseparated = self._at(size)
         return unseparated if separation is None else separation.at(unseparated)
+
+    def unseparated(self, size: float, separation: Separation) -> DiscrepancyOfSize | Separated:
+        """Return the discrepancy at a size (N) and the scatter, neither of them separated."""
+        return separation.unseparated(self._at(size))
 
     def _at(self, size: float) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), not separated."""

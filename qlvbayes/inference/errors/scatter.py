@@ -33,17 +33,14 @@ _SWEEPS = 3  # of coordinate descent, which ends in two
 
 @dataclass(frozen=True)
 class ScatterPrior:
-    """The prior of the sizes of the scatter between tests, relative sds.
+    """The prior of the sizes of the scatter between tests, relative sds."""
 
-    none: prior probability that there is none, 0.5 as it is undecided; smallest, largest: range of
-    a size, with ``sizes`` values that are evenly spaced in the logarithm; usual: size beyond which
-    the prior falls, as specimens and rigs mostly repeat to a few per cent.
-    """
-
-    none: float = 0.5
+    none: float = 0.5  # prior probability that there is none, 0.5 as it is undecided
+    # smallest, largest: range of a size, with ``sizes`` values, evenly spaced in the logarithm
     smallest: float = 0.01
     largest: float = 0.5
     sizes: int = 7
+    # size beyond which the prior falls, as specimens and rigs mostly repeat to a few per cent
     usual: float = 0.05
 
     @property
@@ -59,13 +56,10 @@ UNDECIDED = ScatterPrior()
 
 
 class Scatter(NamedTuple):
-    """The relative sds (G,) of the scales of the base laws and of each effect, and their cost.
-
-    cost: log prior probability of no scatter over that of these sizes.
-    """
+    """The relative sds (G,) of the scales of the base laws and of each effect, and their cost."""
 
     sizes: tuple[float, ...] = ()
-    cost: float = 0.0
+    cost: float = 0.0  # log of the prior probability of no scatter over that of these sizes
 
 
 NONE = Scatter()

@@ -1,0 +1,116 @@
+"""The names of a diagnosis: the decision by probabilities, of effects whose certainty is enough.
+
+An effect that is probable by the fit is named if its certainty is enough: it is calibrated on blind
+studies, by how much and how surely tests left out are predicted better with it, and by how much of
+its force one strength makes (`certainty`). It also needs a probability of its own over all
+hypotheses, free curves among them.
+
+Effects that follow the largest depth so far are distinguished by how they grow with it. One test
+that loads to one depth does not show this: it then hangs on the elastic law alone which of them is
+probable, and where several are named, one of them is.
+
+An effect that is probable only together with a refused one is not probable. The decision is
+therefore made again, as if nothing could be there but the effects that it named before, or had in a
+group, and that were not refused. Nothing counts as explained where structure that matters is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.checks.outcome import SearchOutcome
+from qlvbayes.diagnosis.decision import (
+    Decision,
+    Weight,
+    apply_adequacy,
+    decide,
+    ignore_unmodelled,
+    one_of,
+    restrict_to,
+)
+from qlvbayes.diagnosis.result import Ranked
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.io.wording import percent, plain
+
+
+def final_decision(
+    outcome: SearchOutcome, ranking: Sequence[Ranked]
+) -> tuple[Decision, tuple[tuple[str, str], ...]]:
+    """Return the decision, and the probable effects that are not named, with the reason of each."""
+    settings = outcome.search.settings
+    known = {one.effect: one for one in ranking}
+    weights, refused = outcome.weights, dict[str, str]()
+    decision = _decision_after_adequacy(outcome, weights)
+    while new := refusals(decision, known, settings):
+        refused |= new
+        weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
+        decision = _decision_after_adequacy(outcome, weights)
+    decision = one_of(decision, outcome.alike, settings.group)
+    return decision, tuple(refused.items())
+
+
+def _decision_after_adequacy(outcome: SearchOutcome, weights: Sequence[Weight]) -> Decision:
+    """Return the decision, which also depends on the structure that its hypothesis leaves.
+
+    Where the nameable hypotheses alone leave nothing that matters, nothing unmodelled is there.
+    """
+    settings = outcome.search.settings
+    decision = decide(weights, settings)
+    if decision.verdict.has_unmodelled:
+        modelled = ignore_unmodelled(weights)
+        inside = decide(modelled, settings)
+        if _is_adequate(outcome, outcome.candidates[inside.selected]):
+            weights = modelled
+            decision = replace(inside, unmodelled=decision.unmodelled)
+    adequate = _is_adequate(outcome, outcome.candidates[decision.selected])
+    return apply_adequacy(decision, weights, adequate=adequate)
+
+
+def refusals(
+    decision: Decision, known: Mapping[str, Ranked], settings: DiagnosisSettings
+) -> dict[str, str]:
+    """Return the effects of a decision that must not be named, with the reasons.
+
+    An effect without a certainty stays: no hypothesis without it gives a finite force.
+    """
+    refused = {}
+    for name in decision.tried:
+        reason = _against(known[name], settings, alone=name not in decision.group)
+        if reason is not None:
+            refused[name] = reason
+    return refused
+
+
+def _against(ranked: Ranked, settings: DiagnosisSettings, *, alone: bool) -> str | None:
+    """Return why an effect must not be named; of a group, only what speaks against each member."""
+    sure, own = ranked.certainty, ranked.support
+    if own is None or sure is None or (alone and sure >= settings.confirmed):
+        below = alone and ranked.inclusion < settings.own
+        return (
+            f"over all hypotheses its probability is {percent(ranked.inclusion)}" if below else None
+        )
+    if own.heldout_gain < 0.0:
+        return "tests left out are predicted worse with it"
+    if not alone:
+        return None
+    if own.strengths is not None and sure >= settings.confirmed * own.strengths.agreement:
+        low, high = own.strengths.range
+        return (
+            f"from test to test its strength would have to be {plain(low, 2)} to {plain(high, 2)} "
+            "times its mean: something else looks like it"
+        )
+    return f"in blind studies an effect with such evidence and support was there in {percent(sure)}"
+
+
+def _is_adequate(outcome: SearchOutcome, candidate: Candidate) -> bool:
+    """Return whether what a candidate leaves passes as noise or is small.
+
+    Where no dwell shows whether noise is correlated, structure may have been measured as noise.
+    Then the size decides, of all that exceeds the white noise.
+    """
+    tested, remainder = outcome.adequacy(candidate), outcome.remainder(candidate)
+    if not tested.testable:
+        return outcome.beyond_white(candidate) <= remainder.tolerance * remainder.peak
+    return tested.is_sound(outcome.search.settings) or remainder.is_small
