@@ -21,6 +21,7 @@ from dataclasses import replace
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
+from qlvbayes.diagnosis.checks.support import with_support
 from qlvbayes.diagnosis.decision import (
     Decision,
     Weight,
@@ -37,18 +38,25 @@ from qlvbayes.io.wording import percent, plain
 
 def final_decision(
     outcome: SearchOutcome, ranking: Sequence[Ranked]
-) -> tuple[Decision, tuple[tuple[str, str], ...]]:
-    """Return the decision, and the probable effects that are not named, with the reason of each."""
+) -> tuple[Decision, tuple[tuple[str, str], ...], tuple[Ranked, ...]]:
+    """Return the decision, the probable effects that are not named with reasons, and the ranking.
+
+    The least certain of them is left out first. The others then have the support that they have
+    without it.
+    """
     settings = outcome.search.settings
     known = {one.effect: one for one in ranking}
     weights, refused = outcome.weights, dict[str, str]()
     decision = _decision_after_adequacy(outcome, weights)
     while new := refusals(decision, known, settings):
-        refused |= new
-        weights = restrict_to(weights, {*decision.effects, *decision.group} - set(new))
+        least = min(new, key=lambda name: known[name].certainty or 0.0)
+        refused[least] = new[least]
+        weights = restrict_to(weights, {*decision.effects, *decision.group} - {least})
         decision = _decision_after_adequacy(outcome, weights)
+        for name in decision.tried:
+            known[name] = with_support(outcome, known[name], decision.selected)
     decision = one_of(decision, outcome.alike, settings.group)
-    return decision, tuple(refused.items())
+    return decision, tuple(refused.items()), tuple(known.values())
 
 
 def _decision_after_adequacy(outcome: SearchOutcome, weights: Sequence[Weight]) -> Decision:

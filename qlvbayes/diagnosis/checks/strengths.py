@@ -12,8 +12,9 @@ doi:10.2307/2529876)
 .. math:: A = V C^{-1} V^T - V C^{-1} J^T H^{-1} J C^{-1} V^T, \quad b = V C^{-1} r, \quad
           \delta \mid \tau \sim N\left((A + \tau^{-2})^{-1} b,\ (A + \tau^{-2})^{-1}\right)
 
-and the likeliest tau is the effect's scatter. Real strengths do differ, as adhesion does with the
-depth of the press. What matters is how much of the force depends on that,
+among the deviations whose mean over the force is zero. The likeliest tau is the effect's scatter.
+Real strengths do differ, as adhesion does with the depth of the press. What matters is how much of
+the force depends on that,
 
 .. math:: \text{agreement} = \max\left(0,\ 1 - \frac{\sum_k |e_k|^2 \delta_k^2}
           {\sum_k |e_k|^2 (1 + \delta_k)^2}\right),
@@ -27,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.stats import spearmanr
 
 from qlvbayes.diagnosis.candidate import Candidate
@@ -55,8 +57,8 @@ def strengths(
     own = _without_own_scatter(candidate, effect)
     sized = density.discrepancy.at(candidate.mode.size, point.separation.with_scatter(own))
     gradient, curvature = point.added_terms(density.whitener(parts), sized)
-    delta, sds, spread = pooled(curvature, -gradient, imitation)
     squares = np.sum(parts**2, axis=(1, 2))
+    delta, sds, spread = pooled(curvature, -gradient, squares, imitation)
     return Strengths(
         spread=spread,
         agreement=agreement(squares, delta),
@@ -68,18 +70,23 @@ def strengths(
     )
 
 
-def pooled(curvature: Array, slope: Array, imitation: Imitation) -> tuple[Array, Array, float]:
+def pooled(
+    curvature: Array, slope: Array, squares: Array, imitation: Imitation
+) -> tuple[Array, Array, float]:
     """Return the deviations (K,) of K strengths, their sds (K,), and the likeliest tau.
 
-    curvature (K, K), slope (K,): A and b.
+    curvature (K, K), slope (K,): A and b; squares (K,): of the force in each part, by which the
+    deviations have the mean zero, whatever the prior of the strength itself is.
     """
-    curvature = 0.5 * (curvature + curvature.T)
-    _, found = likeliest(curvature, slope, np.zeros(slope.size, dtype=np.intp), imitation.prior)
+    apart = null_space(squares[None] / np.max(squares))
+    inner, along = apart.T @ (0.5 * (curvature + curvature.T)) @ apart, apart.T @ slope
+    _, found = likeliest(inner, along, np.zeros(along.size, dtype=np.intp), imitation.prior)
     (spread,) = found.sizes
     if spread == 0.0:
         return np.zeros(slope.size), np.zeros(slope.size), 0.0
-    covariance = np.linalg.inv(curvature + np.eye(slope.size) / spread**2)
-    return covariance @ slope, np.sqrt(np.diag(covariance)), spread
+    covariance = np.linalg.inv(inner + np.eye(along.size) / spread**2)
+    sds = np.sqrt(np.einsum("kz,zy,ky->k", apart, covariance, apart))
+    return apart @ (covariance @ along), sds, spread
 
 
 def agreement(squares: Array, deviations: Array) -> float:

@@ -23,24 +23,31 @@ from qlvbayes.io.arrays import finite_or_none
 
 
 def supported(outcome: SearchOutcome) -> tuple[Ranked, ...]:
-    """Return the ranking with the support for each probable effect, and with its certainty."""
+    """Return the ranking with the support for each probable effect, and with its certainty.
+
+    The support is that in the most probable hypothesis with the effect.
+    """
     return tuple(
         one
         if one.effect == "none" or one.inclusion < LEAST
-        else _with_support(one, support(outcome, one.effect))
+        else with_support(outcome, one, outcome.most_probable(outcome.having(one.effect)))
         for one in outcome.ranking()
     )
 
 
-def _with_support(ranked: Ranked, own: Support | None) -> Ranked:
+def with_support(outcome: SearchOutcome, ranked: Ranked, index: int) -> Ranked:
+    """Return an effect with the support for it, and its certainty, in one hypothesis."""
+    own = support(outcome, ranked.effect, index)
     sure = certainty(ranked.inclusion, ranked.log_bayes_factor, own)
     return structs.replace(ranked, support=own, certainty=sure)
 
 
-def support(outcome: SearchOutcome, effect: str) -> Support | None:
-    """Return the support for an effect; None where the same without it was not evaluated."""
+def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
+    """Return the support for an effect in a hypothesis that has it.
+
+    It is None where the same without the effect predicts no finite force.
+    """
     search = outcome.search
-    index = outcome.most_probable(outcome.having(effect))
     having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)
     without = search.without(having, effect)
     if without is None:

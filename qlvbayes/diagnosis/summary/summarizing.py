@@ -53,8 +53,7 @@ def summarize(
     """Return the diagnosis that follows from a finished search."""
     outcome = SearchOutcome(experiment, search)
     report("tests left out, and what is left")
-    ranking = supported(outcome)
-    decision, refused = final_decision(outcome, ranking)
+    decision, refused, ranking = final_decision(outcome, supported(outcome))
     selected = outcome.candidates[decision.selected]
     path = _path(search, selected)
     report("what these tests cannot show")
