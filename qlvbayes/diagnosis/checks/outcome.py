@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from qlvbayes.diagnosis.checks.heldout import (
 )
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
-from qlvbayes.diagnosis.decision import probabilities
+from qlvbayes.diagnosis.decision import probabilities, require
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.progress import weights_of
 from qlvbayes.diagnosis.result import (
@@ -58,14 +58,19 @@ class SearchOutcome:
     Figures that take a fit are computed once. ``candidates``, ``weights`` and ``shares`` (H,) hold
     each hypothesis, its weight and its probability, ``draws`` (D, H) the probabilities within the
     errors of the evidences, ``unpredicted`` the hypotheses that predict no finite force at some
-    samples.
+    samples. Effects that are ``measured`` in the records beyond doubt are in every hypothesis that
+    counts, where the search knows one with all of them.
     """
 
-    def __init__(self, experiment: Experiment, search: Search) -> None:
+    def __init__(
+        self, experiment: Experiment, search: Search, measured: Collection[str] = ()
+    ) -> None:
         self.experiment, self.search = experiment, search
+        candidates = set(search.families.nameable) - search.baseline.effects
+        self.measured = candidates.intersection(measured)
         self.samples = Samples.from_experiment(experiment, search.density.space)
         self.candidates = list(search.candidates.values())
-        self.weights = weights_of(search)
+        self.weights = require(weights_of(search), self.measured)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
         self._predictions: dict[Hypothesis, list[Predicted]] = {}

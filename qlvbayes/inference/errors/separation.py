@@ -141,6 +141,8 @@ class Separation:
         """Discard what was computed for sizes other than one (N), to save megabytes a point."""
         for other in [known for known in self._by_size if known != size]:
             self._by_size.pop(other, None)
+        for rows in ("scaled_rows", "separated_rows"):
+            self.__dict__.pop(rows, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
         """Return the separated discrepancy, with the scatter, of one that is not separated."""
