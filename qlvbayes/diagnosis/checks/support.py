@@ -39,8 +39,8 @@ def with_support(outcome: SearchOutcome, ranked: Ranked, index: int) -> Ranked:
     """Return an effect with the support for it, and its certainty, in one hypothesis."""
     own = support(outcome, ranked.effect, index)
     sure = certainty(ranked.inclusion, ranked.log_bayes_factor, own)
-    if sure is not None and ranked.effect in outcome.measured:
-        sure = max(sure, outcome.search.settings.measured)
+    if ranked.effect in outcome.measured:
+        sure = max(sure or 0.0, outcome.search.settings.measured)
     return structs.replace(ranked, support=own, certainty=sure)
 
 
