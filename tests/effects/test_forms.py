@@ -401,3 +401,21 @@ class _Nothing:
 
 def _at(start):
     return motion_of(replace(Platen(paper_protocol(20.0)), start_s=start), np.zeros(1))
+
+
+def test_ligaments_hold_on_to_a_surface_that_has_not_recovered(paper_model):
+    """The pull begins where the pad's own force ends, and is largest a stretch farther back."""
+    steps = Move(1.0, 5.0), Hold(20.0), Move(-1.3, 5.0)
+    platen = Platen(steps, start_s=START, number=2)
+    motion = motion_of(platen, grid_of(platen))
+    plain = np.asarray((paper_model("B") + AdhesionAtAStretch(0.0, 0.05, 0.0)).force(motion))
+    sticky = np.asarray((paper_model("B") + AdhesionAtAStretch(0.2, 0.05, 0.0)).force(motion))
+    end = int(np.flatnonzero(plain > 0.0)[-1])
+    surface = float(motion.displacement[end])
+    assert surface > 0.1  # it relaxed under the press, and is not back at rest
+    off = surface - np.asarray(motion.displacement)[end:]
+    pull = -sticky[end:]
+    assert np.all(sticky[:end] == plain[:end])
+    assert off[np.argmax(pull)] == pytest.approx(0.05, abs=0.01)
+    assert pull.max() == pytest.approx(0.2, rel=0.02)
+    assert np.all(pull[off > 0.08] < 1e-3)
