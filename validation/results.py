@@ -85,8 +85,9 @@ class Table:
 
     def markdown(self) -> str:
         """Return the table, its notes, and a line with its origin."""
-        origin = f"`{self.origin.command}`, {self.origin.date}, commit {self.origin.commit}."
-        return "\n".join([*grid(self.columns, self.rows), "", *self.notes, origin, ""])
+        made = f"*`{self.origin.command}`, {self.origin.date}, commit {self.origin.commit}.*"
+        lines = [*grid(self.columns, self.rows), "", *self.notes, *([""] if self.notes else [])]
+        return "\n".join([*lines, made, ""])
 
 
 def grid(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

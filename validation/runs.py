@@ -84,7 +84,9 @@ def write_run(run: Run) -> None:
 def read_cases(run: str) -> list[Case]:
     """Return the studies of a run that are kept."""
     with lzma.open(RESULTS / f"{run}.csv.xz", "rt", encoding="utf-8", newline="") as file:
-        rows = [{key: json.loads(cell) for key, cell in row.items()} for row in csv.DictReader(file)]
+        rows = [
+            {key: json.loads(cell) for key, cell in row.items()} for row in csv.DictReader(file)
+        ]
     return rows
 
 
@@ -95,7 +97,9 @@ def write_cases(run: str, cases: Sequence[Case]) -> None:
     table.writeheader()
     for case in cases:
         row = _kept(case)
-        table.writerow({key: json.dumps(value, separators=(",", ":")) for key, value in row.items()})
+        table.writerow(
+            {key: json.dumps(value, separators=(",", ":")) for key, value in row.items()}
+        )
     write_whole(RESULTS / f"{run}.csv.xz", lzma.compress(text.getvalue().encode(), preset=9))
 
 
