@@ -34,7 +34,7 @@ def main() -> None:
         pads = options.pads if kind.noisy else min(options.pads, kind.pads)
         name, study = f"adequacy-{letter}-seed{options.seed}", partial(run, letter, options.seed)
         rows.append(row(letter, finished(name, study, range(pads), options.jobs)))
-    Table(origin, COLUMNS, rows).write("adequacy")
+    Table(origin, options.pads, COLUMNS, rows).write("adequacy")
 
 
 def run(letter: str, seed: int, index: int) -> dict:

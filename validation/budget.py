@@ -68,7 +68,7 @@ def main() -> None:
     pads = dict(_recorded(options.folders)) | dict(_simulated(options.seed, options.pads))
     check = partial(_checked, pads, options.bonded.split(","))
     found = finished("budget", check, list(pads), options.jobs)
-    Table(origin, COLUMNS, rows(found), [_worst(found)]).write("budget")
+    Table(origin, len(found), COLUMNS, rows(found), [_worst(found)]).write("budget")
 
 
 def _options() -> argparse.Namespace:

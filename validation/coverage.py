@@ -62,7 +62,8 @@ def table(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> Table:
     asked = f"Asked for is a share of {LOW:.0%} to {HIGH:.0%} of every constant of the pad: "
     verdict = f"outside of it are {', '.join(off)}." if off else "all are within it."
     notes = [f"- {_facts(setting, fits)}" for setting, fits in results.items()]
-    return Table(origin, COLUMNS, rows, [asked + verdict, "", *notes])
+    size = min(map(len, results.values()))
+    return Table(origin, size, COLUMNS, rows, [asked + verdict, "", *notes])
 
 
 def _facts(setting: Setting, fits: Sequence[dict]) -> str:

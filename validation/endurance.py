@@ -191,7 +191,9 @@ def run_inputs(first: int, count: int, origin: Origin) -> None:
     refused = sum(n for outcome, n in counts.items() if outcome.startswith("refused"))
     wrong = sum(n for outcome, n in counts.items() if not is_right(outcome))
     tried = counts.total(), refused, counts.total() - refused - wrong, wrong
-    Table(origin, INPUTS, [[*map(str, tried), f"{slowest:.1f}"]]).write("endurance_inputs")
+    Table(origin, counts.total(), INPUTS, [[*map(str, tried), f"{slowest:.1f}"]]).write(
+        "endurance_inputs"
+    )
 
 
 def _keep_failed(result: dict, files: list[tuple[str, bytes]]) -> None:
@@ -266,7 +268,7 @@ def run_kills(count: int, seed: int, commands: Sequence[str], origin: Origin) ->
             number = round(count * share)
             found = _killed(folder, words, number, random.Random(seed))
             rows.append([f"`{name}`", *(str(found[key]) for key in ("kills", "runs", "equal"))])
-    Table(origin, KILLS, rows).write("endurance_kills")
+    Table(origin, count, KILLS, rows).write("endurance_kills")
 
 
 def _killed(folder: Path, words: Sequence[str], count: int, rng: random.Random) -> dict[str, int]:

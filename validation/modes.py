@@ -181,7 +181,7 @@ def table(found: Sequence[dict], bundled: int, population: Population, origin: O
         for words, some in _groups(found, bundled, population).items()
         if some
     ]
-    return Table(origin, COLUMNS, rows, [_counted(found), _agreeing(found)])
+    return Table(origin, len(found), COLUMNS, rows, [_counted(found), _agreeing(found)])
 
 
 def _groups(found: Sequence[dict], bundled: int, population: Population) -> dict[str, list[int]]:

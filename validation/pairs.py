@@ -37,7 +37,7 @@ def table(pairs: Sequence[dict], origin: Origin) -> Table:
         found = [pair["differ"] for pair in pairs if pair["kind"] == kind]
         counts = [sum(x is value for x in found) for value in (True, False, None)]
         rows.append([kind, str(len(found)), *map(str, counts)])
-    return Table(origin, COLUMNS, rows, list(_results(pairs)))
+    return Table(origin, len(pairs), COLUMNS, rows, list(_results(pairs)))
 
 
 def _results(pairs: Sequence[dict]) -> Iterator[str]:

@@ -251,7 +251,7 @@ def main() -> None:
         rows.append(row(kind, finished(name, study, range(count), max(options.jobs, 2))))
     low, high = band(options.fits, 0.9)
     note = f"Of {options.fits} pads, 99 of 100 such shares lie between {low:.0%} and {high:.0%}."
-    Table(origin, COLUMNS, rows, [note]).write("ranks")
+    Table(origin, options.fits, COLUMNS, rows, [note]).write("ranks")
 
 
 if __name__ == "__main__":

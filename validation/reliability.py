@@ -11,7 +11,7 @@ from itertools import chain
 import numpy as np
 from certainty import columns, confirmed_cases, diagnosed, left_out, loss, names_of, rows
 from registration import ASKED, Registration
-from results import ROOT, Table, grid, share
+from results import RESULTS, ROOT, Table, grid, share
 from runs import Run, rates_of, read_cases, read_runs
 
 from qlvbayes.diagnosis.certainty import LEAST, calibration
@@ -308,7 +308,21 @@ records of few readings a movement. The thresholds were set while looking at the
 
 def page() -> str:
     """Return the page."""
-    return "\n".join(chain.from_iterable((text, table()) for text, table in PARTS)).rstrip() + "\n"
+    parts = [*chain.from_iterable((text, table()) for text, table in PARTS), *again()]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def again() -> list[str]:
+    """Return a section of the smaller runs that repeated those above, if there are any."""
+    names = sorted(path.stem for path in (RESULTS / "again").glob("*.json"))
+    return [_AGAIN, *(Table.read(f"again/{name}").markdown() for name in names)] if names else []
+
+
+_AGAIN = """
+## Repeated by `make validate`
+
+Smaller runs of the same counts by later commits:
+"""
 
 
 if __name__ == "__main__":
