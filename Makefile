@@ -48,7 +48,7 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/modes.py --pads $(call size,2,40) --sets $(call size,3,10)
 	$(BIN)/python validation/endurance.py kills --count $(call size,10,50)
 	$(BIN)/python validation/endurance.py inputs --count $(call size,1000,6500)
-	$(BIN)/python validation/wide.py again --again --paper --seed 518 --studies $(call size,18,200) --note "the present version"
+	$(BIN)/python validation/wide.py repeated --again --paper --seed 518 --studies $(call size,18,200) --note "the present version"
 	$(BIN)/python validation/reliability.py
 
 notebooks: $(VENV)/installed-dev

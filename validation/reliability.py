@@ -61,10 +61,10 @@ def _counted(rate: Rate) -> str:
 
 
 def every_run() -> str:
-    """Return a line for every run."""
+    """Return a line for every run whose verdicts were all counted."""
     head = ["run (seed)", "rig", "date, commit", "what was new", "finished", "could be seen"]
     words = {count.name: count.words for count in COUNTS}
-    table = [_line(run) for run in read_runs().values()]
+    table = [_line(run) for run in read_runs().values() if run.rates["right"].n]
     return "\n".join(grid([*head, *(words[name] for name in _IN_SHORT)], table))
 
 
@@ -119,7 +119,7 @@ def certainty() -> str:
             f"*{run}*: mean log loss of a name {loss(values, there):.2f} nats, of its posterior "
             f"probability {loss(posterior, there):.2f}, of one share for all "
             f"{loss(np.full(len(names), there.mean()), there):.2f}; of names with a posterior "
-            f"probability of 0.9 or more "
+            f"probability of 0.9 or more, refused or not, "
             f"{share(int(there[posterior >= 0.9].sum()), int((posterior >= 0.9).sum()))} are there."
         )
     return "\n".join([*grid(head, lines), "", *(f"- {line}" for line in words)])
@@ -139,9 +139,9 @@ sizes shown here. What the program cannot do is said in [limits](limits.md).
 Pads are simulated by differential equations that share no code with the fit, and diagnosed blind.
 Equally many hide nothing, one candidate effect, two, another form of one, something unlisted, or
 that together with a candidate. Effects are 0.5 to 15 % of the peak force. Seed, code and rules of
-the count were committed before each registered run, and all of a run that was finished counts. Only
-those studies count in which the simulator's own forces show what is hidden. Bounds are one-sided
-95 % bounds (Clopper and Pearson).
+the count were committed before each registered run, and what was finished counts (of *rig* up to
+the first study that was not). Only those studies count in which the simulator's own forces show
+what is hidden. Bounds are one-sided 95 % bounds (Clopper and Pearson).
 
 *The paper's rig* has the paper's laws and programme and correlated noise. *Other rigs* cross other
 protocols, laws, histories, load cells and loggers at random, and 8 % each of the studies have lost
@@ -181,9 +181,10 @@ of the studies give.
         """
 ### Every run
 
-Each run that was stopped early was stopped for the next version, and small ones tell little. *Wide*
-rigs are other ones than the paper's. Runs that are gone by rules of their time are counted by
-these. A run named *again* repeats the first studies of a registered one by the commit stated.
+A run that is smaller than registered was stopped for the next version, and small ones tell little.
+*Wide* rigs are other ones than the paper's. Each run is counted by the rules of its time. A run
+named *repeated* is the first studies of *rig* by a later commit. `rates.csv` has all counts, and
+two first runs on the paper's rig, of which only some were kept.
 """,
         every_run,
     ),
@@ -308,7 +309,7 @@ records of few readings a movement. The thresholds were set while looking at the
 
 def page() -> str:
     """Return the page."""
-    parts = [*chain.from_iterable((text, table()) for text, table in PARTS), *again()]
+    parts = [*chain.from_iterable((text, table().rstrip()) for text, table in PARTS), *again()]
     return "\n".join(parts).rstrip() + "\n"
 
 
