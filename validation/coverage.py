@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from functools import partial
+from math import sqrt
 
 from calibration import HIGH, LOW, alarms, calibrations, converged, predicted
 from results import JOBS, Origin, Table, finished
@@ -45,6 +46,7 @@ def main() -> None:
 
 def table(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> Table:
     """Return the shares of all constants, with what is outside of the range that is asked for."""
+    size = min(map(len, results.values()))
     rows = [
         [
             setting.noise, row.name, f"{row.inside:.1%} ± {row.error:.1%}", f"{row.z_mean:+.2f}",
@@ -59,10 +61,11 @@ def table(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> Table:
         for row in calibrations(fits)
         if not row.name.startswith("noise.") and not row.within
     ]
-    asked = f"Asked for is a share of {LOW:.0%} to {HIGH:.0%} of every constant of the pad: "
-    verdict = f"outside of it are {', '.join(off)}." if off else "all are within it."
+    error = sqrt(0.9 * 0.1 / size)
+    asked = f"Asked for is {LOW:.0%} to {HIGH:.0%} of every constant of the pad; "
+    asked += f"of {size} pads a share of 90 % is known to ± {error:.1%} (one sd). "
+    verdict = f"Outside of it are {', '.join(off)}." if off else "All are within it."
     notes = [f"- {_facts(setting, fits)}" for setting, fits in results.items()]
-    size = min(map(len, results.values()))
     return Table(origin, size, COLUMNS, rows, [asked + verdict, "", *notes])
 
 

@@ -1,4 +1,4 @@
-"""What runs found: a table of each in validation/results, with its origin, and how scripts run.
+"""Tables of what runs found, with their origin, and the running of what is missing.
 
 A script runs what is missing with `finished`, makes one `Table`, and writes it. The page
 docs/reliability.md is made of these tables alone (`reliability.py`).

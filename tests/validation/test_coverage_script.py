@@ -94,10 +94,10 @@ def test_the_table_names_what_is_outside():
     origin = Origin("command", "2026-01-01", "abc1234", "2 cores")
     setting = Setting("white", 500)
     good = table({setting: normal_fits(1000)}, origin).markdown()
-    assert "all are within it" in good
+    assert "All are within it" in good
     assert "abc1234" in good
     bad = table({setting: normal_fits(1000, stretch=0.5)}, origin).markdown()
-    assert "outside of it are m" in bad
+    assert "Outside of it are m" in bad
 
 
 @pytest.fixture(scope="module")
