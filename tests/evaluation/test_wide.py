@@ -1,19 +1,14 @@
 """The wide population: balance, determinism, simulator's additions, the count, registration."""
 
-import json
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import registration
-from ground import page
-from page import Origin
 from registration import Registration
+from runs import read_cases
 from scipy.integrate import solve_ivp
-from wide import take_up
-from wide_page import wide_page
 
 from qlvbayes.evaluation.counting import (
     Rate,
@@ -26,7 +21,6 @@ from qlvbayes.evaluation.counting import (
 )
 from qlvbayes.evaluation.population import STRATA, Population, kin
 from qlvbayes.evaluation.report import Report
-from qlvbayes.evaluation.store import Store
 from qlvbayes.evaluation.study import _disturbed, make_study
 from qlvbayes.evaluation.visible import visible
 from qlvbayes.io.checks import InputError
@@ -102,16 +96,14 @@ def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
     assert "record" not in plain.strata
 
 
-@pytest.mark.parametrize("run", ["bounds", "beam"])
-def test_registered_runs_make_their_old_studies_again(run):
-    registered = Registration.read(run)
-    published = Path(registration.ROOT / "docs" / f"wide_{run}.json")
-    cases = json.loads(published.read_text())["cases"]
+def test_a_registered_run_makes_its_old_studies_again():
+    registered = Registration.read("support")
+    cases = read_cases("support")
     for case in cases:
         item = registered.population.item(case["index"])
         assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
+        assert item.levels == case["strata"]
     quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
-    assert not registered.population.disturbed
     assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
 
 
@@ -502,20 +494,6 @@ def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     assert registered.broken(finished=True) == ["the rules of the count"]
 
 
-def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
-    items = [Population(1).item(k) for k in range(6)]
-    cases = [
-        case(i.levels["kind"], i.names, "adequate")
-        | {"index": i.index, "strata": i.levels, "seconds": {}, "probabilities": {"none": 0.9}}
-        for i in items
-    ]
-    report = Report(Population(1), tuple(cases))
-    text = wide_page(report, Registration.of_present("a", 1, 6), Origin("c", "d", "e", "f"))
-    assert "nothing hidden: adequate | at least 95 % | 100.0 % | > 5.0 % | 1 | met" in text
-    assert "Wrong verdicts where the truth could be seen: 5" in text
-    assert report.as_dict()["rates"]["single_named"]["hits"] == 0
-
-
 def test_a_stated_probability_is_right_where_the_effect_is_hidden():
     """The rig's own gap is neither wanted nor wrong; a refused one is counted apart."""
     base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
@@ -530,25 +508,3 @@ def test_a_stated_probability_is_right_where_the_effect_is_hidden():
     assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
     assert high["kept"]["mean"] == pytest.approx(0.96)
     assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]
-
-
-def test_before_and_after_stand_side_by_side():
-    given = {"row": "sine, drag", "hidden": ["viscous_drag"]}
-    before = {"a": given | {"verdict": "missing_effect", "effects": ["fluid_pressure"]}}
-    after = {"a": given | {"verdict": "missing_effect", "effects": ["viscous_drag"]}}
-    wanted = "| sine, drag (1) | viscous_drag | 1 x fluid_pressure (wrong) | 1 x viscous_drag |"
-    assert wanted in page(before, after)
-
-
-def test_published_studies_of_the_same_run_are_taken_up_once(tmp_path):
-    registered = Registration.of_present("some", 1, 5)
-    ours = {"plan": registered.population.key, "code": registered.code}
-    cases = [ours | {"index": 0}, ours | {"index": 1}, ours | {"index": 2, "code": "another"}]
-    published = tmp_path / "wide_some.json"
-    published.write_text(json.dumps({"cases": cases}))
-    store = Store(tmp_path / "some.jsonl", registered.population.key)
-    store.add(ours | {"index": 1, "verdict": "adequate"})
-    take_up(published, registered, store)
-    again = Store(tmp_path / "some.jsonl", registered.population.key)
-    assert again.missing(5) == [2, 3, 4]
-    assert again.cases[1]["verdict"] == "adequate"

@@ -1,17 +1,14 @@
 """The validation of comparisons: its statistics on numbers whose answer is known, and one pair."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from page import Origin
-from pairs_page import pairs_page, pooled_coverage
+from pairs import pooled_coverage, table
+from results import Origin
 from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
 
 from qlvbayes import Settings
-
-ROOT = Path(__file__).parents[2]
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 
@@ -42,15 +39,15 @@ def test_right_intervals_hold_nine_in_ten_and_narrow_ones_fewer():
     assert abs(share - 0.589) < 4.0 * error  # erf(0.5 * 1.6449 / sqrt(2))
 
 
-def test_the_page_says_what_is_met_and_what_is_not():
+def test_the_table_says_what_is_met_and_what_is_not():
     rng = np.random.default_rng(1)
-    good = pairs_page([pair(k, rng) for k in range(400)], ORIGIN)
+    good = table([pair(k, rng) for k in range(400)], ORIGIN).markdown()
     assert "Equal pairs called different: 0 of 200 (asked: at most 5%): **met**" in good
     assert "**not met**" not in good
-    bad = pairs_page([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN)
+    bad = table([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN).markdown()
     assert bad.count("**not met**") == 2
     assert "| equal | 200 | 200 | 0 | 0 |" in bad
-    few = pairs_page([pair(k, rng) for k in range(4)], ORIGIN)
+    few = table([pair(k, rng) for k in range(4)], ORIGIN).markdown()
     assert "within two standard errors of the bound" in few
 
 
