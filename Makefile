@@ -46,7 +46,6 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
 	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
 	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
-	$(BIN)/python validation/design_error.py --pads 24 --seed 1 -o docs/design_error.md
 	-$(BIN)/qlvbayes benchmark --studies 200 --seed 518 --jobs 2 -o build/validation/benchmark
 	$(BIN)/python validation/rig.py build/validation/benchmark --commit $$(git rev-parse --short HEAD)
 

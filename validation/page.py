@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import subprocess
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import ground
 from calibration import (
     HIGH,
     LOW,
@@ -43,8 +41,7 @@ A 90 % credible interval should hold the truth nine times out of ten; asked for 
 
 The comparison of two pads is validated on [its own page](pairs.md), the diagnosis on
 [another](rig_studies.md).
-Why each wrong verdict of a run of blind studies was wrong is looked for by
-`validation/why.py RUN`; whether fits follow the readings as least squares does, by
+Whether fits follow the readings as least squares does, by
 `validation/budget.py`.
 
 {verdict}
@@ -69,36 +66,6 @@ _READING = """## How to read it
   failing is one. The aim is 1 % of studies with any.
 - *predicted*: share of samples of the unseen tests inside the 90 % predictive interval, mean over
   pads with its standard error.
-"""
-
-_AWAY = """
-## Away from the paper's rig
-
-What was hidden in pads of another motion, law, history or noise, and what `diagnose` named with
-its default settings (`fit` on the record without noise, `--bonded` in air). Each pad counts;
-*(wrong)*: another set of effects than the hidden one. One to eight pads a row show faults, no
-rates. *Before* is commit 6804cf2. *After* is commit 5d3d0f5, of cycles and sines 9e670db, of the
-machine in air 598e6f5. A dash: not run; of the pads in air one of two was.
-Made with `validation/ground.py --make`, `--run` and `--page`; all answers: ground_before.json,
-ground_after.json.
-
-{table}
-What is wrong there, and the likely cause:
-
-- *Cycles and sines*: right now. Between these commits they were not: the floor lacked the noise's
-  correlated part, and the search, with a discrepancy that could stand for the effect, ended at
-  modes 80 to 320 nats below the right one.
-- *Noise all correlated, one effect*: a soft frame (6 % of the peak) is one of a group, with
-  permanent_set and strain_dependent_strength: it biases the constants rather than the curve, of
-  which 0.7 % of the peak is left.
-- *Two effects*: in the ambiguous pad viscous_drag is named, and contact_offset (0.89), added
-  to it, cannot be distinguished from force_offset.
-- *Exact record*: the failure once reported at 6804cf2 came with a record of another simulator; this
-  one was fitted there too.
-- *Machine in air*: six jerk-limited moves of 5 mm, 10 um steps, readings 2.5 to 7.5 ms apart, a
-  mass of 0.65 kg: 0.630 +- 0.005 kg is found, which takes 92 % of the error; 2.4 % of the peak
-  remains where the fastest move turns back. Nothing is pressed, so that no law can be
-  distinguished from another, and each is tried: 20 minutes on a busy machine.
 """
 
 _LIMITS = """## Limits
@@ -142,7 +109,7 @@ def write_page(path: Path, results: Mapping[Setting, Sequence[dict]], origin: Or
     """Write the page whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
-    text = page(results, origin) + away(path.parent)
+    text = page(results, origin)
     for heading in _OF_OTHERS if path.is_file() else ():
         if section := _section_of(path.read_text(encoding="utf-8"), heading):
             text = with_section(text, section)
@@ -171,15 +138,6 @@ def page(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> str:
     )  # fmt: skip
     parts = [head, *(_section(setting, fits) for setting, fits in results.items())]
     return "\n".join([*parts, _READING, _LIMITS])
-
-
-def away(folder: Path) -> str:
-    """The table of pads away from the paper's rig; empty without their answers in the folder."""
-    files = [folder / f"ground_{when}.json" for when in ("before", "after")]
-    if not all(file.is_file() for file in files):
-        return ""
-    before, after = (json.loads(file.read_text(encoding="utf-8")) for file in files)
-    return _AWAY.format(table=ground.page(before, after))
 
 
 def _verdict(results: Mapping[Setting, Sequence[dict]]) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import registration
-from ground import page
 from page import Origin
 from registration import Registration
 from scipy.integrate import solve_ivp
@@ -530,14 +529,6 @@ def test_a_stated_probability_is_right_where_the_effect_is_hidden():
     assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
     assert high["kept"]["mean"] == pytest.approx(0.96)
     assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]
-
-
-def test_before_and_after_stand_side_by_side():
-    given = {"row": "sine, drag", "hidden": ["viscous_drag"]}
-    before = {"a": given | {"verdict": "missing_effect", "effects": ["fluid_pressure"]}}
-    after = {"a": given | {"verdict": "missing_effect", "effects": ["viscous_drag"]}}
-    wanted = "| sine, drag (1) | viscous_drag | 1 x fluid_pressure (wrong) | 1 x viscous_drag |"
-    assert wanted in page(before, after)
 
 
 def test_published_studies_of_the_same_run_are_taken_up_once(tmp_path):

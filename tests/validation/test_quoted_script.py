@@ -2,7 +2,6 @@
 
 import json
 import re
-import tarfile
 
 import pytest
 from quoted import BEFORE, ERRORS, FIT, ROOT, TABLE, Cell, cells, inconsistent, numbers_of
@@ -13,9 +12,7 @@ PAPER = TABLE.read_text(encoding="utf-8")
 LIMITS = ERRORS.read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RELIABILITY = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
-EARLIER = (ROOT / "docs" / "earlier_runs.md").read_text(encoding="utf-8")
 RUNS = ("bounds", "beam", "support")  # the columns of the table of runs away from the rig
-ARCHIVE = ROOT / "validation" / "archive" / "superseded_runs.tar.xz"
 
 
 def test_every_constant_of_three_pads_is_quoted_by_three_methods():
@@ -106,26 +103,3 @@ def test_every_rate_on_the_papers_rig_is_that_of_its_run():
     found = rates("rig_studies")
     for words, key in columns.items():
         assert rows[words] == (counted(found[key]), f"{100 * found[key]['bound95']:.0f}")
-
-
-def test_superseded_runs_are_in_the_archive_with_the_figures_of_the_table():
-    rows = re.findall(r"^\| (\w+) \((\d+)\) \| (\d+) of (\d+) \| (.+) \|$", EARLIER, re.M)
-    files = dict(
-        re.findall(r"^\| (\w+) \(\d+\) .*`(wide_\w+)`, `registered/\w+.json` \|$", EARLIER, re.M)
-    )
-    assert len(rows) == len(files) == 11
-    with tarfile.open(ARCHIVE) as archive:
-
-        def read(member):
-            return json.loads(archive.extractfile(f"superseded_runs/{member}").read())
-
-        for name, seed, finished, registered, quoted in rows:
-            run = read(f"{files[name]}.json")
-            assert (run["seed"], run["studies"]) == (int(seed), int(finished))
-            registration = re.search(rf"`{files[name]}`, `(registered/\w+.json)`", EARLIER)[1]
-            assert read(registration)["seed"] == int(seed)
-            assert read(registration)["studies"] == int(registered)
-            seen, right, wrong, *_ = quoted.split(" | ")
-            assert right == counted(run["rates"]["right"])
-            assert wrong == counted(run["rates"]["wrong"])
-            assert int(seen) == run["rates"]["right"]["n"]
