@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..constants import Constants
-from ..laws import Law
 from ..material import check_times
 from ..motion import Motion, Piece
 from .effect import CONTACT, FRAME, Effect
@@ -19,6 +18,24 @@ _ROUNDS = 200  # at most, of the balance between force and what gives way
 _SEARCHES = 2  # on a coarser mesh, for where the mesh must be fine
 _COARSER = 4  # times, that mesh
 _OFF_MM = 0.01  # farther off the surface a loose pad stays behind; a hold's creep is less
+
+
+class QuasiLinear(Protocol):
+    """Constants of a quasi-linear law, as `Constants` and others have them."""
+
+    @property
+    def c(self) -> tuple[float, ...]:
+        """Shares (c0, c1, ...) of the relaxation, sum 1."""
+
+    @property
+    def v(self) -> tuple[float, ...]:
+        """Its rates (v1, ...), 1/s."""
+
+    def force(self, depth: Array) -> Array:
+        """Return the force (N) of an infinitely fast test to `depth` (mm)."""
+
+    def stiffness(self, depth: Array) -> Array:
+        """Return the slope of that force (N/mm)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +53,7 @@ class HiddenPad:
 
     Parameters
     ----------
-    constants : of the quasi-linear law, or another law
+    constants : of the quasi-linear law
     effects : in any order
     bonded : the pad can pull
     cells : of time, in each stretch of constant acceleration
@@ -45,7 +62,7 @@ class HiddenPad:
     settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
     """
 
-    constants: Constants | Law
+    constants: QuasiLinear
     effects: tuple[Effect, ...] = ()
     bonded: bool = False
     cells: int = 600

@@ -8,21 +8,22 @@ from functools import partial
 
 import numpy as np
 
-from qlvbayes.evaluation.population import RECORD, Item, Population
+from blind.catalogue import KINDS
+from blind.population import RECORD, Item, Population
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
-from qlvbayes.simulate.disturbed import (
+from blind.disturbed import (
     NoiseGain,
     held_forces,
     late_start,
     unequal_holds,
     with_lost_readings,
 )
-from qlvbayes.simulate.hidden import NearContact
-from qlvbayes.simulate.laws import Law, draw_law, log_uniform
-from qlvbayes.simulate.loadcell import LoadCell, draw_cell
-from qlvbayes.simulate.programmes import PadProgramme, session
+from blind.contact import NearContact
+from blind.laws import Law, draw_law, log_uniform
+from blind.loadcell import LoadCell, draw_cell
+from blind.programmes import PadProgramme, session
 
 SIZES = (0.005, 0.15)  # largest contribution of an effect over the peak force
 GAP_MM = (0.0, 0.02)  # the platen starts this far above the pad
@@ -167,7 +168,7 @@ def _hidden(
     sizes = tuple(log_uniform(rng, *SIZES) for _ in item.names)
     own = law.v if len(law.v) <= 3 else ()
     effects = tuple(
-        draw_effect_in(name, rng, pad, motions, size, own)
+        draw_effect_in(KINDS[name], rng, pad, motions, size, own)
         for name, size in zip(item.names, sizes, strict=True)
     )
     peak = max(float(pad.force(m, np.linspace(0.0, m.duration, 400)).max()) for m in motions)
