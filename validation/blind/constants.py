@@ -51,12 +51,22 @@ def coverage(cases: Sequence[Case]) -> dict[str, Coverage]:
     """
     errors: dict[str, list[tuple[float, float]]] = {}
     for case in cases:
-        if case["kind"] == "single" and case["seen"] and _has_the_papers_laws(case):
-            for name, pair in _errors(case).items():
-                errors.setdefault(name, []).append(pair)
+        for name, pair in errors_of(case).items():
+            errors.setdefault(name, []).append(pair)
     if errors:
         errors["all"] = [pair for pairs in errors.values() for pair in pairs]
     return {name: _coverage(name, np.array(pairs)) for name, pairs in errors.items()}
+
+
+def errors_of(case: Case) -> dict[str, tuple[float, float]]:
+    """Return abs(mean - truth)/sd of each constant, before and after; empty if it does not count.
+
+    A study that was kept with its errors only has them under ``errors``.
+    """
+    if "errors" in case:
+        return {name: (before, after) for name, (before, after) in case["errors"].items()}
+    counts = case["kind"] == "single" and case["seen"] and _has_the_papers_laws(case)
+    return _errors(case) if counts else {}
 
 
 def _has_the_papers_laws(case: Case) -> bool:
