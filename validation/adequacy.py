@@ -12,10 +12,9 @@ from pathlib import Path
 
 from adequacy_pads import KINDS, Bench
 from adequacy_page import write
+from blind.store import Store, code_digest
 from coverage import progress
 from page import Origin
-
-from qlvbayes.evaluation.store import Store, code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from blind.counting import Case
 from page import Origin
-
-from qlvbayes.evaluation.counting import Case
 
 MOST = 1.05
 """Times what least squares leaves."""

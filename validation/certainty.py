@@ -16,16 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from blind.counting import Case, has_failed, true_names
 from numpy.typing import NDArray
 from results import share
 from runs import read_cases
 from scipy.stats import beta
 
 import qlvbayes.diagnosis.certainty as package
-from qlvbayes.diagnosis.certainty import FEATURES, LEAST, features
+from qlvbayes.diagnosis.certainty import LEAST, features
 from qlvbayes.diagnosis.result import Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.evaluation.counting import Case, has_failed, true_names
 from qlvbayes.io.files import write_json
 
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 """Of the bins of certainty: fifths, the last one halved where names are given."""
 _RIDGE = 1.0  # penalty on a weight of a standardised feature: as one more study each way
 _STEPS = 50  # of Newton's method, which ends in under ten
+
 
 @dataclass(frozen=True)
 class Name:

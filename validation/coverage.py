@@ -11,6 +11,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from blind.store import Store, code_digest
 from page import Origin, write_page
 from rich.console import Console
 from rich.progress import (
@@ -22,8 +23,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from simulated_fits import Setting, run
-
-from qlvbayes.evaluation.store import Store, code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (Setting("white", 500), Setting("correlated", 500))

@@ -16,6 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from blind.population import Population
+from blind.store import Store, code_digest
+from blind.study import BlindStudy, make_study
 from coverage import progress
 from numpy.typing import NDArray
 from page import Origin
@@ -26,9 +29,6 @@ from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.search import CHECKS, Search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.store import Store, code_digest
-from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_whole

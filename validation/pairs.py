@@ -11,12 +11,12 @@ import shlex
 import sys
 from pathlib import Path
 
+from blind.store import Store, code_digest
 from coverage import progress
 from page import Origin
 from pairs_page import pairs_page
 from simulated_pairs import run_pair
 
-from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]

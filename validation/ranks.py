@@ -26,12 +26,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from blind.store import Store, code_digest
 from coverage import progress
 from numpy.typing import NDArray
 from page import Origin, with_section
 from scipy.stats import binom, chi2, f
 
-from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import Fit, fit_pad
 from qlvbayes.io.data import read_measurements

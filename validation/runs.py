@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from blind.constants import errors_of
+from blind.counting import COUNTS, Case, Rate, counted
 from results import RESULTS
 
 from qlvbayes.diagnosis.certainty import LEAST
-from qlvbayes.evaluation.constants import errors_of
-from qlvbayes.evaluation.counting import COUNTS, Case, Rate, counted
 from qlvbayes.io.files import write_whole
 
 _PLAIN = ("index", "kind", "verdict", "seen", "peak_N")
@@ -84,7 +84,9 @@ def write_run(run: Run) -> None:
 def read_cases(run: str) -> list[Case]:
     """Return the studies of a run that are kept."""
     with lzma.open(RESULTS / f"{run}.csv.xz", "rt", encoding="utf-8", newline="") as file:
-        rows = [{key: json.loads(cell) for key, cell in row.items()} for row in csv.DictReader(file)]
+        rows = [
+            {key: json.loads(cell) for key, cell in row.items()} for row in csv.DictReader(file)
+        ]
     return rows
 
 
@@ -95,7 +97,9 @@ def write_cases(run: str, cases: Sequence[Case]) -> None:
     table.writeheader()
     for case in cases:
         row = _kept(case)
-        table.writerow({key: json.dumps(value, separators=(",", ":")) for key, value in row.items()})
+        table.writerow(
+            {key: json.dumps(value, separators=(",", ":")) for key, value in row.items()}
+        )
     write_whole(RESULTS / f"{run}.csv.xz", lzma.compress(text.getvalue().encode(), preset=9))
 
 

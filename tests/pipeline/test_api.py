@@ -11,11 +11,11 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import recovery
 from support.two_tests import two_tests
 
 import qlvbayes as q
 from qlvbayes import effects, laws, priors
-from qlvbayes.evaluation import recovery
 from qlvbayes.io import formats
 from qlvbayes.model import noise
 from qlvbayes.use import exports

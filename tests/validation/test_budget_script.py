@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from blind.study import make_study
 from budget import by_fit, least_squares, paired, rises
 from budget_page import MOST, budget_page
 from page import Origin
 from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.evaluation.study import make_study
 from qlvbayes.inference.modes import rough_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare

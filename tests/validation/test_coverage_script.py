@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blind.store import Store
 from calibration import alarms, calibrations, predicted
 from page import Origin, page
 from simulated_fits import Setting, run
 
 from qlvbayes import Settings
-from qlvbayes.evaluation.store import Store
 
 ROOT = Path(__file__).parents[2]
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind.laws import log_uniform
-from qlvbayes.simulate.motion import Motion, Piece, Track, joined
 from blind.programmes import PadProgramme
+from qlvbayes.simulate.motion import Motion, Piece, Track, joined
 
 Array = NDArray[np.float64]
 

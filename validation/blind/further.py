@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from blind.outside import stream
 from qlvbayes.simulate.hidden.effect import Effect
 from qlvbayes.simulate.hidden.mesh import Array, Path
-from blind.outside import stream
 from qlvbayes.simulate.hidden.recipes import Recipe, peak_of
 
 

@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from qlvbayes.simulate.motion import Motion
-from qlvbayes.simulate.platen import PAPER_ACCELERATION
 from qlvbayes.simulate.hidden.effect import Effect
 from qlvbayes.simulate.hidden.mesh import Array, Path
 from qlvbayes.simulate.hidden.recipes import Recipe, peak_of
+from qlvbayes.simulate.motion import Motion
+from qlvbayes.simulate.platen import PAPER_ACCELERATION
 
 _LEAST_HOLD_S = 1.0  # a hold shorter than this is a turning point
 _STILL = 1e-3  # mm/s: a hold may creep

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blind.lists import FIRST, PRESENT, Lists
-from qlvbayes.io.checks import InputError, check_known
 from blind.catalogue import FOREIGN, FORMS
-from qlvbayes.simulate import HIDDEN
 from blind.disturbed import RECORDS
 from blind.laws import ELASTIC, RELAXATION
+from blind.lists import FIRST, PRESENT, Lists
 from blind.loadcell import CELLS
 from blind.programmes import PROTOCOL_NAMES
+from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.simulate import HIDDEN
 
 KINDS = ("none", "single", "double", "form", "outside", "outside_beside")
 """Hidden: nothing, one listed effect, two, another form of one, an unlisted effect alone, or an

@@ -9,10 +9,7 @@ from functools import partial
 import numpy as np
 
 from blind.catalogue import KINDS
-from blind.population import RECORD, Item, Population
-from qlvbayes.io.data import Pad, Test
-from qlvbayes.io.units import PAD
-from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
+from blind.contact import NearContact
 from blind.disturbed import (
     NoiseGain,
     held_forces,
@@ -20,10 +17,13 @@ from blind.disturbed import (
     unequal_holds,
     with_lost_readings,
 )
-from blind.contact import NearContact
 from blind.laws import Law, draw_law, log_uniform
 from blind.loadcell import LoadCell, draw_cell
+from blind.population import RECORD, Item, Population
 from blind.programmes import PadProgramme, session
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
 
 SIZES = (0.005, 0.15)  # largest contribution of an effect over the peak force
 GAP_MM = (0.0, 0.02)  # the platen starts this far above the pad
