@@ -46,8 +46,7 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
 	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
 	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
-	-$(BIN)/qlvbayes benchmark --studies 200 --seed 518 --jobs 2 -o build/validation/benchmark
-	$(BIN)/python validation/rig.py build/validation/benchmark --commit $$(git rev-parse --short HEAD)
+	$(BIN)/python validation/wide.py rig --again --paper --studies 200 --seed 518
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py

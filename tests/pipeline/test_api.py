@@ -11,7 +11,6 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-import recovery
 from support.two_tests import two_tests
 
 import qlvbayes as q
@@ -21,7 +20,7 @@ from qlvbayes.model import noise
 from qlvbayes.use import exports
 
 MODULES = [one.name for one in pkgutil.walk_packages(q.__path__, "qlvbayes.")]
-PARTS = [effects, exports, formats, laws, noise, priors, recovery]
+PARTS = [effects, exports, formats, laws, noise, priors]
 
 
 @pytest.fixture(scope="module")
