@@ -29,10 +29,10 @@ from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.evaluation.case import THRESHOLDS
-from qlvbayes.evaluation.counting import Case
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.study import make_study
+from blind.case import THRESHOLDS
+from blind.counting import Case
+from blind.population import Population
+from blind.study import make_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior, separated_start
 from qlvbayes.fitting.optimum import least_squares_points

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from blind.counting import Case, has_failed, true_names
 from numpy.typing import NDArray
 from results import share
 from runs import read_cases
@@ -25,7 +26,6 @@ import qlvbayes.diagnosis.certainty as package
 from qlvbayes.diagnosis.certainty import LEAST, features
 from qlvbayes.diagnosis.result import Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.evaluation.counting import Case, has_failed, true_names
 from qlvbayes.io.files import write_json
 
 Array = NDArray[np.float64]

@@ -36,7 +36,7 @@ from simulators import of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
-from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint, spring_damper
+from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
 
 PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 CONTACTS = ROOT / "docs" / "pictures" / "exports_contacts.png"
@@ -308,7 +308,6 @@ class Cost:
             ("mujoco", "contact", "MuJoCo contact"),
             ("mujoco", "joint", "MuJoCo joint"),
             ("drake", "point contact", "Drake contact"),
-            ("isaac", "compliant contact", "PhysX contact"),
             ("mujoco", "with memory", "with memory"),
         ):
             found[name] = (target, column)
@@ -344,13 +343,13 @@ class Cost:
 def cost(out: Path, pad: str, every: list[Trial]) -> Cost:
     """Export the contacts of a pad and run them at every reading of every test."""
     stated, texts = {}, {}
-    for target in ("mujoco", "drake", "isaac"):
+    for target in ("mujoco", "drake"):
         files = q.export(out, pad, target, **_UNIT)
         for file in files:
             texts[file.name.removeprefix(f"pad_{pad}")] = file.read_text()
         stated[target] = json.loads(texts["_error.json"])
     solref, solimp = (stated["mujoco"]["numbers"][key] for key in _MUJOCO)
-    point, compliant = (list(stated[x]["numbers"].values()) for x in ("drake", "isaac"))
+    point = list(stated["drake"]["numbers"].values())
     sides = {
         "MuJoCo": (
             "mujoco",
@@ -384,7 +383,6 @@ def cost(out: Path, pad: str, every: list[Trial]) -> Cost:
     curves = {
         "MuJoCo contact": sides["MuJoCo"][2](x, v),
         "Drake contact": sides["Drake (point)"][2](x, v),
-        "PhysX contact": spring_damper(x, v, *compliant),
     }
     return Cost(stated, tuple(run), curves)
 
@@ -395,7 +393,7 @@ def contacts_picture(last: Trial, costs: Cost, header: np.ndarray) -> Figure:
     left, right = figure.subplots(1, 2, sharey=True)
     loaded = last.grid[np.argmax(last.depth > 0.99 * np.max(last.depth))]
     shown = {**costs.curves, "with memory": last.at_readings(header)}
-    colours = ("#e69f00", "#009e73", "#cc79a7", "#0072b2")
+    colours = ("#e69f00", "#009e73", "#0072b2")
     for ax in (left, right):
         ax.plot(last.time, last.force, ".", color="0.6", ms=3, label="measured")
         for (name, force), colour in zip(shown.items(), colours, strict=True):

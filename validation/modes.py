@@ -21,8 +21,8 @@ from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.search import CHECKS, Search
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.study import BlindStudy, make_study
+from blind.population import Population
+from blind.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread

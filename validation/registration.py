@@ -8,10 +8,10 @@ import subprocess
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from qlvbayes.evaluation import counting
-from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.store import code_digest
+from blind import counting
+from blind.lists import FIRST, PRESENT, Lists
+from blind.population import Population
+from blind.store import code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(__file__).parent / "registered"

@@ -15,10 +15,10 @@ from results import RESULTS, ROOT, Table, grid, share
 from runs import Run, rates_of, read_cases, read_runs
 
 from qlvbayes.diagnosis.certainty import LEAST, calibration
-from qlvbayes.evaluation.constants import coverage
-from qlvbayes.evaluation.counting import COUNTS, Count, Rate, bound
-from qlvbayes.evaluation.population import STRATA
-from qlvbayes.evaluation.report import Report
+from blind.constants import coverage
+from blind.counting import COUNTS, Count, Rate, bound
+from blind.population import STRATA
+from blind.report import Report
 from qlvbayes.io.files import write_whole
 
 PAGE = ROOT / "docs" / "reliability.md"

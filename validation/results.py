@@ -18,9 +18,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from blind.counting import Case
+from blind.store import Store, code_digest, run_missing
+
 from qlvbayes.cli.console import counting
-from qlvbayes.evaluation.counting import Case
-from qlvbayes.evaluation.store import Store, code_digest, run_missing
 from qlvbayes.io.files import write_json
 from qlvbayes.parallel.engines import opened_engine
 from qlvbayes.parallel.faults import FailedError

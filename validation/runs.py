@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from blind.constants import errors_of
+from blind.counting import COUNTS, Case, Rate, counted
 from results import RESULTS
 
 from qlvbayes.diagnosis.certainty import LEAST
-from qlvbayes.evaluation.constants import errors_of
-from qlvbayes.evaluation.counting import COUNTS, Case, Rate, counted
 from qlvbayes.io.files import write_whole
 
 _PLAIN = ("index", "kind", "verdict", "seen", "peak_N")

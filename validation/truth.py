@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from blind.laws import Law
+from blind.study import BlindStudy
 from numpy.typing import NDArray
 
-from qlvbayes.evaluation.study import BlindStudy
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.simulate import HIDDEN, Effect
-from qlvbayes.simulate.laws import Law
 
 Array = NDArray[np.float64]
 Constants = dict[str, float | Sequence[float]]

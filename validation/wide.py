@@ -15,13 +15,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
+from blind.case import run_case
+from blind.counting import Case
+from blind.population import Population
 from registration import Registration
 from results import JOBS, Origin, finished, stored
 from runs import Run, rates_of, write_cases, write_run
-
-from qlvbayes.evaluation.case import run_case
-from qlvbayes.evaluation.counting import Case
-from qlvbayes.evaluation.population import Population
 
 
 def main() -> None:

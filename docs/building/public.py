@@ -15,7 +15,7 @@ SECTIONS = {
     "fitting": ("fitting", "inference"),
     "diagnosis": ("diagnosis", "app"),
     "prediction": ("use",),
-    "effects": ("effects", "evaluation"),
+    "effects": ("effects",),
     "comparison": ("comparison",),
     "study": ("pipeline", "report"),
     "other": (),
@@ -24,7 +24,6 @@ LAST = "other"
 # parts of the package that offer names of their own, in addition to the figures
 PARTS = (
     "effects",
-    "evaluation.recovery",
     "io.formats",
     "laws",
     "model.noise",

@@ -6,6 +6,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from blind import forms
+from blind.catalogue import KINDS
 from numpy.polynomial.legendre import legval
 from scipy.integrate import solve_ivp
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
@@ -39,7 +41,7 @@ from qlvbayes.simulate import (
     paper_protocol,
     pull_off_protocol,
 )
-from qlvbayes.simulate.hidden import contact_effects, effect, forms, sensor_effects
+from qlvbayes.simulate.hidden import contact_effects, effect, sensor_effects
 
 SIZE = 0.06  # of the peak force, the effect's largest contribution
 STROKE = 1.6  # mm
@@ -238,7 +240,7 @@ def disagreement(model, added, twins, platen):
 @pytest.mark.few(4)
 def test_a_form_is_its_twin(paper_model, name, protocol, speed):
     rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
-    twin = draw_effect(name, rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
+    twin = draw_effect(KINDS[name], rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
     platen = Platen(PROTOCOLS[protocol](speed), start_s=START, number=2)
     assert disagreement(paper_model("B"), TWINS[name](twin), [twin], platen) < CLOSE
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from blind.catalogue import FORMS, OUTSIDE
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from typer.testing import CliRunner
@@ -11,10 +12,8 @@ from typer.testing import CliRunner
 from qlvbayes.cli.main import application
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
-    FORMS,
     HIDDEN,
     NOISES,
-    OUTSIDE,
     PAPER_RATES,
     TABLE_1,
     Constants,
@@ -384,7 +383,7 @@ def test_drawn_effects_have_the_size_asked_for(name, bare):
     protocol = full_retraction_protocol if on_return else paper_protocol
     peak = max(force.max() for force in bare[protocol])
     size = 0.05
-    hidden = draw_effect(name, np.random.default_rng(7), peak, 1.6, 100.0, size, B)
+    hidden = draw_effect(EVERY[name], np.random.default_rng(7), peak, 1.6, 100.0, size, B)
     tests = study(protocol, HiddenPad(B, (hidden,)))
     found = [
         np.abs(test.record.true_force - force).max()

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from blind.store import Store
 from calibration import alarms, calibrations, predicted
 from coverage import table
 from results import Origin
 from simulated_fits import Setting, run
 
 from qlvbayes import Settings
-from qlvbayes.evaluation.store import Store
 
 PAD = ("m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]")
 

@@ -3,7 +3,7 @@
 from modes import table
 from results import Origin
 
-from qlvbayes.evaluation.population import Population
+from blind.population import Population
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 CHECK = {"made": 1, "failed": 0, "higher": 0}

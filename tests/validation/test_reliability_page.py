@@ -8,7 +8,7 @@ from results import RESULTS, Origin, Table
 from runs import rates_of, read_cases, read_runs, write_cases, write_run
 from wide import keep
 
-from qlvbayes.evaluation.population import Population
+from blind.population import Population
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 

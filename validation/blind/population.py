@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
+from blind.catalogue import FOREIGN, FORMS
+from blind.disturbed import RECORDS
+from blind.laws import ELASTIC, RELAXATION
+from blind.lists import FIRST, PRESENT, Lists
+from blind.loadcell import CELLS
+from blind.programmes import PROTOCOL_NAMES
 from qlvbayes.io.checks import InputError, check_known
-from qlvbayes.simulate import FOREIGN, FORMS, HIDDEN
-from qlvbayes.simulate.disturbed import RECORDS
-from qlvbayes.simulate.laws import ELASTIC, RELAXATION
-from qlvbayes.simulate.loadcell import CELLS
-from qlvbayes.simulate.programmes import PROTOCOL_NAMES
+from qlvbayes.simulate import HIDDEN
 
 KINDS = ("none", "single", "double", "form", "outside", "outside_beside")
 """Hidden: nothing, one listed effect, two, another form of one, an unlisted effect alone, or an

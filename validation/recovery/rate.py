@@ -15,9 +15,9 @@ import numpy as np
 
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.evaluation.recovery.bench import SHOWING, bench
-from qlvbayes.evaluation.recovery.pads import Pads
 from qlvbayes.io.checks import InputError
+from recovery.bench import SHOWING, bench
+from recovery.pads import Pads
 
 LEVEL = 0.9
 """Posterior probability of an interval."""

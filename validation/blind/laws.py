@@ -2,8 +2,8 @@ r"""Materials beyond the paper's law: other elastic curves, other relaxation.
 
 Every relaxation is approximated by a sum of Prony modes that the simulator fits by itself, by
 non-negative least squares of the closed form on 26 rates even in the logarithm; the largest misfit
-is below 1e-3 of g(0) (`tests/evaluation/test_wide.py`), and the fitted sum is the truth of the
-data.
+is below 1e-3 of g(0) (`tests/validation/test_blind_studies.py`), and the fitted sum is the truth of
+the data.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .laws import log_uniform
-from .motion import Motion, Piece, Track, joined
-from .programmes import PadProgramme
+from blind.laws import log_uniform
+from blind.programmes import PadProgramme
+from qlvbayes.simulate.motion import Motion, Piece, Track, joined
 
 Array = NDArray[np.float64]
 

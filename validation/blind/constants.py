@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.evaluation.counting import Case, Rate
-from qlvbayes.simulate.laws import Law
+from blind.counting import Case, Rate
+from blind.laws import Law
 
 EXTRA = "extra_relaxation_mode"
 HALF_WIDTH = 1.645  # sds, of a 90 % interval

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from qlvbayes.effects.catalogue import names
-from qlvbayes.evaluation.constants import coverage
-from qlvbayes.evaluation.counting import (
+from blind.constants import coverage
+from blind.counting import (
     COUNTS,
     Case,
     Count,
@@ -20,8 +20,8 @@ from qlvbayes.evaluation.counting import (
     is_right,
     names_wrongly,
 )
-from qlvbayes.evaluation.population import KINDS, Population
-from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, OUTSIDE
+from blind.population import KINDS, Population
+from blind.catalogue import FOREIGN, FORMS, FURTHER, OUTSIDE
 
 BINS = 10  # of stated probability: tenths
 SEVERAL, WITH_LISTED = "several", "unlisted with listed"

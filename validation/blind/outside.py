@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..motion import Motion
-from ..platen import PAPER_ACCELERATION
-from .effect import Effect
-from .mesh import Array, Path
-from .recipes import Recipe, peak_of
+from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.mesh import Array, Path
+from qlvbayes.simulate.hidden.recipes import Recipe, peak_of
+from qlvbayes.simulate.motion import Motion
+from qlvbayes.simulate.platen import PAPER_ACCELERATION
 
 _LEAST_HOLD_S = 1.0  # a hold shorter than this is a turning point
 _STILL = 1e-3  # mm/s: a hold may creep
@@ -48,7 +48,7 @@ class AmplifierClipping(Effect):
     """F -> min(F, level); N."""
 
     name: ClassVar[str] = "amplifier_clipping"
-    recipe: ClassVar[Recipe] = Recipe("level", per=peak_of)
+    recipe: ClassVar[Recipe] = Recipe("level", known=lambda x, size: x.peak * (1.0 - size))
     order: ClassVar[int] = 66
 
     level: float

@@ -20,7 +20,7 @@ from math import log1p
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from qlvbayes.evaluation.study import BlindStudy
+from blind.study import BlindStudy
 from qlvbayes.simulate import Effect
 
 SEEN = 10.0  # expected 2 ln(Bayes factor)

@@ -19,7 +19,7 @@ from typing import Any
 from scipy.stats import beta
 
 Case = dict[str, Any]
-"""A finished study, with the keys that `qlvbayes.evaluation.case` writes."""
+"""A finished study, with the keys that `blind.case` writes."""
 
 LARGEST_GROUP = 3  # effects: a longer list singles nothing out
 LEVEL = 0.95  # of the one-sided bounds

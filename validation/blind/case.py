@@ -7,13 +7,13 @@ from dataclasses import asdict
 
 from msgspec import to_builtins
 
+from blind.counting import Case
+from blind.population import Population, kin
+from blind.study import BlindStudy, make_study
+from blind.visible import SEEN, visible
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.evaluation.counting import Case
-from qlvbayes.evaluation.population import Population, kin
-from qlvbayes.evaluation.study import BlindStudy, make_study
-from qlvbayes.evaluation.visible import SEEN, visible
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from .effect import Effect
-from .mesh import Array, Path
-from .outside import stream
-from .recipes import Recipe, peak_of
+from blind.outside import stream
+from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.mesh import Array, Path
+from qlvbayes.simulate.hidden.recipes import Recipe, peak_of
 
 
 @dataclass(frozen=True)

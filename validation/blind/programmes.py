@@ -9,8 +9,8 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from .motion import Motion, Piece, Track, joined
-from .platen import PAPER_RATES, Hold, Move, Platen, Step, full_retraction_protocol
+from qlvbayes.simulate.motion import Motion, Piece, Track, joined
+from qlvbayes.simulate.platen import PAPER_RATES, Hold, Move, Platen, Step, full_retraction_protocol
 
 _PIECES_A_CYCLE = 60  # a sine's acceleration then steps by at most 10 % of its peak
 _PIECES_A_STROKE = 40  # of a smooth move between two depths

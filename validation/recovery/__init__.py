@@ -1,6 +1,6 @@
 """Count how often an effect's constants are recovered from simulated tests."""
 
-from qlvbayes.evaluation.recovery.rate import Recovery, recovery_rate
+from recovery.rate import Recovery, recovery_rate
 
 __all__ = [
     "Recovery",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE
+from blind.catalogue import FOREIGN, FORMS, FURTHER, OUTSIDE
+from qlvbayes.simulate import HIDDEN
 
 
 @dataclass(frozen=True)

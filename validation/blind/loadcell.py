@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .sensors import Noise
+from qlvbayes.simulate.sensors import Noise
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,20 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import nnls
 
-from ..platen import full_retraction_protocol, pull_off_protocol
-from .contact_effects import Adhesion, FrameCompliance
-from .effect import Effect
-from .mesh import Array, Path
-from .pad_effects import film, slack
-from .recipes import Recipe, depth_of, film_of, peak_of, per_depth, reach_of, stiffness_of
+from qlvbayes.simulate.hidden.contact_effects import Adhesion, FrameCompliance
+from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.mesh import Array, Path
+from qlvbayes.simulate.hidden.pad_effects import film, slack
+from qlvbayes.simulate.hidden.recipes import (
+    Recipe,
+    depth_of,
+    film_of,
+    peak_of,
+    per_depth,
+    reach_of,
+    stiffness_of,
+)
+from qlvbayes.simulate.platen import full_retraction_protocol, pull_off_protocol
 
 _NEWTON_ROUNDS = 60  # at most, until the pressure stays within 1e-11 of its scale
 _STRETCHED_DECADES = (-4.0, 4.0)  # of rates (1/s), from slower than a session to a sample

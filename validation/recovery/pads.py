@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.evaluation.recovery.bench import bench
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
@@ -32,6 +31,7 @@ from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
 from qlvbayes.model.posterior import draw_priors, is_prior
 from qlvbayes.motion.noisefloor import NoiseFloor
+from recovery.bench import bench
 
 _ACROSS = (0.125, 0.375, 0.625, 0.875)  # quantiles of a constant's prior draws
 _BETWEEN = 0.5  # of their sd: about half of what lies between two of these
