@@ -21,6 +21,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from blind.case import THRESHOLDS
+from blind.counting import Case
+from blind.population import Population
+from blind.study import make_study
 from numpy.typing import NDArray
 from results import JOBS, Origin, Table, finished
 
@@ -29,10 +33,6 @@ from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from blind.case import THRESHOLDS
-from blind.counting import Case
-from blind.population import Population
-from blind.study import make_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior, separated_start
 from qlvbayes.fitting.optimum import least_squares_points

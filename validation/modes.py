@@ -13,6 +13,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from blind.population import Population
+from blind.study import BlindStudy, make_study
 from numpy.typing import NDArray
 from results import JOBS, ROOT, Origin, Table, finished, share
 from truth import Rig, is_modelled, truths
@@ -21,8 +23,6 @@ from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.search import CHECKS, Search
 from qlvbayes.diagnosis.searchsetup import build_search
-from blind.population import Population
-from blind.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread

@@ -9,16 +9,16 @@ from collections.abc import Callable
 from itertools import chain
 
 import numpy as np
+from blind.constants import coverage
+from blind.counting import COUNTS, Count, Rate, bound
+from blind.population import STRATA
+from blind.report import Report
 from certainty import columns, confirmed_cases, diagnosed, left_out, loss, names_of, rows
 from registration import ASKED, Registration
 from results import RESULTS, ROOT, Table, grid, share
 from runs import Run, rates_of, read_cases, read_runs
 
 from qlvbayes.diagnosis.certainty import LEAST, calibration
-from blind.constants import coverage
-from blind.counting import COUNTS, Count, Rate, bound
-from blind.population import STRATA
-from blind.report import Report
 from qlvbayes.io.files import write_whole
 
 PAGE = ROOT / "docs" / "reliability.md"

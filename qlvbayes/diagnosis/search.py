@@ -155,21 +155,27 @@ class Search:
         self._redrawn.add(self.baseline)
 
     def expand_beam(self) -> None:
-        """Evaluate the neighbours of the beam until those of all its hypotheses are known."""
+        """Evaluate the neighbours of the beam until those of all its hypotheses are known.
+
+        Where the best leaves structure, other forms of its effects come first: what is wrong in the
+        form of an effect is otherwise taken by a wrong law, or by further effects.
+        """
         while not self.ended_early:
             best = self.best
-            if left := [one for one in self.beam if one not in self._expanded]:
+            leaves = self._leaves_structure(best)
+            if leaves and best not in self._forms_tried:
+                self._forms_tried.add(best)
+                if forms := self.forms(best):
+                    self.report(f"other forms of the effects of {described(best)}")
+                    self.expand(best, forms)
+            elif left := [one for one in self.beam if one not in self._expanded]:
                 self._expanded.add(left[0])
                 self.report(f"neighbours of {described(left[0])}")
                 self.expand(left[0], self.neighbours(left[0]))
-            elif self._leaves_structure(best) and best not in self._forms_tried:
-                self._forms_tried.add(best)
-                self.report(f"other forms of the effects of {described(best)}")
-                self.expand(best, self.forms(best))
-            elif self._leaves_structure(best) and best not in self._substituted:
+            elif leaves and best not in self._substituted:
                 self._substituted.add(best)
                 self.report(f"other effects instead of those of {described(best)}")
-                self.expand(best, self.substitutions(best))
+                self.expand(best, [*self.unmodelled(best), *self.substitutions(best)])
             else:
                 break
 
@@ -216,16 +222,20 @@ class Search:
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
     def forms(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with an effect in another form, or an unmodelled effect more."""
+        """Return the hypotheses with one effect in another form."""
         some = [
             hypothesis.less(name).plus(own)
             for name in self.added(hypothesis)
             for own in self._relatives(name)
         ]
-        if len(self.added(hypothesis)) < self.breadth.effects:
-            more = self.families.addable(hypothesis.effects)
-            some += [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
+
+    def unmodelled(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Return the hypotheses with one more effect that stands for what no candidate is."""
+        if len(self.added(hypothesis)) >= self.breadth.effects:
+            return []
+        more = self.families.addable(hypothesis.effects)
+        return [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
 
     def substitutions(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Return the hypotheses with one effect replaced by another one.

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from blind.study import make_study
 from budget import MOST, by_fit, least_squares, paired, rises, rows
 from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
-from blind.study import make_study
 from qlvbayes.inference.modes import rough_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare

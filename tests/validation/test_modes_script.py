@@ -1,9 +1,8 @@
 """Modes from other seeds: what counts as agreeing, as seen and as missed."""
 
+from blind.population import Population
 from modes import table
 from results import Origin
-
-from blind.population import Population
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 CHECK = {"made": 1, "failed": 0, "higher": 0}

@@ -3,12 +3,11 @@
 import pytest
 import results
 import runs
+from blind.population import Population
 from reliability import PAGE, page
 from results import RESULTS, Origin, Table
 from runs import rates_of, read_cases, read_runs, write_cases, write_run
 from wide import keep
-
-from blind.population import Population
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from qlvbayes.effects.catalogue import names
+from blind.catalogue import FOREIGN, FORMS, FURTHER, OUTSIDE
 from blind.constants import coverage
 from blind.counting import (
     COUNTS,
@@ -21,7 +21,7 @@ from blind.counting import (
     names_wrongly,
 )
 from blind.population import KINDS, Population
-from blind.catalogue import FOREIGN, FORMS, FURTHER, OUTSIDE
+from qlvbayes.effects.catalogue import names
 
 BINS = 10  # of stated probability: tenths
 SEVERAL, WITH_LISTED = "several", "unlisted with listed"
