@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from blind.counting import Case, has_failed, true_names
+from msgspec import structs
 from numpy.typing import NDArray
 from results import share
 from runs import read_cases
@@ -63,8 +64,14 @@ def names_of(run: str, cases: Sequence[Case]) -> Iterator[Name]:
             factor, support = case["log_bayes_factors"].get(effect), case["support"].get(effect)
             if stated < LEAST or factor is None or support is None:
                 continue
-            x = features(factor, Support(**support))
+            x = features(factor, stored_support(support))
             yield Name(run, case["index"], effect, x, stated, effect in there)
+
+
+def stored_support(support: Mapping[str, Any]) -> Support:
+    """Return the support of a stored study; what earlier versions measured besides is left out."""
+    known = {field.name for field in structs.fields(Support)}
+    return Support(**{"heldout": None} | {k: v for k, v in support.items() if k in known})
 
 
 def learnt(x: Array, there: Array) -> Array:
@@ -140,23 +147,21 @@ def rows(certainties: Array, there: Array) -> list[list[str]]:
 
 
 def confirmed(case: Case, certainty: Mapping[str, float]) -> Case:
-    """Return a case in which names of a certainty below one half are taken back.
+    """Return a case with the names of the present rule: by probability and certainty alone.
 
-    What they explained is then explained by nothing, as `diagnose` reports it.
-
-    Parameters
-    ----------
-    case
-        A finished study.
-    certainty
-        Certainty of each effect that is likely.
+    What a name that is taken back explained is then explained by nothing. `certainty` is that of
+    each effect that is likely.
     """
-    least = DiagnosisSettings().confirmed
+    settings = DiagnosisSettings()
+    likely = [one for one, p in case["probabilities"].items() if p >= settings.named]
+    kept = [
+        one for one in likely if one != "none" and certainty.get(one, 1.0) >= settings.confirmed
+    ]
     named = [name for name in case["effects"] if name not in case["group"]]
-    kept = [name for name in named if certainty.get(name, 1.0) >= least]
-    if kept == named:
+    if set(kept) == set(named):
         return case
-    verdict = "partly_explained" if kept else "unexplained"
+    sound = case["verdict"] in ("adequate", "missing_effect") and set(named) <= set(kept)
+    verdict = "missing_effect" if sound else "partly_explained" if kept else "unexplained"
     return case | {"verdict": verdict, "effects": kept, "group": []}
 
 
