@@ -235,21 +235,28 @@ def _drawn(what: Item, name: str, rng: np.random.Generator) -> Lifelike:
         what, law, tuple(effects), tuple(factors[:-1]), factors[-1], tuple(spreads), unlisted, 0.0,
         seen, left, rig, cell, peak, Pad(name, (), PAD),
     )  # fmt: skip
-    return _measured(study, name, rng)
+    return _measured(study, name, scales.share, rng)
 
 
-def _measured(study: Lifelike, name: str, rng: np.random.Generator) -> Lifelike:
-    """Return the study with its readings, and with the unlisted part as it came out."""
+def _measured(study: Lifelike, name: str, wanted: float, rng: np.random.Generator) -> Lifelike:
+    """Return the study with its readings, and with an unlisted part of the size wanted."""
     rig, cell = study.rig, study.cell
-    whole, without = study.forces(), study.forces(unlisted=False)
-    part = rig.rms([a - b for a, b in zip(whole, without, strict=True)])
+    without = study.forces(unlisted=False)
     peak = max(float(np.abs(force).max()) for force in without)
+
+    def with_share() -> tuple[list[Array], float]:
+        whole = study.forces()
+        part = rig.rms([a - b for a, b in zip(whole, without, strict=True)])
+        return whole, float(np.sqrt(np.mean(part**2))) / peak
+
+    _, share = with_share()  # scatter and effects have changed it a little
+    study = replace(study, unlisted=strengthened(study.unlisted, wanted / share))
+    whole, share = with_share()
     tests = []
     for (label, motion), t, force in zip(rig.motions.items(), rig.times, whole, strict=True):
         read = encode(motion.displacement(t), cell.encoder)
         force = force + cell.draw(t, rng)
         tests.append(Test(label, name, t, read, force, start_s=motion.start_s, start_known=True))
-    share = float(np.sqrt(np.mean(part**2))) / peak
     return replace(study, unlisted_share=share, peak=peak, pad=Pad(name, tuple(tests), PAD))
 
 

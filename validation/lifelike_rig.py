@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.simulate import PAPER_RATES, Effect, Hold, Move, Step, effect_class
+from qlvbayes.simulate.hidden.forms import AdhesionAtAStretch
 from qlvbayes.simulate.hidden.mesh import Path, recur
 from qlvbayes.simulate.hidden.recipes import Recipe, peak_of, stiffness_of
 from qlvbayes.simulate.hidden.sensor_effects import FrameRinging
@@ -348,6 +349,16 @@ class RingingFrame(FrameRinging):
         return force + self.strength / turn * w
 
 
+class StickyPad(AdhesionAtAStretch):
+    """Adhesion by ligaments that a touch draws: on the way to the first one nothing pulls."""
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the ligaments' pull after the first touch."""
+        touched = path.platen.displacement(path.time) >= 0.0
+        touched = np.maximum.accumulate(touched.ravel()).reshape(force.shape)
+        return np.where(touched, super().on_force(force, path), np.maximum(force, 0.0))
+
+
 UNLISTED = (
     "slow_swelling", "second_material", "screw_wobble", "cable", "temperature_swing",
     "sensor_nonlinearity", "slow_creep_jump", "drive_ripple", "stick_slip", "viscous_heating",
@@ -356,7 +367,8 @@ UNLISTED = (
 """Kinds of the part that no listed effect is."""
 UNLISTED_IN_AIR = ("cable", "drive_ripple", "drive_warmth")
 _OWN: dict[str, type[Effect]] = {
-    kind.name: kind for kind in (SlowSwelling, SecondMaterial, ScrewWobble, Cable, RingingFrame)
+    kind.name: kind
+    for kind in (SlowSwelling, SecondMaterial, ScrewWobble, Cable, RingingFrame, StickyPad)
 }
 
 
