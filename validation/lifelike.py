@@ -3,7 +3,8 @@
 `lifelike.py --studies N --seed S --jobs J -o OUT` writes OUT/lifelike.jsonl, a study a line, from
 which an interrupted run goes on, and OUT/lifelike.json with the counts; with `--first K` only the
 first K studies are run and counted. `--write INDEX -o FILE.csv` writes the record of one study, and
-its truth beside it as JSON. `lifelike_pads` says what is hidden and when it can be seen.
+its truth beside it as JSON. `lifelike_pads` says what is hidden, `lifelike_sizes` when it can be
+seen.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from lifelike_pads import SEEN, Lifelike, make_study
+from lifelike_pads import Lifelike, make_study
+from lifelike_sizes import SEEN
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.diagnose import diagnose

@@ -186,7 +186,9 @@ def draw_air_plan(rng: np.random.Generator) -> Plan:
     top = min(log_uniform(rng, 20.0, 100.0), depth / ramp)
     speeds = np.geomspace(depth / 8.0, top, int(rng.integers(4, 7)))
     rest = Hold(float(rng.uniform(1.0, 4.0)))
-    once = {f"{v:.3g}": (rest, Move(depth, v), rest, Move(0.0, v), rest) for v in speeds.tolist()}
+    once: dict[str, tuple[Step, ...]] = {
+        f"{v:.3g}": (rest, Move(depth, v), rest, Move(0.0, v), rest) for v in speeds.tolist()
+    }
     return Plan("air", once, depth, 4.0 * top / ramp**2, ramp, 0.0)
 
 
@@ -197,8 +199,10 @@ def _programs(
     if kind == "triangles":
         cycles = int(rng.integers(2, 5))
         floor = depth * float(rng.choice([0.0, 0.2]))
-        once = {f"{v:.3g}": [Move(depth, v), Move(floor, v)] * cycles for v in speeds}
-        return {name: [*steps, Hold(0.3 * hold)] for name, steps in once.items()}
+        return {
+            f"{v:.3g}": [*[Move(depth, v), Move(floor, v)] * cycles, Hold(0.3 * hold)]
+            for v in speeds
+        }
     if kind == "staircase":
         levels = [depth * k / 4.0 for k in (1, 2, 3, 4, 2)]
         stair = Hold(hold / 2.0)
@@ -207,8 +211,11 @@ def _programs(
         }
     if kind == "pull_off":
         off, back = -depth * float(rng.uniform(0.1, 0.3)), log_uniform(rng, 0.5, 5.0)
-        once = {f"{v:.3g}": [Move(depth, v), rest, Move(off, back), Hold(2.0)] for v in speeds}
-        return {name: steps * (1 + int(rng.integers(2))) for name, steps in once.items()}
+        return {
+            f"{v:.3g}": [Move(depth, v), rest, Move(off, back), Hold(2.0)]
+            * (1 + int(rng.integers(2)))
+            for v in speeds
+        }
     if kind == "depths":
         off = -depth * float(rng.choice([0.0, 0.2]))
         levels = [depth * k / 3.0 for k in (1, 2, 3)]

@@ -5,18 +5,9 @@ import json
 import lifelike
 import numpy as np
 import pytest
-from lifelike_pads import (
-    BLOCK,
-    CONTACT_MM,
-    NOISE,
-    SEEN,
-    SPREAD,
-    STIFFNESS_SPREAD,
-    UNLISTED_SHARE,
-    item,
-    make_study,
-)
+from lifelike_pads import BLOCK, NOISE, SPREAD, STIFFNESS_SPREAD, item, make_study
 from lifelike_rig import RAMP_S, JerkLimited, kind_of
+from lifelike_sizes import CONTACT_MM, SEEN, UNLISTED_SHARE
 
 from qlvbayes.evaluation.lists import PRESENT
 from qlvbayes.io.data import read_measurements
