@@ -14,6 +14,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterator
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +41,11 @@ def refreshed(page: str) -> str:
 def wrong_values(page: str) -> Iterator[str]:
     """Yield each value after a name that is not the code's, with what the code has."""
     known = thresholds()
-    for name, quoted in _VALUE.findall(page):
+    for name, quoted in _VALUE.findall(_BLOCK.sub("", page)):
         path, _, last = name.rpartition(".")
         of_module = path and last.isupper()
         value = constant(f"qlvbayes.{path}", last) if of_module else known.get(name)
-        if value is None or float(value) != float(quoted):
+        if value is None or not isclose(value, float(quoted)):
             yield f"{name} = {quoted}, and {value} in the code"
 
 
