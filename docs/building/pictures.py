@@ -167,7 +167,7 @@ def effects() -> Figure:
             rng = np.random.default_rng(1)
             effect = draw_effect_in(kind.name, rng, pad, tests, SIZE, TABLE_1["B"].v)
             draw(ax, pad, HiddenPad(TABLE_1["B"], (effect,)), tests[-1])
-            ax.set_title(kind.name, fontsize=7, loc="left", fontweight="bold")
+            ax.set_title(kind.name, fontsize=6, loc="left", fontweight="bold")
             ax.tick_params(labelsize=6)
             ax.set_xticks([k + 0.5 for k in range(len(PHASES))], PHASES, fontsize=5, rotation=90)
             ax.tick_params(axis="x", length=0)
