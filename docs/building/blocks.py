@@ -24,6 +24,7 @@ DOCS = Path(__file__).parents[1]
 _BLOCK = re.compile(r"(<!-- generated: (\w+)(?: (\S+))? -->\n).*?(<!-- end -->)", re.DOTALL)
 _VALUE = re.compile(r"`([a-z_]+(?:\.\w+)*)` = (-?\d[\d.e-]*\d|\d)")
 _MATH = re.compile(r"^\.\. math::[ \t]*(.*\n?(?:(?:[ \t]+\S.*|[ \t]*)(?:\n|$))*)", re.MULTILINE)
+_ROLE = re.compile(r":math:`([^`]+)`")
 _SECTION = re.compile(r"^(Parameters|Returns|Raises)\n-+$", re.MULTILINE)
 
 
@@ -80,18 +81,19 @@ def doc(path: str) -> str:
     found = importlib.import_module(f"qlvbayes.{module}")
     text = inspect.getdoc(getattr(found, name) if name else found) or ""
     told = _SECTION.split(text.partition("\n")[2])[0]
-    return in_dollars(told.strip()).replace("``", "`")
+    return markdown(told.strip())
 
 
-def in_dollars(text: str) -> str:
-    """Put the ``.. math::`` blocks of a text between double dollars."""
+def markdown(text: str) -> str:
+    """Return a docstring's text in Markdown, with its formulas between dollars."""
 
     def dollars(match: re.Match[str]) -> str:
         first, _, rest = match[1].partition("\n")
         formula = f"{first}\n{textwrap.dedent(rest)}".strip()
         return f"$$\n{formula}\n$$\n\n"
 
-    return _MATH.sub(dollars, text)
+    plain = _ROLE.sub(lambda role: f"${' '.join(role[1].split())}$", text)
+    return _MATH.sub(dollars, plain).replace("``", "`")
 
 
 def commands() -> str:
@@ -158,8 +160,8 @@ def _effects() -> list[Any]:
 
 
 def _effect(kind: Any) -> str:
-    from qlvbayes.model.stepping import steps
     from qlvbayes.io.units import PAD
+    from qlvbayes.model.stepping import steps
 
     told = [f"*What you would see:* {kind.seen}."]
     if kind.generalises:
@@ -179,12 +181,12 @@ def _effect(kind: Any) -> str:
     return "\n\n".join(
         (
             f"{'###' if kind.generalises else '##'} {kind.name}",
-            inspect.getdoc(kind) or "",
+            markdown(inspect.getdoc(kind) or ""),
             "\n\n".join(told),
             _table(("constant", "unit", "vanishes at"), rows),
             f"Acts on: {kind.level.name.lower()}. Reference: {kind.reference}.",
         )
-    ).replace("``", "`")
+    )
 
 
 def laws() -> str:

@@ -30,6 +30,7 @@ GREY, BLUE = "0.55", "#0072b2"
 
 # Pictures that are figures of commands: where they stand, and what makes them.
 DRAG = "simulate -o drag.csv --pads B --rates 0.1,1,20,100 --max-rows 300"
+LOADS = "force 1 N in 0.1 s, hold 30 s, force 0.3 N in 0.1 s, hold 30 s"
 COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "residuals_before_after": (
         "friction/B/residuals_before_after.png",
@@ -58,7 +59,7 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             "simulate -o creep.csv --pads B --rates none --loads 0.3,1 --max-rows 400",
             "fit creep.csv -o creep --all-tests",
-            'predict creep --program "force 1 N in 0.1 s, hold 30 s, force 0.3 N in 0.1 s, hold 30 s"',
+            f'predict creep --program "{LOADS}"',
         ),
     ),
     "convert": ("tidy.png", ("convert press.csv --pad B -o tidy.csv",)),

@@ -128,11 +128,9 @@ def _summary(path: str, value: Any) -> str:
 
 
 def api_pages() -> dict[str, str]:
-    """Return the pages of the API by name, as reStructuredText that Sphinx fills with docstrings."""
+    """Return the pages of the API by name, which Sphinx fills with docstrings."""
     names = public_names()
-    rows = [
-        f"   * - :py:obj:`{one.name} <{one.path}>`\n     - {one.summary}" for one in public_names()
-    ]
+    rows = [f"   * - :py:obj:`{one.name} <{one.path}>`\n     - {one.summary}" for one in names]
     pages = {"index": "\n".join((OVERVIEW, *rows))}
     for key, (title, words, _) in SECTIONS.items():
         pages[key] = _page(title, words, [one for one in names if one.section == key])
