@@ -29,7 +29,6 @@ COLOURS = 64  # of a palette
 GREY, BLUE = "0.55", "#0072b2"
 
 # Pictures that are figures of commands: where they stand, and what makes them.
-DRAG = "simulate -o drag.csv --pads B --rates 0.1,1,20,100 --max-rows 300"
 LOADS = "force 1 N in 0.1 s, hold 30 s, force 0.3 N in 0.1 s, hold 30 s"
 COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "residuals_before_after": (
@@ -44,14 +43,6 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             f"study {ROOT}/data/pads.csv -o design --pads B",
             "design design --pad B --for m,b,cause --minutes 10 --tests 3",
-        ),
-    ),
-    "averaged": (
-        "drag/B/prediction.png",
-        (
-            f"{DRAG} --hide power_law_drag:k=0.003,n=0.9",
-            "diagnose drag.csv -o drag",
-            'predict drag --program "ramp 2.4 mm at 200 mm/s, hold 5 s"',
         ),
     ),
     "creep": (
