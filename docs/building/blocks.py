@@ -80,8 +80,8 @@ def doc(path: str) -> str:
     module, _, name = path.partition(":")
     found = importlib.import_module(f"qlvbayes.{module}")
     text = inspect.getdoc(getattr(found, name) if name else found) or ""
-    told = _SECTION.split(text.partition("\n")[2])[0]
-    return markdown(told.strip())
+    text = _SECTION.split(text.partition("\n")[2])[0]
+    return markdown(text.strip())
 
 
 def markdown(text: str) -> str:
@@ -163,17 +163,17 @@ def _effect(kind: Any) -> str:
     from qlvbayes.io.units import PAD
     from qlvbayes.model.stepping import steps
 
-    told = [f"*What you would see:* {kind.seen}."]
+    remarks = [f"*What you would see:* {kind.seen}."]
     if kind.generalises:
         at = ", ".join(f"`{name}` = {value}" for name, value in kind.reduces.items())
         family = kind.generalises
-        told.append(f"A form of [`{family}`](#{family}), which it is at {at}.")
+        remarks.append(f"A form of [`{family}`](#{family}), which it is at {at}.")
     elif kind.outside:
-        told.append("It names no effect: it represents something unmodelled.")
+        remarks.append("It names no effect: it represents something unmodelled.")
     if not steps(kind):
-        told.append(f"It cannot be stepped: {kind.not_stepped}.")
+        remarks.append(f"It cannot be stepped: {kind.not_stepped}.")
     elif not kind.inverts:
-        told.append(f"No displacement follows from a force: {kind.not_inverted}.")
+        remarks.append(f"No displacement follows from a force: {kind.not_inverted}.")
     rows = [
         (f"`{kind.name}.{name}`", PAD.of(word), str(kind.null.get(name, "")))
         for name, word in kind.units.items()
@@ -182,7 +182,7 @@ def _effect(kind: Any) -> str:
         (
             f"{'###' if kind.generalises else '##'} {kind.name}",
             markdown(inspect.getdoc(kind) or ""),
-            "\n\n".join(told),
+            "\n\n".join(remarks),
             _table(("constant", "unit", "vanishes at"), rows),
             f"Acts on: {kind.level.name.lower()}. Reference: {kind.reference}.",
         )

@@ -65,8 +65,8 @@ def meanings(kind: Any) -> dict[str, str]:
 def _of_docstring(text: str) -> dict[str, str]:
     head, _, listed = text.partition("Parameters\n----------\n")
     pairs = re.findall(r"^(\w[\w, ]*)\n((?:    .*\n?)+)", listed, re.MULTILINE)
-    told = " ".join(head.partition("\n\n")[2].split())
-    pairs += _NAMED.findall(told) if not listed else []
+    rest = " ".join(head.partition("\n\n")[2].split())
+    pairs += _NAMED.findall(rest) if not listed else []
     return {
         name: " ".join(words.split()).rstrip(".").replace("``", "`")
         for names, words in pairs
