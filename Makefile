@@ -38,7 +38,6 @@ size = $(if $(FULL),$(2),$(1))
 
 validate: $(VENV)/installed-dev
 	$(PYTEST) -m slow
-	$(BIN)/python validation/quoted.py
 	$(BIN)/python validation/exported.py data/hidden.csv -o docs/exports.md
 	$(BIN)/python validation/coverage.py --fits $(call size,40,80)
 	$(BIN)/python validation/ranks.py --seed 2 --fits $(call size,40,200) --broken-fits $(call size,40,100)
