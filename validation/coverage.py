@@ -14,8 +14,7 @@ from calibration import HIGH, LOW, alarms, calibrations, converged, predicted
 from results import JOBS, Origin, Table, finished
 from simulated_fits import Setting, run
 
-MAIN = (Setting("white", 500), Setting("correlated", 500))
-SIDE = (Setting("correlated", None), Setting("correlated", 500, (20.0,)))
+KINDS = (Setting("white", 500), Setting("correlated", 500))
 COLUMNS = ("pads with", "constant", "in 90 %", "z mean", "z sd", "width")
 _PHASES = ("ramp", "hold", "unload", "recovery")
 
@@ -23,23 +22,18 @@ _PHASES = ("ramp", "hold", "unload", "recovery")
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=200, help="pads of each kind of noise")
-    parser.add_argument(
-        "--side-fits", type=int, default=0, help="pads with 1 kHz records, and with one test"
-    )
     parser.add_argument("--seed", type=int, default=1, help="decides all pads and their noise")
     parser.add_argument("--jobs", type=int, default=JOBS)
     options = parser.parse_args()
     origin = Origin.now()
-    plan = dict.fromkeys(MAIN, options.fits) | dict.fromkeys(SIDE, options.side_fits)
     results = {
         setting: finished(
             f"coverage-{setting.name}-seed{options.seed}",
             partial(run, setting, options.seed),
-            range(count),
+            range(options.fits),
             options.jobs,
         )
-        for setting, count in plan.items()
-        if count
+        for setting in KINDS
     }
     table(results, origin).write("coverage")
 

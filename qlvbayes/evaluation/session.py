@@ -16,6 +16,8 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Control, Pad
 from qlvbayes.io.units import PAD
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.trajectory import Trajectory
@@ -160,10 +162,13 @@ def _fitted(experiment: Experiment, bonded: bool, mm: float, newton: float) -> C
     posterior = build_posterior(experiment, choices, experiment.trials)
     theta = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))[0]
     model = without_noise(posterior).bind(jnp.asarray(theta))[0]
-    c, v = (np.asarray(x, dtype=float) for x in (model.relaxation.c, model.relaxation.v))
+    elastic, relaxation = model.elastic, model.relaxation
+    assert isinstance(elastic, Exponential)  # the laws of the paper, which `Choices` begin with
+    assert isinstance(relaxation, Prony)
+    c, v = (np.asarray(x, dtype=float) for x in (relaxation.c, relaxation.v))
     return Constants(
-        newton / mm * float(model.elastic.m),
-        float(model.elastic.b) / mm,
+        newton / mm * float(elastic.m),
+        float(elastic.b) / mm,
         tuple((c / c.sum()).tolist()),
         tuple(v.tolist()),
     )

@@ -1,4 +1,4 @@
-"""How often each hidden effect was named: one row an effect, counted from finished pads."""
+"""Count how often each hidden effect was named: one row an effect, from finished pads."""
 
 from __future__ import annotations
 

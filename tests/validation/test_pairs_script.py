@@ -70,7 +70,7 @@ def test_one_pair_from_simulation_to_truth():
     """An equal pair: a short chain of one test each, and every true difference is 0."""
     found = run_pair(1, 0, Settings(max_steps=20), rates=(20.0,))
     assert found["kind"] == "equal"
-    assert len(found["contrasts"]) == 21
+    assert len(found["contrasts"]) == 23
     for contrast in found["contrasts"].values():
         assert contrast["first"] == contrast["second"]
         assert contrast["low"] < contrast["high"]

@@ -31,7 +31,7 @@ class PronyTable(AbstractTarget):
         modulus = moduli(pad, specimen)
         young, shear, bulk = (_PASCAL * x for x in (modulus.young, modulus.shear, modulus.bulk))
         stays = float(pad.fractions[0])
-        rows = [(stays, stays * shear, bulk, None)]
+        rows: list[tuple[float | None, ...]] = [(stays, stays * shear, bulk, None)]
         rows += [(g, g * shear, 0.0, tau) for g, tau in terms(pad)]
         said = card(pad, type(self), structure(pad))
         content = {
