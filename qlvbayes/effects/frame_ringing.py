@@ -47,6 +47,7 @@ class FrameRinging(AbstractEffect):
         "damping": "fraction",
     }
     null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    off_pad: ClassVar[bool] = True
     needs: ClassVar[str] = "velocity"
     shapes: ClassVar[int] = 24
     not_stepped: ClassVar[str] = (

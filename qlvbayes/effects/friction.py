@@ -17,6 +17,7 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors import LogNormal
 from qlvbayes.priors.distributions import Constant
 
 
@@ -37,10 +38,12 @@ class AbstractFriction(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with the friction added."""
-        displacement = motion.alone.displacement
+        return self.rubbed(below.force(motion), self.slid(motion.alone.displacement))
+
+    def slid(self, displacement: Array) -> Array:
+        """Return z at the points of a motion (N,)."""
         travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
-        slid = hereditary_force(*self._sliding, travelled, displacement - displacement[0])
-        return self.rubbed(below.force(motion), slid)
+        return hereditary_force(*self._sliding, travelled, displacement - displacement[0])
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and that of friction before any sliding."""
@@ -82,8 +85,13 @@ class Friction(AbstractFriction):
 
         The reach lies near 3 % of the depth.
         """
-        return cls(scales.positive(1.0), lognormal(0.03 * scales.depth, 2.0))
+        return cls(scales.positive(1.0), reversing(scales))
 
     def rubbed(self, force: Array, slid: Array) -> Array:
         """Return F_below + strength z."""
         return force + self.strength * slid
+
+
+def reversing(scales: Scales) -> LogNormal:
+    """Return the prior of the distance (mm) over which friction reverses."""
+    return lognormal(0.03 * scales.depth, 2.0)
