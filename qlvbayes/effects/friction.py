@@ -16,9 +16,16 @@ from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.priors import LogNormal
+from qlvbayes.laws.scales import Scales
+from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+
+_REACHES = (0.002, 0.2)
+"""Bounds of the reach over the depth: what an encoder shows, and an end of sliding in the travel.
+
+Friction that never comes to slide is a spring beside the pad's, with a loop that permanent_set has
+as well: a cosine of 0.90 at 0.1 of the depth, of 0.77 at 0.01.
+"""
 
 
 class AbstractFriction(AbstractEffect):
@@ -83,7 +90,7 @@ class Friction(AbstractFriction):
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a strength scaled by the peak force.
 
-        The reach lies near 3 % of the depth.
+        The reach is a small part of the depth.
         """
         return cls(scales.positive(1.0), reversing(scales))
 
@@ -92,6 +99,6 @@ class Friction(AbstractFriction):
         return force + self.strength * slid
 
 
-def reversing(scales: Scales) -> LogNormal:
+def reversing(scales: Scales) -> LogUniform:
     """Return the prior of the distance (mm) over which friction reverses."""
-    return lognormal(0.03 * scales.depth, 2.0)
+    return LogUniform(*(share * scales.depth for share in _REACHES))

@@ -37,7 +37,7 @@ class GuidePowerLawDrag(PowerLawDrag):
     platen too. While the pad is pressed this is power_law_drag.
 
     * ``k``: drag at 1 mm/s (N (s/mm)^n), zero or more.
-    * ``n``: exponent, above 0 up to 1, where 1 is guide_drag.
+    * ``n``: exponent, above 0 and below 1, where 1 is guide_drag.
     """
 
     k: Constant

@@ -155,6 +155,8 @@ SOME = {
     "bending_frame": {"compliance": 0.05, "force": 1.0},
     "channel_low_pass": {"time": 0.01},
     "quadratic_pressure": {"k": 0.1, "drain": 20.0},
+    "guide_friction": {"strength": 0.05, "reach": 0.02, "sharp": 0.8},
+    "guide_drag": {"eta": 0.003},
 }
 
 

@@ -9,6 +9,7 @@ from . import (
     foreign,
     forms,
     further,
+    guide,
     outside,
     pad_effects,
     sensor_effects,
@@ -63,6 +64,8 @@ FORMS = _by_name(
     forms.SaturatingDrift,
     forms.ChannelLowPass,
     forms.AdhesionAtAStretch,
+    guide.GuideFriction,
+    guide.GuideDrag,
 )
 """Other forms of the listed effects; `family` names which."""
 
