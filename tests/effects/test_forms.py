@@ -343,9 +343,8 @@ def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
     platen = Platen((*moves, Hold(5.0)), start_s=START, number=2)
     assert disagreement(paper_model("B"), added, [twin], platen) < CLOSE
     force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
-    assert np.min(force) == pytest.approx(
-        -0.1 if "Friction" in added.name else -0.004 * speed, rel=0.2
-    )
+    pull = 0.1 if added.name == "guide_friction" else 0.004 * speed
+    assert np.min(force) == pytest.approx(-pull, rel=0.2)
 
 
 def test_friction_that_yields_at_once_is_a_spring_then_a_slider():

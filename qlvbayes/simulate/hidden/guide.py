@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -44,8 +45,8 @@ class GuideFriction(Effect):
         """Add the friction."""
         turns = _turns(path.platen)
         places = path.platen.displacement(turns)
-        begun = [(0.0, 0.0)]
-        for here, there in zip(places, places[1:], strict=False):
+        begun = [(np.zeros(()), np.zeros(()))]
+        for here, there in pairwise(places):
             begun.append(self._after(*begun[-1], there - here))
         last = np.clip(np.searchsorted(turns, path.time, side="right") - 1, 0, turns.size - 1)
         gradual, sprung = np.array(begun)[last].transpose(2, 0, 1)
