@@ -185,6 +185,8 @@ _FORMS: dict[str, Callable[[dict[str, float], Rig], _Own]] = {
     "saturating_drift": _drift,
     "channel_low_pass": lambda p, rig: _Own("spreading_lag", {"delay": p["time"], "spread": 1.0}),
     "adhesion_at_a_stretch": lambda p, rig: _Own("adhesion_at_a_stretch", p),
+    "guide_friction": lambda p, rig: _Own("guide_friction", p),
+    "guide_drag": lambda p, rig: _Own("guide_drag", p),
 }
 """The nearest effect of the package to every form of the simulator, by its constants."""
 

@@ -184,7 +184,8 @@ def _effect(kind: Any) -> str:
             markdown(inspect.getdoc(kind) or ""),
             "\n\n".join(remarks),
             _table(("constant", "unit", "vanishes at"), rows),
-            f"Acts on: {kind.level.name.lower()}. Reference: {kind.reference}.",
+            f"Acts on: {kind.level.name.lower()}{', also off the pad' * kind.off_pad}. "
+            f"Reference: {kind.reference}.",
         )
     )
 

@@ -70,6 +70,8 @@ PARAMETERS = {
     "saturating_drift": {"offset": 0.1, "time": 100.0},
     "channel_low_pass": {"time": 0.003},
     "adhesion_at_a_stretch": {"strength": 0.08, "stretch": 0.1},
+    "guide_friction": {"strength": 0.08, "reach": 0.02, "sharp": 0.8},
+    "guide_drag": {"eta": 0.003},
     "slip": {"share": 0.1, "seed": 3},
     "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
     "rezeroed": {"sd": 0.05, "seed": 2},

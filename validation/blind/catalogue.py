@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blind import foreign, forms, further, outside
+from blind import foreign, forms, further, guide, outside
 from qlvbayes.simulate import HIDDEN, Effect
 from qlvbayes.simulate.hidden.catalogue import by_name
 
@@ -20,6 +20,8 @@ FORMS = by_name(
     forms.SaturatingDrift,
     forms.ChannelLowPass,
     forms.AdhesionAtAStretch,
+    guide.GuideFriction,
+    guide.GuideDrag,
 )
 """Other forms of the listed effects; `family` names which."""
 
