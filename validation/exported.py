@@ -19,7 +19,6 @@ import importlib.metadata
 import importlib.util
 import json
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -32,14 +31,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from page import Origin
+from results import ROOT, Origin
 from simulators import of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
 from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
 
-ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 CONTACTS = ROOT / "docs" / "pictures" / "exports_contacts.png"
 _FINE = 8  # straight lines in each stretch of the motion between two of its knots
@@ -486,7 +484,7 @@ def main() -> None:
         )
         targets.append(f"| `{name}` | {errors[0]:.2%} | {errors[1]:.2%} | {off:.0e} |")
     absent = [needed for name, (_, needed) in TARGETS.items() if name not in present]
-    origin = Origin.now(f"python validation/exported.py {shlex.join(sys.argv[1:])}", ROOT)
+    origin = Origin.now()
     section = _SECTION.format(
         heading=_HEADING,
         record=given.record,

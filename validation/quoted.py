@@ -13,10 +13,10 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from results import ROOT
 
 import qlvbayes as q
 from qlvbayes.diagnosis.checks.samples import rmse
@@ -31,7 +31,6 @@ from qlvbayes.model.parameters import names
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.pipeline.specimen import Specimen
 
-ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "paper.md"
 ERRORS = ROOT / "docs" / "limits.md"
 METHODS = ("emcee", "least-squares", "two-step")

@@ -1,4 +1,4 @@
-"""What runs found: a table of each in validation/results, with its origin, and how scripts run.
+"""Tables of what runs found, with their origin, and the running of what is missing.
 
 A script runs what is missing with `finished`, makes one `Table`, and writes it. The page
 docs/reliability.md is made of these tables alone (`reliability.py`).
@@ -66,28 +66,41 @@ def _git(*words: str) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of what was found, with its origin, and notes: sentences that have its numbers."""
+    """A table of what was found.
+
+    size: pads, pairs or files that were counted; notes: lines that have its numbers.
+    """
 
     origin: Origin
+    size: int
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
 
     @classmethod
     def read(cls, name: str) -> Table:
-        """Return validation/results/NAME.json."""
+        """Return the table of validation/results/NAME.json."""
         kept = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
         return cls(**kept | {"origin": Origin(**kept["origin"])})
 
     def write(self, name: str) -> None:
-        """Write validation/results/NAME.json and print the table."""
-        write_json(RESULTS / f"{name}.json", asdict(self), indent=1)
+        """Write validation/results/NAME.json and print the table.
+
+        One that is smaller than what is published is kept next to it, in the folder `again`.
+        """
         print(self.markdown())
+        again = RESULTS / "again" / f"{name}.json"
+        again.unlink(missing_ok=True)
+        published = (RESULTS / f"{name}.json").exists() and Table.read(name).size > self.size
+        path = again if published else RESULTS / f"{name}.json"
+        path.parent.mkdir(exist_ok=True)
+        write_json(path, asdict(self), indent=1)
 
     def markdown(self) -> str:
         """Return the table, its notes, and a line with its origin."""
-        origin = f"`{self.origin.command}`, {self.origin.date}, commit {self.origin.commit}."
-        return "\n".join([*grid(self.columns, self.rows), "", *self.notes, origin, ""])
+        made = f"*`{self.origin.command}`, {self.origin.date}, commit {self.origin.commit}.*"
+        lines = [*grid(self.columns, self.rows), "", *self.notes, *([""] if self.notes else [])]
+        return "\n".join([*lines, made, ""])
 
 
 def grid(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -30,10 +30,11 @@ def main() -> None:
         new = Registration.of_present(name, options.seed, options.studies, options.note, paper)
         print(f"{new.write()}: commit it before the run")
         return
+    commit = options.commit or Origin.now().commit
     if options.again:
         population, size = Population(options.seed, paper), options.studies
         cases = _run(population, size, options.jobs)
-        keep(name, population, size, cases, options.commit or Origin.now().commit, options.note)
+        keep(name, population, size, cases, commit, options.note)
         return
     registered = Registration.read(name)
     if broken := registered.broken(options.finished):
@@ -43,7 +44,6 @@ def main() -> None:
         cases = stored(population.key, registered.code).first(registered.studies)
     else:
         cases = _run(population, registered.studies, options.jobs)
-    commit = options.commit or Origin.now().commit
     keep(name, population, registered.studies, cases, commit, registered.note)
     write_cases(name, cases)
 
@@ -77,7 +77,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--finished", action="store_true", help="keep what there is, run nothing")
     parser.add_argument("--commit", help="the commit that ran the studies, if not the present one")
     parser.add_argument("--jobs", type=int, default=JOBS, help="processes that run the studies")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.finished and not options.commit:
+        parser.error("--finished needs the --commit that ran the studies")
+    return options
 
 
 if __name__ == "__main__":
