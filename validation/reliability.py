@@ -12,8 +12,8 @@ import numpy as np
 from blind.constants import coverage
 from blind.counting import COUNTS, Count, Rate, bound
 from blind.population import STRATA
+from blind.report import Report
 from certainty import columns, confirmed_cases, diagnosed, left_out, loss, names_of, rows
-from qlvbayes.evaluation.report import Report
 from registration import ASKED, Registration
 from results import RESULTS, ROOT, Table, grid, share
 from runs import Run, rates_of, read_cases, read_runs
