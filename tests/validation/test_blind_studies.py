@@ -1,7 +1,5 @@
 """The wide population: balance, determinism, simulator's additions, the count, registration."""
 
-import hashlib
-import json
 from collections import Counter
 from dataclasses import replace
 
@@ -24,9 +22,11 @@ from blind.laws import ELASTIC, RELAXATION, Law, draw_law
 from blind.loadcell import CELLS, LoadCell, draw_cell
 from blind.population import STRATA, Population, kin
 from blind.programmes import PROTOCOL_NAMES, session, sine, swing
+from blind.report import Report
 from blind.study import _disturbed, make_study
 from blind.visible import visible
 from registration import Registration
+from runs import read_cases
 from scipy.integrate import solve_ivp
 
 from qlvbayes.io.checks import InputError
@@ -95,22 +95,15 @@ def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
     assert "record" not in plain.strata
 
 
-# of runs of November 2026: studies, digest of the hidden names, a quick study, its peak force (N)
-PUBLISHED = {
-    "bounds": (300, "349f7d38e924", 25, 0.5839385835150905),
-    "beam": (120, "3c39af33878d", 51, 0.6987401310967191),
-}
-
-
-@pytest.mark.parametrize("run", PUBLISHED)
-def test_registered_runs_make_their_old_studies_again(run):
-    """What is hidden is drawn from the lists of that time."""
-    studies, digest, quick, peak = PUBLISHED[run]
-    population = Registration.read(run).population
-    names = json.dumps([population.item(index).names for index in range(studies)])
-    assert hashlib.sha256(names.encode()).hexdigest()[:12] == digest
-    assert not population.disturbed
-    assert make_study(population, quick).peak == peak
+def test_a_registered_run_makes_its_old_studies_again():
+    registered = Registration.read("support")
+    cases = read_cases("support")
+    for case in cases:
+        item = registered.population.item(case["index"])
+        assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
+        assert item.levels == case["strata"]
+    quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
+    assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
 
 
 def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
@@ -499,3 +492,19 @@ def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "rules_digest", lambda: "other")
     assert registered.broken() == ["the code", "the rules of the count"]
     assert registered.broken(finished=True) == ["the rules of the count"]
+
+
+def test_a_stated_probability_is_right_where_the_effect_is_hidden():
+    """The rig's own gap is neither wanted nor wrong; a refused one is counted apart."""
+    base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
+    probabilities = {"none": 0.0, "friction": 0.97, "inertia": 0.93, "contact_offset": 0.99}
+    single = case("single", ("friction",), "missing_effect", ["friction"]) | base
+    single |= {"probabilities": probabilities, "refused": [["inertia", "a reason"]]}
+    outside = case("outside", ("ringing",), "unexplained") | base
+    outside |= {"probabilities": {"friction": 0.95, "inertia": 0.35}}
+    low, high = Report(Population(1), (single, outside)).reliability()
+    assert (low["low"], low["all"]["hits"], low["all"]["n"]) == (0.3, 0, 1)
+    assert (high["all"]["hits"], high["all"]["n"]) == (1, 3)
+    assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
+    assert high["kept"]["mean"] == pytest.approx(0.96)
+    assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]

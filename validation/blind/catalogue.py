@@ -1,4 +1,4 @@
-"""What a blind study may hide beyond the listed effects: their other forms, and outsiders."""
+"""List what a blind study may hide beyond the listed effects: other forms, and outsiders."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from qlvbayes.parallel.engines import Engine
 
 __all__ = ["Store", "code_digest", "run_missing", "store_path"]
 
-_READING = ("constants.py", "counting.py", "store.py")  # only read finished studies
+_READING = ("constants.py", "counting.py", "report.py", "store.py")  # only read finished studies
 
 
 def code_digest() -> str:
