@@ -96,7 +96,7 @@ def test_the_force_of_a_mass_is_off_by_the_mass_times_the_error_of_the_accelerat
 
 
 def test_what_is_left_of_a_known_mass_is_what_is_stated(space, whitener):
-    """Over all block means; as if the motion were exact it is twice as much, ten sds at its most."""
+    """Over all block means; as if the motion were exact it is twice as much."""
     columns, _ = columns_of(space, whitener, "inertia", inertia__mass=MASS)
     motion, nodes = space.record.motion, np.asarray(space.record.nodes)
     acceleration = np.take_along_axis(
