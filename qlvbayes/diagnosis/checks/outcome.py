@@ -38,6 +38,7 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
@@ -93,6 +94,22 @@ class SearchOutcome:
     def heldout_parts(self, candidate: Candidate) -> HeldOut:
         """Return the errors on tests left out (N), of all and of each part."""
         return errors(self.samples, self._parts, [self._predicted(candidate)])
+
+    def heldout_residuals(self, candidate: Candidate) -> list[Array]:
+        """Return measured minus predicted force (N) of each part, by a fit to all others."""
+        return [
+            self.samples.observed[part.test][part.rows] - one.force
+            for part, one in zip(self._parts, self._predicted(candidate), strict=True)
+        ]
+
+    def acting(self, candidate: Candidate, effect: str) -> list[Array]:
+        """Return the force (N) of an effect of a candidate at the samples of each part."""
+        point, space = candidate.point, self.search.density.space
+        less = candidate.hypothesis.less(effect)
+        theta = transferred(point.own, point.theta, space.parameters(less))
+        without = self.samples.predict(less, space.parameters(less).constants(theta[None]))
+        having = self.samples.predict(candidate.hypothesis, point.constants[None])
+        return [(having[part.test][0] - without[part.test][0])[part.rows] for part in self._parts]
 
     @cached_property
     def _parts(self) -> list[HeldOutPart]:

@@ -164,7 +164,7 @@ def _strengths(d: DiagnosisResult) -> list[str]:
         removed = 1.0 - math.exp(-own.heldout_gain)
         if removed > 0.0 and own.heldout is not None:
             text.append(
-                f"{capitalized(name)} removes {percent(removed)} of the error on tests left out; "
+                f"Where it acts, {name} removes {percent(removed)} of the error on tests left out; "
                 f"{_error(d, own.heldout)} remain."
             )
         if own.strengths is not None and own.strengths.spread > 0.0:
