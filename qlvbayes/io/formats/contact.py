@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ _LEVELS = (0.05, 0.15, 0.3)  # shares of the peak force up to which the rise is 
 _HIGHER = (0.5, 0.8)  # further shares, for a press with too few rows below those
 _WANTED = 2  # number of fitted levels below which the higher ones are tried
 _MIDDLE = 1  # index of the level whose result is taken; the others give the spread of the choice
-_POWERS = (1.0, 1.5, 2.0, 2.5, 3.0)  # powers of depth with which the force may begin
+POWERS = (1.0, 1.5, 2.0, 2.5, 3.0)  # powers of depth with which the force may begin
 _SINGULAR = 1e-10  # relative volume of two columns, below which it is rounding
 _EXACT = 1e-12  # share of the squared force that readings without noise leave at least
 _CONSTANTS = 5.0  # fitted constants: force before contact, point, power, two of the rise
@@ -25,7 +25,7 @@ _FEW = 4  # rows beyond the contact that a rise of two constants needs
 _MOST = 250  # means of rows that the fit uses; more add little
 _GRID = 41  # points tried, then tried again between the neighbours of the best
 _ROUNDS = 4
-_UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
+UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,25 @@ def is_dead(way: Floats, load: Floats) -> bool:
 
 
 @dataclass(frozen=True)
+class Onset:
+    """Point of contact if the force begins with one power of depth.
+
+    ``position`` and ``sd`` are displacements; ``height`` is the log likelihood, less that of the
+    likeliest power.
+    """
+
+    position: float
+    sd: float
+    height: float
+
+
+@dataclass(frozen=True)
 class FirstContact:
     """Point of first contact and the force before it, each with its standard error.
 
     ``position`` and ``sd`` are displacements; ``rows`` is the number of rows before contact.
+    ``onsets`` are the points for each power in ``POWERS``; ``choice`` is the error due to the share
+    of the force that is fitted, and ``spacing`` that due to the rows' distance.
     """
 
     position: float
@@ -98,6 +113,9 @@ class FirstContact:
     force: float
     force_sd: float
     rows: int
+    onsets: tuple[Onset, ...] = ()
+    choice: float = 0.0
+    spacing: float = 0.0
 
 
 def find_contact(way: Floats, load: Floats) -> FirstContact | None:
@@ -128,7 +146,7 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     spacing = abs(float(way[row] - way[max(row - 1, 0)])) / np.sqrt(12.0)
     spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
-    return FirstContact(middle.position, sd, middle.force, middle.force_sd, row)
+    return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
 
 
 def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
@@ -139,7 +157,7 @@ def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
     d, f = _averaged(way[: last + 1]), _averaged(load[: last + 1])
     if len(d) < _LEAST + _FEW or d[-1] <= d[0]:
         return None
-    tried = [_best_point(d, f, power) for power in _POWERS]
+    tried = [_best_point(d, f, power) for power in POWERS]
     misfits, points = (np.array(column) for column in zip(*tried, strict=True))
     best = int(np.argmin(misfits))
     before = d <= points[best]
@@ -147,22 +165,31 @@ def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
         return None
     force = f[before]
     own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
-    rise = _rises(d, f, float(points[best]), _POWERS[best])
+    rise = _rises(d, f, float(points[best]), POWERS[best])
     free = max(_independent(f - rise) - _CONSTANTS, 1.0)
     least = max(float(misfits[best]), _EXACT * float(f @ f))
     heights = -0.5 * free * np.log(np.maximum(misfits, least) / least)
-    likely = np.flatnonzero(heights > -_UNLIKELY)
     sds = np.array(
         [
-            _width(d, f, _POWERS[k], float(points[k]), max(misfits[k], least) * (1.0 + 1.0 / free))
-            for k in likely
+            _width(d, f, power, float(point), max(misfit, least) * (1.0 + 1.0 / free))
+            for power, point, misfit in zip(POWERS, points, misfits, strict=True)
         ]
     )
-    weights = np.exp(heights[likely]) * sds  # with the point of contact integrated out
+    onsets = tuple(map(Onset, points.tolist(), sds.tolist(), heights.tolist()))
+    point, sd = mean_over_powers(points, sds, heights)
+    return FirstContact(point, sd, float(force.mean()), own, 0, onsets)
+
+
+def mean_over_powers(points: Floats, sds: Floats, heights: Floats) -> tuple[float, float]:
+    """Return mean and sd of the point of contact over the powers (P,) with which force may begin.
+
+    Each is weighted by its log likelihood ``heights``, with the point integrated out.
+    """
+    likely = heights - heights.max() > -UNLIKELY
+    weights = np.exp(heights[likely] - heights.max()) * sds[likely]
     weights /= weights.sum()
     point = float(weights @ points[likely])
-    sd = float(np.sqrt(weights @ (sds**2 + (points[likely] - point) ** 2)))
-    return FirstContact(point, sd, float(force.mean()), own, 0)
+    return point, float(np.sqrt(weights @ (sds[likely] ** 2 + (points[likely] - point) ** 2)))
 
 
 def _best_point(d: Floats, f: Floats, power: float) -> tuple[float, float]:
