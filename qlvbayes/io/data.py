@@ -180,7 +180,8 @@ def read_measurements(path: str | Path) -> Measurements:
     `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
     or force; it may change within a test), `use` (1 or 0: whether the sample's force is used),
     `contact_sd_mm` (standard error of the zero of the test's displacement) and `contact_stage`
-    (tests of one name share that error). Lines that begin with # are comments. Without `start_s` the tests of a pad follow one another.
+    (tests of one name share that error). Lines that begin with # are comments. Without `start_s`
+    the tests of a pad follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are

@@ -112,10 +112,10 @@ def _line(positions: Floats, sds: Floats, speeds: Floats) -> _Line:
     rows = np.stack([np.ones_like(speeds), speeds])
     precision = (rows * weights) @ rows.T + np.diag([0.0, _DELAY**-2.0])
     covariance = np.linalg.inv(precision)
-    mean = covariance @ (rows * weights) @ (positions - centre)
+    mean = np.asarray(covariance @ (rows * weights) @ (positions - centre))
     residual = positions - centre - mean @ rows
     misfit = float(weights @ residual**2 + (mean[1] / _DELAY) ** 2)
-    return _Line(mean + np.array([centre, 0.0]), covariance, misfit)
+    return _Line(mean + np.array([centre, 0.0]), np.asarray(covariance, float), misfit)
 
 
 def _joint(approaches: Sequence[Approach], members: Sequence[int]) -> StageContact:
