@@ -1,12 +1,13 @@
 r"""Estimate one contact for the files of a pad on one stage, in which slow tests count most.
 
-A drag of viscosity or of a film, and a lag between the channels, move the onset of the force by the
-speed times a common delay. The contact that a file shows is therefore
+A drag of viscosity or of a film adds a jump in proportion to the speed to the onset of the force,
+and a lag between the channels moves it by the speed times a delay. The power of depth with which
+the force begins, the drag and the delay are common to the files. For each power and drag, the
+contacts that the files show are
 
 .. math:: d_i = d_0 + (v_i - v_0) T + e_i, \quad T \sim N(0, 5\,\mathrm{ms}),
 
-where v_0 is the slowest speed of the stage: a quick test says little on d_0. The power of depth
-with which the force begins is the same in all, so that the files decide on it together.
+where v_0 is the slowest speed of the stage. The files decide together on the power and the drag.
 """
 
 from __future__ import annotations
@@ -16,18 +17,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.io.formats.contact import POWERS, UNLIKELY, FirstContact, mean_over_powers
+from qlvbayes.io.formats.contact import (
+    FORMS,
+    UNLIKELY,
+    FirstContact,
+    Form,
+    Onset,
+    mean_over_forms,
+    onsets_of,
+)
 from qlvbayes.io.formats.format import Floats
 
 APART = 3.0  # standard errors beyond which the contacts of two files differ
 _DELAY = 0.005  # s: lag, or drag over stiffness, by which the onset of a quick test may be off
+_DRAGS = (0.0, *np.geomspace(0.002, 0.25, 15).tolist())  # of the peak force at the largest speed
+_APART = 1.5  # ratio of the speeds above which they show a drag
 _TINY = 1e-12  # share of the positions' size that an error has at least
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Approach:
     """The contact that one file shows, and the speed with which it was approached."""
 
+    way: Floats
+    load: Floats
     contact: FirstContact
     speed: float
 
@@ -138,19 +151,28 @@ def _joint(approaches: Sequence[Approach], members: Sequence[int]) -> StageConta
 
 def _joint_position(known: Sequence[Approach]) -> tuple[float, float]:
     speeds = np.array([one.speed for one in known])
-    speeds -= speeds.min()
+    peak = max(float(one.load.max()) for one in known)
+    drags = _DRAGS if speeds.max() > _APART * speeds.min() else _DRAGS[:1]
+    shown = []
+    for one in known:
+        jumps = [drag * peak * one.speed / speeds.max() for drag in drags]
+        forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
+        shown.append(onsets_of(one.way, one.load, one.contact.level, forms))
     spacings = np.array([one.contact.spacing for one in known])
-    points, sds, heights = [], [], []
-    for k in range(len(POWERS)):
-        onsets = [one.contact.onsets[k] for one in known]
-        errors = np.hypot([onset.sd for onset in onsets], spacings)
-        line = _line(np.array([onset.position for onset in onsets]), errors, speeds)
-        scatter = max(line.misfit / (len(known) - 1), 1.0)
-        points.append(float(line.mean[0]))
-        sds.append(float(np.sqrt(line.covariance[0, 0] * scatter)))
-        heights.append(sum(max(o.height, -UNLIKELY) for o in onsets) - 0.5 * line.misfit)
-    position, sd = mean_over_powers(np.array(points), np.array(sds), np.array(heights))
+    joint = [_over_files(onsets, spacings, speeds) for onsets in zip(*shown, strict=True)]
+    position, sd = mean_over_forms(joint)
     weights = np.array([one.contact.sd for one in known]) ** -2.0
     choices = np.array([one.contact.choice for one in known])
     common = float(np.average(choices**2, weights=weights))
     return position, float(np.sqrt(sd**2 + common))
+
+
+def _over_files(onsets: Sequence[Onset], spacings: Floats, speeds: Floats) -> Onset:
+    """Return the contact that all files show if the force begins with one form."""
+    height = sum(max(onset.height, -UNLIKELY) for onset in onsets)
+    errors = np.hypot([onset.sd for onset in onsets], spacings)
+    positions = np.array([onset.position for onset in onsets])
+    line = _line(positions, errors, speeds - speeds.min())
+    scatter = max(line.misfit / (len(onsets) - 1), 1.0)
+    sd = float(np.sqrt(line.covariance[0, 0] * scatter))
+    return Onset(float(line.mean[0]), sd, height - 0.5 * line.misfit)

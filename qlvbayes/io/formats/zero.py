@@ -124,7 +124,7 @@ def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | U
 def _contacts(shown: Sequence[OrientedRecording], stage: tuple[object, ...]) -> list[StageContact]:
     """Return the contacts on which recordings of a stage agree, that of the most first."""
     own = [
-        (k, Approach(one.contact, one.speed))
+        (k, Approach(one.way, one.load, one.contact, one.speed))
         for k, one in enumerate(shown)
         if one.stage == stage and one.contact is not None and one.approached
     ]
