@@ -1,6 +1,7 @@
 """Recordings of one pad on one stage, whose contact lies at one crosshead coordinate in all."""
 
 import numpy as np
+
 from support.machine_files import Pressed
 
 
