@@ -20,6 +20,7 @@ from qlvbayes.fitting.marginal_likelihood import (
     with_zero_errors,
 )
 from qlvbayes.fitting.optimum import least_squares_points
+from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -81,6 +82,8 @@ def build_search(
         settings.discrepancy,
         settings.scatter,
     )
+    shared = stage_changes(experiment.trials, space.record.blocks)
+    discrepancy = with_common_errors(discrepancy, shared)
     own = frozenset(effect.name for effect in model.effects)
     baseline = Hypothesis(choices.law, choices.relaxing, own)
     families = Families.from_kinds(type(effect) for effect in space.effects.values())

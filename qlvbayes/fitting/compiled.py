@@ -34,6 +34,12 @@ def residuals_and_slopes(posterior: Posterior, scale: Array, theta: Array) -> tu
     return _value_and_slopes(lambda x: _residuals(posterior, scale, x), theta)
 
 
+@jax.jit
+def sums_of_squares(posterior: Posterior, scale: Array, thetas: Array) -> Array:
+    """Return the sums (W,) of squared residuals over ``scale`` at thetas (W, D)."""
+    return jax.vmap(lambda x: jnp.sum(_residuals(posterior, scale, x) ** 2))(thetas)
+
+
 def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return derivatives (D, T, B) of the force at theta (D,), and residuals (T, B).
 

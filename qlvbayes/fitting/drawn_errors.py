@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from qlvbayes.fitting import compiled
+from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Locations
 from qlvbayes.io.arrays import Array
@@ -51,9 +52,9 @@ def realisations(
     errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
     errors += extra * rng.standard_normal((len(floors), 1))
     errors += timing * rng.standard_normal(shape)
-    zero = np.asarray(samples.zero)
-    if zero.any():
-        errors += zero * rng.standard_normal((len(floors), 1))
+    contact = np.asarray(samples.contact)
+    if contact.any():
+        errors += contact * rng.standard_normal((len(floors), 1))
     return np.asarray(errors)
 
 
@@ -118,6 +119,7 @@ def discrepancy_draws(
     blocks = posterior.record.blocks
     predicted = compiled.in_batches(compiled.predictions, posterior, constants[rows], size=BATCH)
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
+    discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
     residuals = discrepancy.whitener(np.asarray(blocks.force) - predicted)
     features = Features.from_locations(Locations.from_blocks(experiment, fitted, blocks))(locations)
     ratios = sizes[rows] / scales[rows]

@@ -13,7 +13,11 @@ from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of
-from qlvbayes.fitting.least_squares import NormalApproximation
+from qlvbayes.fitting.least_squares import (
+    NormalApproximation,
+    fitting_draws,
+    without_noise,
+)
 from qlvbayes.fitting.marginal_likelihood import (
     FitResponse,
     Spread,
@@ -305,7 +309,9 @@ def _approximated(
 ) -> Fit:
     """Return the fit by a least-squares route."""
     chains, draws = _NORMAL_DRAWS
-    theta = result.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
+    bare = without_noise(result.posterior)
+    theta = fitting_draws(bare, result.scale, result.normal, chains * draws, rng)
+    theta = theta.reshape(chains, draws, -1)
     constants = _constants(result.posterior, theta, rng)
     facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
     setup = experiment.pad, method, choices, settings, experiment, trials, result.posterior

@@ -19,6 +19,8 @@ from qlvbayes.model.posterior import Posterior, draw_priors
 LARGEST_SD = 3.0  # of a direction that the data do not determine, in theta's units of order one
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
+_LINEAR = 4.0  # times the predicted rise of the sum of squares that a draw may have
+_HALVINGS = 12  # of a draw's step: to 1/4000 of a prior's width
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,39 @@ def normal_approximation(
     variance = cost / max(points - theta.size, 1)
     curvature = slopes.T @ slopes / max(variance, 1e-300)
     return NormalApproximation(theta, covariance_from(curvature)), float(np.sqrt(variance))
+
+
+def fitting_draws(
+    posterior: Posterior,
+    scale: np.ndarray,
+    normal: NormalApproximation,
+    count: int,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return draws (count, D) that fit about as well as the normal approximation says.
+
+    Along a direction that the data hardly determine, a draw may be where the force is far from
+    linear in theta. Its step is halved until the sum of squares rises by no more than a few times
+    what the derivatives at the optimum predict.
+    """
+    draws = normal.draw(count, rng)
+    values, slopes = _residuals(posterior, scale, normal.mean)
+    cost = float(values @ values)
+    fitted = int(np.sum(np.asarray(posterior.record.blocks.real) & np.isfinite(scale)))
+    slack = cost * normal.mean.size / max(fitted - normal.mean.size, 1)
+
+    def rises(thetas: np.ndarray) -> np.ndarray:
+        return compiled.in_batches(
+            lambda known, some: compiled.sums_of_squares(known, scale, some), posterior, thetas
+        )
+
+    for _ in range(_HALVINGS):
+        expected = np.sum(((draws - normal.mean) @ slopes.T) ** 2, axis=1)
+        far = ~(rises(draws) <= cost + slack + _LINEAR * expected)
+        if not far.any():
+            break
+        draws[far] = 0.5 * (draws[far] + normal.mean)
+    return draws
 
 
 def covariance_from(curvature: np.ndarray) -> np.ndarray:

@@ -11,10 +11,10 @@ The dwells leave the floor open: Sigma is the mean over floors that are likely g
 alone (`whitening`), and its scale phi takes the values of draws of them, which are equally likely.
 The scales and the sizes of the discrepancy are summed over.
 
-The zero of each test's displacement has an error of its own where its contact was measured, of sd
-s. It changes the force by :math:`u = s\, \partial F / \partial \delta_0`, which is common to the
-test and independent of other tests, and adds :math:`u u^T` to the floor's covariance. This is a
-normal prior on each test's contact offset, integrated out to first order.
+The zero of a test's displacement has an error where its contact was measured, of sd s. It changes
+the force by :math:`u = s\, \partial F / \partial \delta_0`, which is common to the test, and to all
+tests of a stage where these share one contact, and adds :math:`u u^T` to the floor's covariance.
+This is a normal prior on the contact offset, integrated out to first order.
 
 The discrepancy may have moved the constants by what the derivatives have followed of it. This is
 added to each of their draws (`Spread`), as the diagnosis adds it to its normals (`evidence`).
@@ -32,6 +32,7 @@ from scipy.linalg import solve_triangular
 
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.fitting import compiled
+from qlvbayes.inference.common_errors import shared_stages, stage_changes, with_common_errors
 from qlvbayes.inference.density import Terms, gauss_newton, positive_part
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
@@ -70,13 +71,16 @@ def has_uncertain_zeros(model: Model, trials: Sequence[Trial]) -> bool:
 def with_zero_errors(record: Record, trials: Sequence[Trial], model: Model) -> Record:
     """Return the record of some trials with what errors of their zeros change of a model's force.
 
-    They count as part of the noise floor: see `Blocks.zero`.
+    They count as part of the noise floor: see `Blocks.zero` and `Blocks.stage`.
     """
     if not has_uncertain_zeros(model, trials):
         return record
     sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
     further, nearer = (compiled.beyond_gaps(model, record, sign * sds) for sign in (1.0, -1.0))
-    return replace(record, blocks=replace(record.blocks, zero=0.5 * (further - nearer)))
+    changes = 0.5 * (further - nearer)
+    own = jnp.asarray([not stage for stage in shared_stages(trials)])[:, None]
+    zero, stage = jnp.where(own, changes, 0.0), jnp.where(own, 0.0, changes)
+    return replace(record, blocks=replace(record.blocks, zero=zero, stage=stage))
 
 
 def discrepancy_of(
@@ -84,7 +88,8 @@ def discrepancy_of(
 ) -> Discrepancy:
     """Return the discrepancy of the block means (T, B) of some trials, under the floor as known."""
     experiment = replace(experiment, floor=known_floor(experiment.floor, noise))
-    return Discrepancy.from_blocks(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    discrepancy = Discrepancy.from_blocks(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    return with_common_errors(discrepancy, stage_changes(trials, blocks))
 
 
 def floor_likelihood(

@@ -161,11 +161,11 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
     It is independent but for the error of a test's zero.
     """
     samples = posterior.record.blocks
-    zero = np.asarray(samples.zero)
+    contact = np.asarray(samples.contact)
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(samples))(matrix)
     noise = np.asarray(sds) * rng.standard_normal((len(matrix), *samples.weight.shape))
-    if zero.any():
-        noise += zero * rng.standard_normal((len(matrix), len(zero), 1))
+    if contact.any():
+        noise += contact * rng.standard_normal((len(matrix), len(contact), 1))
     return noise
 
 

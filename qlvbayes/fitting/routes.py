@@ -34,12 +34,14 @@ _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 class LeastSquaresFit:
     """The normal approximation over the posterior's theta, with white noise of the residual's sd.
 
-    posterior: with the noise as fitted; residual_sd: root mean square of the block means' residuals
-    (N); agreeing: how many starts led to the best optimum.
+    posterior: with the noise as fitted; scale: divisors (T, B) of the residuals, infinite where
+    none counts; residual_sd: root mean square of the block means' residuals (N); agreeing: how many
+    starts led to the best optimum.
     """
 
     posterior: Posterior
     normal: NormalApproximation
+    scale: np.ndarray
     residual_sd: float
     agreeing: int
 
@@ -154,4 +156,4 @@ def _finish(
     count = max(int(np.sum(np.isfinite(scale))), 1)
     residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / count))
     fitted = Posterior(posterior.model, White(residual_sd), posterior.record)
-    return LeastSquaresFit(fitted, normal, residual_sd, agreeing)
+    return LeastSquaresFit(fitted, normal, scale, residual_sd, agreeing)

@@ -94,6 +94,9 @@ class Test:
     contact_sd
         Standard error of the displacement's zero, in the unit of displacement; None where it was
         not measured.
+    contact_stage
+        Name of the stage whose contact is the test's zero, where it shares that error with the
+        pad's other tests of that name; empty where its error is its own.
     used
         (n,) whether the force of each sample is used; None where all are. The displacement is the
         specimen's history and always is.
@@ -116,6 +119,7 @@ class Test:
     control: Control | None = None
     changes: tuple[Prescribed, ...] = ()
     contact_sd: float | None = None
+    contact_stage: str = ""
     used: Mask | None = None
     anew: Mask | None = None
 
@@ -173,10 +177,11 @@ def read_measurements(path: str | Path) -> Measurements:
     of the last two. The suffix names the unit (`units.SUFFIXES`); all results are given in these
     units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
     columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
-    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement or
-    force; it may change within a test), `use` (1 or 0: whether the sample's force is used) and
-    `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that begin with #
-    are comments. Without `start_s` the tests of a pad follow one another.
+    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
+    or force; it may change within a test), `use` (1 or 0: whether the sample's force is used),
+    `contact_sd_mm` (standard error of the zero of the test's displacement) and `contact_stage`
+    (tests of one name share that error). Lines that begin with # are comments. Without `start_s`
+    the tests of a pad follow one another.
 
     A file of another layout is read by the format whose marks its first bytes show (`formats`), if
     that needs no answer from the user; the notices then report how it was read. The arrays are
@@ -219,7 +224,7 @@ def _converted(conversion: Conversion) -> tuple[Pad, ...]:
             Test(
                 tidied.test, tidied.pad, tidied.time, tidied.displacement, tidied.force,
                 start_s=start, start_known=tidied.start_s is not None,
-                contact_sd=tidied.zero_sd,
+                contact_sd=tidied.zero_sd, contact_stage=tidied.contact_stage,
             )
         )  # fmt: skip
     return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
@@ -327,6 +332,7 @@ class _Builder:
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),
             contact_sd=self._contact_sd(rows),
+            contact_stage=self._label(rows, "contact_stage"),
             used=None if used.all() else used,
         )
 

@@ -37,7 +37,13 @@ class Blocks(eqx.Module):
     # change of the force (N) for one standard error of the test's zero of displacement, common to
     # all its blocks, 0 where the zero is taken as exact
     zero: Array
+    stage: Array  # the same where the error is common to all tests of a stage
     real: Array  # False for padding
+
+    @property
+    def contact(self) -> Array:
+        """Return the change of the force (N) for one standard error of the contact, of any kind."""
+        return jnp.hypot(self.zero, self.stage)
 
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
@@ -57,7 +63,7 @@ class Blocks(eqx.Module):
         one, none = np.ones(count.shape), np.zeros(count.shape)
         fields = {"force": force, "count": count, "first": first, "last": last, "scale": one}
         fields |= {"weight": one if weight is None else weight, "real": one > 0.0}
-        fields |= dict.fromkeys(("extra", "timing", "zero"), none)
+        fields |= dict.fromkeys(("extra", "timing", "zero", "stage"), none)
         return cls(**{name: held(values) for name, values in fields.items()})
 
 

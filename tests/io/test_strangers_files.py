@@ -692,7 +692,7 @@ def test_a_contact_beyond_the_largest_depth_is_refused(tmp_path):
     names = "Time (s),Disp (mm),Force (N)"
     (tmp_path / "a.csv").write_text("\n".join([names, *rows_of(), ""]))
     with pytest.raises(
-        InputError, match=r"--contact 50 lies beyond the largest displacement, 1\.2"
+        InputError, match=r"--contact 50 lies outside the travel, -0\.4 mm at the start and 1\.2"
     ):
         convert([tmp_path / "a.csv"], Answers.from_words(contact="50"))
 

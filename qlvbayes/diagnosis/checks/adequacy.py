@@ -36,6 +36,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from qlvbayes.diagnosis.settings import CellTests, DiagnosisSettings
+from qlvbayes.inference.common_errors import stage_changes
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -79,14 +80,15 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
     cells, curves = cell_curves(experiment.trials, record.blocks, tests)
     sizes = np.abs(point.responses).max(axis=(1, 2))
     slopes = np.concatenate([point.responses[(sizes > 0.0) & np.isfinite(sizes)], point.scattered])
-    vectors = np.concatenate([residual[None], slopes, curves])
+    shared = stage_changes(experiment.trials, record.blocks)
+    vectors = np.concatenate([residual[None], slopes, curves, shared])
     peak = experiment.scales.force
     blocks = _by_test(record.blocks)
     floor = experiment.floor
     floors, weights = floor.weighted(tests.draws if floor.is_sure else tests.doubtful)
     p_values = []
     for one in floors:
-        products = _products(one, blocks, vectors, peak)
+        products = _with_common(_products(one, blocks, vectors, peak), len(shared))
         p_values.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.average([ps for ps, _ in p_values], axis=0, weights=weights)
     whole = np.average([p for _, p in p_values], axis=0, weights=weights)
@@ -141,6 +143,14 @@ def _products(
         white = solve_triangular(root, vectors[some, k][:, real].T, lower=True, check_finite=False)
         total[np.ix_(some, some)] += white.T @ white
     return total
+
+
+def _with_common(products: np.ndarray, count: int) -> np.ndarray:
+    """Return the products under noise to which the last ``count`` vectors are added as errors."""
+    rest = len(products) - count
+    known = products[rest:]
+    taken = np.linalg.solve(np.eye(count) + known[:, rest:], known[:, :rest])
+    return np.asarray(products[:rest, :rest] - known[:, :rest].T @ taken)
 
 
 def cell_curves(

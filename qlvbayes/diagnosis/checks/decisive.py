@@ -18,10 +18,11 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Decisive
+from qlvbayes.inference.common_errors import joint_covariance
 from qlvbayes.inference.density import Density
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Trial
@@ -35,7 +36,7 @@ def log_densities(density: Density, candidate: Candidate) -> Array:
     whitener, point = density.whitener, candidate.point
     force = np.asarray(density.space.record.blocks.force)
     left = whitener.flattened((force - point.predicted)[None])[0]
-    covariance = block_diag(*whitener.covariances)
+    covariance = joint_covariance(whitener)
     covariance += density.discrepancy.covariance(candidate.mode.size, point.separation)
     root = cholesky(covariance, lower=True, check_finite=False)
     errors = solve_triangular(root, left, lower=True, check_finite=False)

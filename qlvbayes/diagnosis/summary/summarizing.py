@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.checks.contact import contact_notices, is_gap
 from qlvbayes.diagnosis.checks.naming import final_decision
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
@@ -34,6 +35,7 @@ from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
+from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
@@ -132,6 +134,7 @@ def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) ->
     return (
         *unlikely_over_all(outcome, decision),
         *_alike(outcome, decision),
+        *_of_contact(outcome, decision, selected),
         *_not_counted(outcome),
         *_of_tests(outcome.experiment, outcome.search, selected),
     )
@@ -148,6 +151,13 @@ def _alike(outcome: SearchOutcome, decision: Decision) -> tuple[str, ...]:
         "probable as stated; which of them, or whether the specimen yielded, depends on the "
         "elastic law. Press a fresh specimen in steps to growing depths, back after each",
     )
+
+
+def _of_contact(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
+    """Return a sentence where a named contact offset and the measured contact contradict."""
+    if ContactOffset.name not in decision.tried:
+        return ()
+    return contact_notices(outcome.experiment, outcome.estimates(selected, is_gap))
 
 
 def _scatter(selected: Candidate) -> dict[str, float]:

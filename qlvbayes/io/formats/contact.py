@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +17,6 @@ _LEVELS = (0.05, 0.15, 0.3)  # shares of the peak force up to which the rise is 
 _HIGHER = (0.5, 0.8)  # further shares, for a press with too few rows below those
 _WANTED = 2  # number of fitted levels below which the higher ones are tried
 _MIDDLE = 1  # index of the level whose result is taken; the others give the spread of the choice
-_POWERS = (1.0, 1.5, 2.0, 2.5, 3.0)  # powers of depth with which the force may begin
 _SINGULAR = 1e-10  # relative volume of two columns, below which it is rounding
 _EXACT = 1e-12  # share of the squared force that readings without noise leave at least
 _CONSTANTS = 5.0  # fitted constants: force before contact, point, power, two of the rise
@@ -25,7 +25,7 @@ _FEW = 4  # rows beyond the contact that a rise of two constants needs
 _MOST = 250  # means of rows that the fit uses; more add little
 _GRID = 41  # points tried, then tried again between the neighbours of the best
 _ROUNDS = 4
-_UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
+UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,27 @@ def is_dead(way: Floats, load: Floats) -> bool:
 
 
 @dataclass(frozen=True)
+class Form:
+    """How the force begins at contact: with a power of depth, after a jump (N) of drag."""
+
+    power: float
+    jump: float = 0.0
+
+
+FORMS = tuple(Form(power) for power in (1.0, 1.5, 2.0, 2.5, 3.0))
+"""The forms of a test without drag, equally probable beforehand."""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Point of contact if the force begins with one form, with its standard error."""
+
+    position: float
+    sd: float
+    height: float  # log likelihood, less that of the likeliest form
+
+
+@dataclass(frozen=True)
 class FirstContact:
     """Point of first contact and the force before it, each with its standard error.
 
@@ -98,6 +119,9 @@ class FirstContact:
     force: float
     force_sd: float
     rows: int
+    level: float  # share of the peak force up to which the rise is fitted
+    choice: float = 0.0  # error due to this share
+    spacing: float = 0.0  # error due to the rows' distance
 
 
 def find_contact(way: Floats, load: Floats) -> FirstContact | None:
@@ -128,49 +152,74 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     spacing = abs(float(way[row] - way[max(row - 1, 0)])) / np.sqrt(12.0)
     spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
-    return FirstContact(middle.position, sd, middle.force, middle.force_sd, row)
+    return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
 
 
 def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
+    d, f = _risen(way, load, level)
+    found = onsets(d, f, FORMS) if len(d) >= _LEAST + _FEW and d[-1] > d[0] else ()
+    if not found:
+        return None
+    best = max(found, key=lambda onset: onset.height)
+    force = f[d <= best.position]
+    own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
+    point, sd = mean_over_forms(found)
+    return FirstContact(point, sd, float(force.mean()), own, 0, level)
+
+
+def onsets_of(way: Floats, load: Floats, level: float, forms: Sequence[Form]) -> tuple[Onset, ...]:
+    """Return the point of contact for each form, from the rise up to a share of the peak force."""
+    return onsets(*_risen(way, load, level), forms)
+
+
+def _risen(way: Floats, load: Floats, level: float) -> tuple[Floats, Floats]:
+    """Return displacement and force up to a share of the peak force, averaged."""
     first = force_at_start(way, load)
     top = first + level * (float(load.max()) - first)
     peak = int(np.argmax(load >= first + 0.9 * (float(load.max()) - first)))
     last = peak - int(np.argmax(load[peak::-1] <= top))  # the last row of the rise below the level
-    d, f = _averaged(way[: last + 1]), _averaged(load[: last + 1])
-    if len(d) < _LEAST + _FEW or d[-1] <= d[0]:
-        return None
-    tried = [_best_point(d, f, power) for power in _POWERS]
+    return _averaged(way[: last + 1]), _averaged(load[: last + 1])
+
+
+def onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> tuple[Onset, ...]:
+    """Return the point of contact for each form; none where a side of the best has few rows."""
+    tried = [_best_point(d, f, form) for form in forms]
     misfits, points = (np.array(column) for column in zip(*tried, strict=True))
     best = int(np.argmin(misfits))
     before = d <= points[best]
     if np.count_nonzero(before) < _LEAST or np.count_nonzero(~before) < _FEW:
-        return None
-    force = f[before]
-    own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
-    rise = _rises(d, f, float(points[best]), _POWERS[best])
+        return ()
+    rise = _rises(d, f, float(points[best]), forms[best])
     free = max(_independent(f - rise) - _CONSTANTS, 1.0)
     least = max(float(misfits[best]), _EXACT * float(f @ f))
     heights = -0.5 * free * np.log(np.maximum(misfits, least) / least)
-    likely = np.flatnonzero(heights > -_UNLIKELY)
-    sds = np.array(
-        [
-            _width(d, f, _POWERS[k], float(points[k]), max(misfits[k], least) * (1.0 + 1.0 / free))
-            for k in likely
-        ]
-    )
-    weights = np.exp(heights[likely]) * sds  # with the point of contact integrated out
+    found = []
+    for form, point, misfit, height in zip(forms, points, misfits, heights, strict=True):
+        allowed = max(float(misfit), least) * (1.0 + 1.0 / free)
+        width = _width(d, f, form, float(point), allowed) if height > -UNLIKELY else 0.0
+        found.append(Onset(float(point), width, float(height)))
+    return tuple(found)
+
+
+def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
+    """Return mean and sd of the point of contact over the forms with which force may begin.
+
+    Each is weighted by its likelihood, with the point integrated out.
+    """
+    points, sds, heights = np.array([(o.position, o.sd, o.height) for o in found]).T
+    likely = heights - heights.max() > -UNLIKELY
+    weights = np.exp(heights[likely] - heights.max()) * sds[likely]
     weights /= weights.sum()
     point = float(weights @ points[likely])
-    sd = float(np.sqrt(weights @ (sds**2 + (points[likely] - point) ** 2)))
-    return FirstContact(point, sd, float(force.mean()), own, 0)
+    return point, float(np.sqrt(weights @ (sds[likely] ** 2 + (points[likely] - point) ** 2)))
 
 
-def _best_point(d: Floats, f: Floats, power: float) -> tuple[float, float]:
-    """Return the least squared error of a power, and its point of contact."""
-    low, high = float(d.min()), float(d[-1])
+def _best_point(d: Floats, f: Floats, form: Form) -> tuple[float, float]:
+    """Return the least squared error of a form, and its point of contact."""
+    low, high = float(d.min()), float(d[-_FEW])
     for _ in range(_ROUNDS):
         points = np.linspace(low, high, _GRID)
-        errors = _errors(d, f, points, power)
+        errors = _errors(d, f, points, form)
         best = int(np.argmin(errors))
         low, high = float(points[max(best - 1, 0)]), float(points[min(best + 1, _GRID - 1)])
     return float(errors[best]), float(points[best])
@@ -185,12 +234,18 @@ def _averaged(values: Floats) -> Floats:
     return values[:whole].reshape(-1, count).mean(axis=1)
 
 
-def _rises(d: Floats, f: Floats, point: float, power: float) -> Floats:
-    """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact."""
-    rise, further = _columns(d, np.array([point]), power)
-    _, a, b = _solved(rise, further, f, power, _reach(d, np.array([point])))
-    rises = a[:, None] * rise + b[:, None] * further
+def _rises(d: Floats, f: Floats, point: float, form: Form) -> Floats:
+    """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact, with the form's jump."""
+    points = np.array([point])
+    rise, further = _columns(d, points, form.power)
+    _, a, b = _solved(rise, further, _smooth(d, f, points, form), form.power, _reach(d, points))
+    rises = a[:, None] * rise + b[:, None] * further + form.jump * (d > point)
     return np.asarray((rises - rises.mean(axis=1, keepdims=True))[0] + f.mean())
+
+
+def _smooth(d: Floats, f: Floats, points: Floats, form: Form) -> Floats:
+    """Return the force without the form's jump, (n,) or for each point of contact (points, n)."""
+    return f - form.jump * (d > points[:, None]) if form.jump else f
 
 
 def _columns(d: Floats, points: Floats, power: float) -> tuple[Floats, Floats]:
@@ -215,42 +270,46 @@ def _solved(
     a is not negative, and b is such that the force does not fall again; where the best fit is
     otherwise, the best fit with b = 0 is taken.
     """
-    count = len(f)
-    y = f - f.mean()
+    count = f.shape[-1]
+    y = f - f.mean(axis=-1, keepdims=True)
     first, second = rise.sum(axis=1), further.sum(axis=1)
     aa = np.einsum("pn,pn->p", rise, rise) - first * first / count
     ab = np.einsum("pn,pn->p", rise, further) - first * second / count
     bb = np.einsum("pn,pn->p", further, further) - second * second / count
-    ay, by, yy = rise @ y, further @ y, float(y @ y)
-    tiny = np.finfo(float).tiny
-    volume = np.maximum(aa * bb - ab * ab, tiny)
-    regular = volume > _SINGULAR * aa * bb
+    if y.ndim == 1:
+        ay, by, yy = rise @ y, further @ y, np.asarray(y @ y)
+    else:
+        ay, by, yy = (np.einsum("pn,pn->p", one, y) for one in (rise, further, y))
+    risen = aa > _EXACT**2 * count  # else no row lies beyond contact
+    volume = aa * bb - ab * ab
+    regular = risen & (volume > _SINGULAR * aa * bb) & (volume > np.finfo(float).tiny)
     divisor = np.where(regular, volume, 1.0)
     a, b = (bb * ay - ab * by) / divisor, (aa * by - ab * ay) / divisor
     rises = regular & (a >= 0.0)
     rises &= power * a + (power + 1.0) * b * reach >= 0.0
-    a = np.where(rises, a, np.maximum(ay / np.maximum(aa, tiny), 0.0))
+    a = np.where(rises, a, np.maximum(risen * ay / np.where(risen, aa, 1.0), 0.0))
     b = np.where(rises, b, 0.0)
     errors = yy - 2.0 * (a * ay + b * by) + a * a * aa + 2.0 * a * b * ab + b * b * bb
     return np.maximum(errors, 0.0), a, b
 
 
-def _errors(d: Floats, f: Floats, points: Floats, power: float) -> Floats:
-    rise, further = _columns(d, points, power)
-    return _solved(rise, further, f, power, _reach(d, points))[0]
+def _errors(d: Floats, f: Floats, points: Floats, form: Form) -> Floats:
+    rise, further = _columns(d, points, form.power)
+    without = _smooth(d, f, points, form)
+    return _solved(rise, further, without, form.power, _reach(d, points))[0]
 
 
-def _width(d: Floats, f: Floats, power: float, point: float, allowed: float) -> float:
+def _width(d: Floats, f: Floats, form: Form, point: float, allowed: float) -> float:
     """Return half the width of the points whose squared error stays below ``allowed``."""
-    low, high = float(d.min()), float(d[-1])
+    low, high = float(d.min()), float(d[-_FEW])
     near, far = point - low, high - point
     for _ in range(_ROUNDS):  # narrows the grid around the limits
         below, above = (
             np.linspace(point - near, point, _GRID),
             np.linspace(point, point + far, _GRID),
         )
-        left = int(np.argmax(_errors(d, f, below, power) <= allowed))
-        right = _GRID - 1 - int(np.argmax(_errors(d, f, above, power)[::-1] <= allowed))
+        left = int(np.argmax(_errors(d, f, below, form) <= allowed))
+        right = _GRID - 1 - int(np.argmax(_errors(d, f, above, form)[::-1] <= allowed))
         near, far = (
             point - float(below[max(left - 1, 0)]),
             float(above[min(right + 1, _GRID - 1)]) - point,

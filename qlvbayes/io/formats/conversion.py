@@ -38,7 +38,7 @@ class Tidied:
     positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
     row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
     the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
-    standard error, where it was measured.
+    standard error, where it was measured. Tests of one ``contact_stage`` share that error.
     """
 
     file: Path
@@ -55,6 +55,7 @@ class Tidied:
     contact: FirstContact | None
     zero: float
     zero_sd: float | None
+    contact_stage: str
     sampling: Sampling
     dropped: dict[str, int]
     findings: tuple[str, ...]
@@ -74,6 +75,7 @@ class Tidied:
             "contact": contact,
             "zero": self.zero,
             "zero_sd": self.zero_sd,
+            "contact_stage": self.contact_stage or None,
             "rows": len(self.time),
             "step_s": self.sampling.step,
             "lag_s": self.sampling.lag,
@@ -281,7 +283,7 @@ class _Stage:
         return Tidied(
             self.file, self.kind, self.pad, name, _name_in(self.file, self.recording), units,
             self.time, way, load, start, self.signs, self.zero.contact, self.zero.position, sd,
-            self.sampling, self.dropped, self.findings,
+            self.zero.stage, self.sampling, self.dropped, self.findings,
         )  # fmt: skip
 
 
@@ -416,7 +418,8 @@ def _in_order(
         remedy = "leave --sign out"
         raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
-    shown = OrientedRecording(file, (pad, kind.name, units), units, way, load, signs, contact)
+    stage = (pad, kind.name, units, signs.way)
+    shown = OrientedRecording(file, stage, units, time, way, load, signs, contact)
     unused = [f"columns not used: {listed(recording.unused)}"] if recording.unused else []
     findings = f"units {unit_finding}", *unused, _sign_finding(signs, recording, answers)
     return _Prepared(file, kind, pad, recording, time, shown, sampling, dropped, findings)

@@ -37,7 +37,8 @@ def tidy_text(conversion: Conversion) -> bytes:
     way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
     clocked = any(test.start_s is not None for test in conversion.tests)
     measured = any(test.zero_sd is not None for test in conversion.tests)
-    extra = [*(["start_s"] if clocked else []), *([_error_of(units)] if measured else [])]
+    errors = [_error_of(units), "contact_stage"] if measured else []
+    extra = [*(["start_s"] if clocked else []), *errors]
     names = ["pad", "test", *extra, "time_s", way]
     names.append(column_name(units.force_name, units.force))
     out = io.BytesIO()
@@ -47,7 +48,7 @@ def tidy_text(conversion: Conversion) -> bytes:
     for test in conversion.tests:
         start = "" if test.start_s is None else f"{test.start_s:.9g}"
         sd = "" if test.zero_sd is None else f"{test.zero_sd:.3g}"
-        more = [*([start] if clocked else []), *([sd] if measured else [])]
+        more = [*([start] if clocked else []), *([sd, test.contact_stage] if measured else [])]
         labels = ",".join([test.pad, test.test, *more])
         out.write(_rows(labels, [test.time, test.displacement, test.force]))
     return out.getvalue()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
 from qlvbayes.io.formats.contact import FirstContact, Signs, force_at_start, scatter
 from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.formats.stage import APART, Approach, StageContact, stage_contacts
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 
@@ -19,13 +20,13 @@ _REST = 0.01  # share of the peak force below which a test begins without force
 _NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
 _STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
 _AGREES = 2.0  # standard errors within which the file's own zero is kept
-_APART = 3.0  # standard errors beyond which the contacts of two files differ
-_ENOUGH = 2  # other files whose contacts have to agree for a pad to lie on one stage
+_ENOUGH = 2  # files whose contacts have to agree for others to take theirs
+_RISEN = 0.3  # share of the peak force at which the speed of the approach is read
 
 
 @dataclass(frozen=True, eq=False)
 class OrientedRecording:
-    """A recording in which pressing is positive in ``way`` and ``load`` (n,).
+    """A recording in which pressing is positive in ``way`` and ``load`` (n,), at ``time`` (s).
 
     ``stage`` is equal for recordings whose displacement may have one zero: those of one pad and
     layout. ``contact`` is None where the recording shows none.
@@ -34,6 +35,7 @@ class OrientedRecording:
     file: Path
     stage: tuple[object, ...]
     units: UnitSystem
+    time: Floats
     way: Floats
     load: Floats
     signs: Signs
@@ -52,6 +54,32 @@ class OrientedRecording:
         travelled = self.contact.position - float(self.way[0]) > _AGREES * self.contact.sd
         return travelled or abs(self.contact.force) <= _REST * self.peak
 
+    @property
+    def speed(self) -> float:
+        """Return the speed from before contact until the force has risen, 0 where it shows none."""
+        before = max(self.contact.rows - 1, 0) if self.contact is not None else 0
+        start = force_at_start(self.way, self.load)
+        risen = self.load[before + 1 :] >= start + _RISEN * (self.peak - start)
+        after = before + 1 + int(np.argmax(risen))
+        moved = float(self.way[after] - self.way[before])
+        return abs(moved) / float(self.time[after] - self.time[before])
+
+    @property
+    def force_at_first(self) -> float:
+        """Return the force at the first position alone: in a test that moves at once it rises."""
+        moved = np.abs(self.way - self.way[0]) > _STILL * float(np.ptp(self.way))
+        return float(np.median(self.load[: max(int(np.argmax(moved)), 1)]))
+
+    @property
+    def begins_without_force(self) -> bool:
+        """Return whether the force at the first position is none, within the noise."""
+        return abs(self.force_at_first) <= max(_REST * self.peak, _AGREES * scatter(self.load))
+
+    @property
+    def begins_at_zero(self) -> bool:
+        """Return whether the first position is the file's own zero."""
+        return abs(float(self.way[0])) <= _NEAR * float(np.ptp(self.way))
+
     def written(self, displacement: float) -> str:
         """Return a displacement as text with its sign in the file."""
         return f"{self.signs.way * displacement:.6g}"
@@ -62,7 +90,8 @@ class Zero:
     """Zeros subtracted from displacement and force, and the displacement's standard error.
 
     ``position`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
-    how it was found; ``contact`` is where the file's own rise of the force shows it.
+    how it was found; ``contact`` is where the file's own rise of the force shows it. ``stage``
+    names the contact whose error all recordings of that name share.
     """
 
     position: float
@@ -70,30 +99,43 @@ class Zero:
     finding: str
     sd: float | None = None
     contact: FirstContact | None = None
+    stage: str = ""
 
 
 def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | UnsureError]:
     """Return the zero of each recording, or the question that has to be asked for it.
 
-    A recording that begins in contact takes the zero of the others on its stage where two or more
-    of them agree, or else that of the file's recording before. Contacts that differ from those of
-    all others are reported.
+    Recordings of one stage have one contact, estimated together. One that begins in contact takes
+    that of the others on its stage where two or more of them agree, or else that of the file's
+    recording before. Contacts that differ from those of most others are reported.
     """
     results: list[Zero | UnsureError] = []
     before: dict[tuple[object, ...], Zero] = {}
+    contacts = {stage: _contacts(shown, stage) for stage in {one.stage for one in shown}}
     for k, one in enumerate(shown):
-        others = [o for o in [*shown[:k], *shown[k + 1 :]] if o.stage == one.stage]
         key = (one.file, *one.stage)
-        zero = _zero(one, others, before.get(key), answers)
+        zero = _zero(one, k, contacts[one.stage], before.get(key), answers)
         if isinstance(zero, Zero) and zero.contact is not None:
             before[key] = zero
         results.append(zero)
     return results
 
 
+def _contacts(shown: Sequence[OrientedRecording], stage: tuple[object, ...]) -> list[StageContact]:
+    """Return the contacts on which recordings of a stage agree, that of the most first."""
+    own = [
+        (k, Approach(one.way, one.load, one.contact, one.speed))
+        for k, one in enumerate(shown)
+        if one.stage == stage and one.contact is not None and one.approached
+    ]
+    found = stage_contacts([approach for _, approach in own])
+    return [replace(one, members=tuple(own[m][0] for m in one.members)) for one in found]
+
+
 def _zero(
     one: OrientedRecording,
-    others: Sequence[OrientedRecording],
+    index: int,
+    contacts: Sequence[StageContact],
     before: Zero | None,
     answers: Answers,
 ) -> Zero | UnsureError:
@@ -101,121 +143,145 @@ def _zero(
         return Zero(
             0.0, 0.0, "contact at the file's own zero, as stated by the user", contact=one.contact
         )
-    length = one.units.displacement
     if answers.contact is not None:
-        position = one.signs.way * float(answers.contact)
-        if position >= float(one.way.max()):
-            raise InputError(
-                f"--contact {float(answers.contact):.6g} lies beyond the largest displacement, "
-                f"{one.written(float(one.way.max()))} {length}",
-                file=one.file,
-                remedy="state it in the unit of the tidy file",
-            )
-        finding = f"contact at {float(answers.contact):.6g} {length}, as stated by the user"
-        return Zero(position, 0.0, finding, contact=one.contact)
+        return _stated(one, float(answers.contact))
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
         return Zero(0.0, 0.0, finding)
-    agreed = _agreed(others)
-    if one.contact is not None and one.approached:
-        return _at_contact(one, one.contact, agreed)
-    if agreed is not None:
+    own = next((stage for stage in contacts if index in stage.members), None)
+    if own is not None and one.contact is not None:
+        return _at_contact(one, one.contact, own, contacts[0])
+    if contacts and _kept(contacts[0]) and one.begins_at_zero and one.begins_without_force:
+        zero = _at_start(one)
+        if isinstance(zero, Zero):
+            return replace(zero, sd=contacts[0].sd, stage=_label(one, contacts[0]))
+    agreed = _agreed(contacts)
+    if agreed is not None and _may_take(one, agreed):
         return _from_others(one, agreed)
     if before is not None:
         finding = (
-            f"contact at {one.written(before.position)} {length}, the zero of the file's test "
-            "before: this one begins in contact"
+            f"contact at {one.written(before.position)} {one.units.displacement}, the zero of the "
+            "file's test before: this one begins in contact"
         )
-        return Zero(before.position, 0.0, finding, before.sd, before.contact)
-    return _at_start(one)
+        return replace(before, force=0.0, finding=finding)
+    zero = _at_start(one)
+    if isinstance(zero, Zero) and agreed is not None:
+        return replace(zero, finding=zero.finding + _doubt(one, agreed))
+    return zero
 
 
-@dataclass(frozen=True)
-class _Agreed:
-    """Contact and force at rest of files that agree: means, standard errors, number of files."""
+def _stated(one: OrientedRecording, written: float) -> Zero:
+    """Return the zero that the user states, with the sign that it has in the file.
 
-    position: float
-    sd: float
-    force: float
-    force_sd: float
-    files: int
+    It lies within the travel; of a test that begins with a force it may lie before the first row,
+    by as much as the test travels.
+    """
+    position, length = one.signs.way * written, one.units.displacement
+    low, high = float(one.way.min()), float(one.way.max())
+    before = (_NEAR if one.begins_without_force else 1.0) * (high - low)
+    if not low - before <= position < high:
+        raise InputError(
+            f"--contact {written:.6g} lies outside the travel, {one.written(float(one.way[0]))} "
+            f"{length} at the start and {one.written(high)} {length} at the deepest",
+            file=one.file,
+            remedy="state it in the unit of the tidy file and with the sign of the file",
+        )
+    finding = f"contact at {written:.6g} {length}, as stated by the user"
+    return Zero(position, 0.0, finding, contact=one.contact)
 
 
-def _agreed(others: Sequence[OrientedRecording]) -> _Agreed | None:
-    """Return what most of the other files of a stage agree on; None where they are too few."""
-    seen = [o.contact for o in others if o.contact is not None and o.approached]
-    if len(seen) < _ENOUGH:
+def _kept(stage: StageContact) -> bool:
+    """Return whether a contact agrees with the file's own zero."""
+    return abs(stage.position) <= _AGREES * stage.sd
+
+
+def _label(one: OrientedRecording, stage: StageContact) -> str:
+    return "0" if _kept(stage) else one.written(stage.position)
+
+
+def _agreed(contacts: Sequence[StageContact]) -> StageContact | None:
+    """Return the contact on which most files of a stage agree; None where they are too few."""
+    counts = [len(stage.members) for stage in contacts]
+    if not counts or counts[0] < max(_ENOUGH, sum(counts) / 2.0) or counts[0] in counts[1:]:
         return None
-    positions, sds = (np.array([getattr(c, key) for c in seen]) for key in ("position", "sd"))
-    middle = float(np.median(positions))
-    alike = np.abs(positions - middle) <= _APART * sds
-    if np.count_nonzero(alike) < max(_ENOUGH, len(seen) / 2.0):
-        return None
-    weights = sds[alike] ** -2.0
-    position = float(np.average(positions[alike], weights=weights))
-    spread = float(np.std(positions[alike])) / np.sqrt(np.count_nonzero(alike))
-    forces = np.array([c.force for c in seen])[alike]
-    own = np.array([c.force_sd for c in seen])[alike]
-    force_sd = float(np.hypot(np.std(forces), np.sqrt(np.mean(own**2))))
-    sd = float(np.hypot(weights.sum() ** -0.5, spread))
-    return _Agreed(position, sd, float(np.mean(forces)), force_sd, int(np.count_nonzero(alike)))
+    return contacts[0]
 
 
-def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
+def _may_take(one: OrientedRecording, agreed: StageContact) -> bool:
+    """Return whether a test without an approach of its own may have the contact of others.
+
+    One that begins without force cannot have been touched before its first row.
+    """
+    if not one.begins_without_force:
+        return True
+    return float(one.way[0]) - APART * agreed.sd <= agreed.position < float(one.way.max())
+
+
+def _from_others(one: OrientedRecording, agreed: StageContact) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
         f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
-        f"the pad's {agreed.files} other files agree: this one begins beyond it, at "
+        f"the pad's {len(agreed.members)} other files agree: this one begins beyond it, at "
         f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
-    return Zero(agreed.position, agreed.force, finding, agreed.sd)
+    stage = _label(one, agreed)
+    return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=stage)
 
 
-def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed | None) -> Zero:
+def _doubt(one: OrientedRecording, others: StageContact) -> str:
+    """Return the words on other files whose contact lies elsewhere, and the option that joins."""
+    count, position = len(others.members), one.written(others.position)
+    have = f"{count} other files have" if count > 1 else "other file has"
+    return (
+        f"; doubt: the pad's {have} it at {position} +- {plain(others.sd, 2)} "
+        f"{one.units.displacement}: was the stage or the pad moved, or the zero set anew? If not, "
+        f"--contact {position} gives all files one zero"
+    )
+
+
+def _at_contact(
+    one: OrientedRecording, contact: FirstContact, stage: StageContact, most: StageContact
+) -> Zero:
+    """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
     length, force = one.units.displacement, one.units.force
     offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
-    off = (
-        f"; taken off the force: {plain(contact.force)} +- {plain(contact.force_sd, 1)} {force} "
-        "before contact"
-        if offset
-        else ""
-    )
-    if agreed is not None and abs(contact.position - agreed.position) > _APART * np.hypot(
-        contact.sd, agreed.sd
-    ):
-        off += (
-            f"; doubt: the pad's {agreed.files} other files have it at "
-            f"{one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}: was the stage "
-            "or the pad moved, or the zero set anew"
+    alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
+    together = len(stage.members) > 1
+    more = f", in {len(stage.members)} files of one stage (this one alone: {alone})" * together
+    if offset:
+        more += (
+            f"; taken off the force: {plain(contact.force)} +- {plain(contact.force_sd, 1)} {force}"
+            " before contact"
         )
-    if abs(contact.position) <= _AGREES * contact.sd:
-        finding = (
-            f"contact {plain(one.signs.way * contact.position, 4)} +- {plain(contact.sd, 2)} "
-            f"{length} agrees "
-            f"with the file's zero, which is kept{off}"
+    if stage is not most:
+        more += _doubt(one, most)
+    if together and stage.contradicts(contact):
+        position = one.written(stage.position)
+        more += (
+            "; doubt: that of this one alone is off beyond the errors, as a film, drag or a lag "
+            f"does in a quick test; --contact {position} states this zero for all files"
         )
-        return Zero(0.0, offset, finding, contact.sd, contact)
+    label = _label(one, stage)
+    if _kept(stage):
+        found = f"{plain(one.signs.way * stage.position, 4)} +- {plain(stage.sd, 2)} {length}"
+        finding = f"contact {found} agrees with the file's zero, which is kept{more}"
+        return Zero(0.0, offset, finding, stage.sd, contact, label)
+    where = "" if together else ", where the force begins to rise"
     finding = (
-        f"contact at {one.written(contact.position)} +- {plain(contact.sd, 2)} {length} of the "
-        f"file, where the force begins to rise; that is the new zero{off}"
+        f"contact at {one.written(stage.position)} +- {plain(stage.sd, 2)} {length} of the "
+        f"file{where}{more}; that is the new zero"
     )
-    return Zero(contact.position, offset, finding, contact.sd, contact)
+    return Zero(stage.position, offset, finding, stage.sd, contact, label)
 
 
 def _at_start(one: OrientedRecording) -> Zero | UnsureError:
-    """Return the zero of a test that begins in contact: its first row, if the force is none there.
-
-    The force there is that of the rows at the first position alone: in a test that moves at once
-    the next rows have more.
-    """
+    """Return the first row as zero, if the force is none there: the test begins in contact."""
     length, force = one.units.displacement, one.units.force
-    way, load, peak = one.way, one.load, one.peak
-    moved = np.abs(way - way[0]) > _STILL * float(np.ptp(way))
-    first = float(np.median(load[: max(int(np.argmax(moved)), 1)]))
+    first, peak = one.force_at_first, one.peak
     share = abs(first) / peak if peak > 0.0 else 1.0
-    if abs(first) > max(_REST * peak, _AGREES * scatter(load)):
+    if not one.begins_without_force:
         return UnsureError(
             f"the test begins in contact, with {plain(one.signs.load * first)} {force} "
             f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
@@ -225,11 +291,10 @@ def _at_start(one: OrientedRecording) -> Zero | UnsureError:
             f"zero, or '{FILE}' for its own zero",
             say="VALUE, or --contact file for the file's own zero",
         )
-    position = float(way[0])
-    near = abs(position) <= _NEAR * float(np.ptp(way))
+    position, near = float(one.way[0]), one.begins_at_zero
     where = "the file's own zero" if near else f"the first row, {one.written(position)} {length}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = abs(first) / peak * float(way[int(np.argmax(load))] - position)
+    reach = abs(first) / peak * float(one.way[int(np.argmax(one.load))] - position)
     finding = (
         f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"

@@ -1,0 +1,117 @@
+"""Files of one pad on one stage: one contact, told where files disagree; our own and those kept."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.stages import film_press
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.formats.answers import Answers
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.tidy import write_tidy
+
+SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
+ONE = Answers.from_words(pads=("P",))
+
+
+def written(folder, name, test, contact, way=1.0):
+    path = folder / f"{name}.csv"
+    rows = zip(test.time, way * (test.way + contact), test.load, strict=True)
+    lines = "".join(f"{t:.4f},{d:.4f},{f:.4f}\n" for t, d, f in rows)
+    path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + lines)
+    return path
+
+
+def stage(folder, contact, speeds, *, way=1.0, **press):
+    return [
+        written(folder, f"at_{speed:g}", film_press(speed, seed, **press), contact, way)
+        for seed, speed in enumerate(speeds)
+    ]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("contact", "speeds", "press"),
+    [
+        (12.4, (0.5, 2.0, 10.0, 30.0), {"step": 0.01}),
+        (4.1, (10.0, 1.0, 3.0), {"eta": 0.012, "noise": 0.001}),
+        (7.0, (2.0, 1.0), {"eta": 0.012, "power": 1.5, "step": 0.01}),
+        (20.0, (5.0, 0.5, 2.0, 1.0, 20.0), {"eta": 0.0, "power": 2.0, "noise": 0.005}),
+    ],
+)
+def test_files_of_a_stage_have_one_contact_within_its_error(contact, speeds, press, way, tmp_path):
+    """Three stated errors: of eight cases none is beyond them but for a chance of 2 %."""
+    files = stage(tmp_path, contact, speeds, way=way, **press)
+    tests = convert(files, ONE).tests
+    (zero,) = {test.zero for test in tests}
+    (sd,) = {test.zero_sd for test in tests}
+    (label,) = {test.contact_stage for test in tests}
+    assert abs(zero - contact) < 3.0 * sd
+    assert sd < 0.08
+    assert float(label) == pytest.approx(way * zero, rel=1e-5)
+    (other,) = {test.zero for test in convert(files[::-1], ONE).tests}
+    assert other == pytest.approx(zero, abs=1e-9)
+
+
+def test_contacts_that_differ_stay_apart_and_are_told_with_the_option(tmp_path):
+    files = stage(tmp_path, 7.0, (0.5, 1.0, 2.0))
+    alone = {test.test: test.zero for test in convert(files, ONE).tests}
+    moved = [
+        written(tmp_path, f"moved_{k}", film_press(speed, 9 + k), 7.6)
+        for k, speed in enumerate((1.0, 2.0))
+    ]
+    found = {test.test: test for test in convert([*moved, *files], ONE).tests}
+    assert {name: found[name].zero for name in alone} == alone  # others do not move them
+    (other,) = {found[path.stem].zero for path in moved}
+    assert abs(other - 7.6) < 3.0 * found["moved_0"].zero_sd
+    assert len({test.contact_stage for test in found.values()}) == 2
+    said = " ".join(found["moved_0"].findings)
+    assert "doubt: the pad's 3 other files have it at 7.0" in said or "at 6.99" in said
+    assert f"--contact {alone['at_1']:.6g}" in said
+    assert not any("doubt" in line for name in alone for line in found[name].findings)
+
+
+def test_a_file_that_begins_at_its_zero_without_force_keeps_it(tmp_path):
+    """Others on the stage show a contact that agrees with the file's zero, or another one."""
+    still = film_press(1.0, 5, approach=0.0)
+    begins = slice(int(np.argmax(still.way > 0.0)) - 1, None)
+    at_once = type(still)(still.time[begins] - still.time[begins][0], still.way[begins],
+                          np.maximum(still.load[begins], 0.0))  # fmt: skip
+    own = written(tmp_path, "own", at_once, 0.0)
+    for contact in (0.0, -0.8):
+        files = stage(tmp_path, contact, (0.5, 1.0, 2.0))
+        test = convert([own, *files], ONE).tests[0]
+        assert test.zero == 0.0
+        assert (test.zero_sd is None) == (contact != 0.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_stated_contact_has_the_files_sign_and_lies_within_the_travel(way, tmp_path):
+    (file,) = stage(tmp_path, 5.0, (2.0,), way=way)
+    (test,) = convert([file], Answers.from_words(contact=f"{way * 5.0}")).tests
+    assert test.zero == 5.0
+    for wrong in (-way * 5.0, way * 9.0, way * 2.0):
+        with pytest.raises(InputError, match="lies outside the travel"):
+            convert([file], Answers.from_words(contact=f"{wrong}"))
+
+
+def test_a_tidy_file_names_the_stage(tmp_path):
+    files = stage(tmp_path, 5.0, (1.0, 4.0))
+    tidy = tmp_path / "tidy.csv"
+    write_tidy(convert(files, ONE), tidy)
+    one, other = read_measurements(tidy).pads[0].tests
+    assert one.contact_stage == other.contact_stage != ""
+    assert one.contact_sd == other.contact_sd
+
+
+@pytest.mark.parametrize(("folder", "contact"), [("film_stage", 12.412), ("one_stage", 7.0)])
+def test_the_kept_stages(folder, contact):
+    files = sorted((SHARED / folder).glob("*.csv"))
+    if not files:
+        pytest.skip(f"{folder} is not here")
+    tests = convert(files, ONE, without_faulty=True).tests
+    (zero,) = {test.zero for test in tests}
+    assert abs(zero - contact) < 2.0 * tests[0].zero_sd
+    assert tests[0].zero_sd < 0.02
