@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,5 +99,5 @@ class JointWhitener(Whitener):
         return axes.T, 1.0 - (1.0 + sizes**2) ** -0.5
 
 
-def _parts(whitener: Whitener) -> dict[str, object]:
+def _parts(whitener: Whitener) -> dict[str, Any]:
     return {field.name: getattr(whitener, field.name) for field in fields(Whitener)}
