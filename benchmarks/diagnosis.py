@@ -13,7 +13,6 @@ PARTS = {  # file and function to part
     ("experiment.py", "prepare"): "motion, phases, noise floor",
     ("search.py", "begin"): "modes of the baseline model",
     ("search.py", "expand_beam"): "neighbours: laws and effects",
-    ("crosschecks.py", "run"): "checks for missed modes",
     ("diagnose.py", "_sample_next"): "evidence by sampling",
     ("summarizing.py", "summarize"): "tests left out, adequacy, vetoes, what cannot be seen",
 }

@@ -21,7 +21,7 @@ from truth import Rig, is_modelled, truths
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import run_search
-from qlvbayes.diagnosis.search import CHECKS, Search
+from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, read_measurements
@@ -73,8 +73,8 @@ def _bundled() -> list[Pad]:
 def _looked_for(some: Pad | BlindStudy, sets: int, twice: bool) -> dict[str, Any]:
     """Return the losses of the hypothesis asked for, by every set and the search; inf if none.
 
-    With them: by how much its log posterior is behind that of the search's likeliest hypothesis,
-    and the search's checks for missed modes. twice: whether another seed is searched from too.
+    With them: by how much its log posterior is behind that of the search's likeliest hypothesis.
+    twice: whether another seed is searched from too.
     """
     experiment = prepare(some if isinstance(some, Pad) else some.pad)
     search = build_search(experiment)
@@ -92,7 +92,6 @@ def _looked_for(some: Pad | BlindStudy, sets: int, twice: bool) -> dict[str, Any
         "losses": [loss for loss, _ in grown],
         "seen": min(seen, default=float("inf")),
         "behind": search.log_posterior(search.best) - best,
-        "checks": {name: vars(one) for name, one in search.checks.items()},
         **own,
     }
 
@@ -181,7 +180,7 @@ def table(found: Sequence[dict], bundled: int, population: Population, origin: O
         for words, some in _groups(found, bundled, population).items()
         if some
     ]
-    return Table(origin, len(found), COLUMNS, rows, [_counted(found), _agreeing(found)])
+    return Table(origin, len(found), COLUMNS, rows, [_agreeing(found)])
 
 
 def _groups(found: Sequence[dict], bundled: int, population: Population) -> dict[str, list[int]]:
@@ -209,17 +208,6 @@ def _row(words: str, pads: list[tuple[Array, bool, float]]) -> list[str]:
         f"{len(pads)} {words}", share(agree, sets), str(whole), share(known, len(pads)),
         str(less), str(len(unseen) - less),
     ]  # fmt: skip
-
-
-def _counted(found: Sequence[dict]) -> str:
-    """Return how often each check was made, failed, and led to a likelier mode."""
-    said = []
-    for name in CHECKS:
-        made, failed, higher = (
-            sum(one["checks"][name][key] for one in found) for key in ("made", "failed", "higher")
-        )
-        said.append(f"{name} made {made} times, failed {failed}, led to a likelier mode {higher}")
-    return f"Checks for missed modes over all searches: {'; '.join(said)}."
 
 
 def _agreeing(found: Sequence[dict]) -> str:

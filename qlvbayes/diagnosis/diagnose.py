@@ -9,7 +9,6 @@ from dataclasses import replace
 from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import described
-from qlvbayes.diagnosis.crosschecks import MissedModeChecks
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.result import EvidenceComparison, Used
 from qlvbayes.diagnosis.search import Report, Search
@@ -118,16 +117,12 @@ def run_search(search: Search) -> None:
     """Run a search to its end.
 
     The beam is expanded until all neighbours of the most probable hypotheses are known. Then the
-    checks look for missed modes; as long as they lead to higher ones, the beam goes on from there.
-    In the end the evidence of the hypotheses that count is sampled.
+    evidence of the hypotheses that count is sampled.
 
     Raises NoFiniteForceError where no draw of the baseline's priors gives finite forces.
     """
     search.begin()
     search.expand_beam()
-    checks = MissedModeChecks(search)
-    while not search.ended_early and checks.run():
-        search.expand_beam()
     sampled: set[Hypothesis] = set()
     while _sample_next(search, sampled):
         pass

@@ -253,18 +253,6 @@ class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_lap
         )
 
 
-class Checked(Part, frozen=True):
-    """Counts of a check for missed modes: how often it was made, failed and led to a higher one."""
-
-    # ``nested`` compares evidences with and without an effect to the effect's posterior at zero.
-    # ``exchanged`` looks for an extra relaxation mode that has the part of one of the law's own.
-    # ``draws`` optimises the most probable hypotheses from other draws of the relaxation.
-    check: str
-    made: int
-    failed: int
-    higher: int
-
-
 class RemainingStructure(
     Part,
     frozen=True,
@@ -377,8 +365,6 @@ class DiagnosisResult(
         Tests that would separate the members of the group.
     nested
         Evidences by nested sampling, where it was asked for.
-    checks
-        Counts of the checks for missed modes.
     discrepancy
         Most probable size of what the selected hypothesis leaves.
     scatter
@@ -418,7 +404,6 @@ class DiagnosisResult(
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
     nested: tuple[EvidenceComparison, ...] = ()
-    checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     scatter: dict[str, float] = msgspec.field(default_factory=dict)
     tolerance: float | None = None

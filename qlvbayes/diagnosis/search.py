@@ -4,8 +4,10 @@ A neighbour has another law, one effect more, one effect less, or an effect in a
 the most probable hypothesis of all leaves structure, its effects are also replaced by others.
 Each is optimised from several starts: the constants that it shares with the hypothesis it came from
 are kept, a new effect starts small and large, and its shape starts at several quantiles of its
-prior. The best few are also optimised from relaxations that are drawn anew. The neighbours of one
-hypothesis are optimised in parallel. The state of a search may be read at any time.
+prior. An extra mode of the relaxation may have taken the part of one that the law has: without it,
+each mode of the spectrum is left out in turn. The best few are also optimised from relaxations that
+are drawn anew. The neighbours of one hypothesis are optimised in parallel. The state of a search
+may be read at any time.
 """
 
 from __future__ import annotations
@@ -24,24 +26,12 @@ from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes, redrawn_modes
-from qlvbayes.inference.starts import starts, transferred
+from qlvbayes.inference.starts import exchanged_starts, starts, transferred
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.io.runtime import cores
 
 Report = Callable[[str], None]
 Item = TypeVar("Item")
-
-CHECKS = ("nested", "exchanged", "draws")
-"""Names of the checks for missed modes (`crosschecks`)."""
-
-
-@dataclass
-class CheckCount:
-    """Counts of a check for missed modes: made, failed, and led to a higher mode."""
-
-    made: int = 0
-    failed: int = 0
-    higher: int = 0
 
 
 @dataclass(eq=False)
@@ -58,9 +48,6 @@ class Search:
     seed: int = 0
     # up to ``settings.breadth.modes`` candidates of each hypothesis, the highest first
     modes: dict[Hypothesis, list[Candidate]] = field(default_factory=dict)
-    checks: dict[str, CheckCount] = field(
-        default_factory=lambda: {name: CheckCount() for name in CHECKS}
-    )
     _tried: set[tuple[Hypothesis, Hypothesis]] = field(default_factory=set)
     _redrawn: set[Hypothesis] = field(default_factory=set)
     _expanded: set[Hypothesis] = field(default_factory=set)
@@ -198,11 +185,6 @@ class Search:
         new.sort(key=self.log_posterior, reverse=True)
         self.redraw(new[: self.breadth.redrawn])
 
-    def reopen(self, hypotheses: Sequence[Hypothesis]) -> None:
-        """Let hypotheses be expanded once more, as a higher mode of them has become known."""
-        self._expanded.difference_update(hypotheses)
-        self._tried = {(base, one) for base, one in self._tried if base not in hypotheses}
-
     def neighbours(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Return the hypotheses with another law, or one candidate effect more or less.
 
@@ -323,13 +305,17 @@ class Search:
                 known_law = bare[0].point
                 some.append(transferred(known_law.own, known_law.theta, own, some[0]))
             some = [own.within(start) for start in some]
+        exchanged = exchanged_starts(self.density.space, point, hypothesis)
         if known or len(some) == 1:  # it was evaluated as the neighbour of another one before
-            new = find_modes(self.density, hypothesis, some[0], lowest, known)
+            new: list[Mode] = []
+            for start in (some[0], *exchanged):
+                new += find_modes(self.density, hypothesis, start, lowest, [*known, *new])
         else:
+            some += exchanged
             new = modes(self.density, hypothesis, some, lowest, self.breadth.followed)
         return self.candidates_from(hypothesis, new)
 
-    def redraw(self, some: Sequence[Hypothesis], seed: int = 0) -> None:
+    def redraw(self, some: Sequence[Hypothesis]) -> None:
         """Look for more modes of hypotheses in parallel, from other draws of the relaxation."""
         self._redrawn.update(some)
 
@@ -337,7 +323,7 @@ class Search:
             known = [one.mode for one in self.modes[hypothesis]]
             known.sort(key=lambda mode: mode.loss)
             draws = self.breadth.draws
-            new = redrawn_modes(self.density, hypothesis, known, self.seed + seed, draws)
+            new = redrawn_modes(self.density, hypothesis, known, self.seed, draws)
             return self.candidates_from(hypothesis, [mode for mode in new if mode not in known])
 
         for hypothesis, new in zip(some, in_parallel(look, some), strict=True):

@@ -43,18 +43,10 @@ class Breadth:
     modes: int = 4  # largest number of modes of a hypothesis that are kept
     # loss behind the best mode beyond which another mode adds nothing to the evidence (e^-15)
     far: float = 15.0
-    # distance behind the best log posterior within which a hypothesis is checked for missed modes
-    # and its evidence is sampled (e^-7: a thousandth)
+    # distance behind the best log posterior within which the evidence of a hypothesis is sampled
+    # (e^-7: a thousandth)
     rival: float = 7.0
     sampled: int = 12  # largest number of hypotheses whose evidence is sampled
-    # distance of an amplitude from zero, in sds, within which its density at zero is known, so that
-    # a Savage-Dickey ratio is
-    reached: float = 3.0
-    # log posterior by which a hypothesis must rise for a check to have led to a higher mode
-    higher: float = 0.5
-    # difference by which two ways to a log Bayes factor may differ (e^3 = 20, which is more than
-    # the error of a normal approximation about a mode)
-    apart: float = 3.0
 
 
 @dataclass(frozen=True)

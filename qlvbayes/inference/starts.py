@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from qlvbayes.inference.density import Point
+from qlvbayes.inference.forward.fixedrates import relaxation_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
-from qlvbayes.inference.forward.space import Space
-from qlvbayes.inference.projection import projected
+from qlvbayes.inference.forward.space import FEW, Space
+from qlvbayes.inference.projection import projected, with_curve
 from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
 
@@ -113,6 +114,28 @@ def starts(
             for theta in _small_and_large(space, point, parameters, effect, start, count, sizes)
         ]
     return thetas
+
+
+def exchanged_starts(space: Space, point: Point, hypothesis: Hypothesis) -> list[Array]:
+    """Return thetas (F,) of a hypothesis without an effect that a mode has on the relaxation.
+
+    Each leaves out another mode of the fuller spectrum, as the effect may have taken the part of
+    one that the law has. There are none for other hypotheses, and of long spectra, whose modes are
+    not independent.
+    """
+    fuller, starts_without = point.own.hypothesis, []
+    if all(fuller.less(name) != hypothesis for name in space.relaxing & fuller.effects):
+        return []
+    fractions, rates = space.spectra(fuller, point.constants[None])
+    if rates.shape[1] > FEW + 1:
+        return []
+    theta = transferred(point.own, point.theta, space.parameters(hypothesis))
+    for k in range(rates.shape[1]):
+        rest = np.delete(fractions, k + 1, axis=1)
+        rest /= rest.sum(axis=1, keepdims=True)
+        goal = relaxation_of(rest, np.delete(rates, k, axis=1), space.curve_grids[1])[0]
+        starts_without.append(with_curve(space, hypothesis, "relaxation", goal, theta))
+    return starts_without
 
 
 def _small_and_large(

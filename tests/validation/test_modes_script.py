@@ -5,7 +5,6 @@ from modes import table
 from results import Origin
 
 ORIGIN = Origin("command", "today", "commit", "machine")
-CHECK = {"made": 1, "failed": 0, "higher": 0}
 
 
 def pad(index, name, losses, seen, behind):
@@ -16,7 +15,6 @@ def pad(index, name, losses, seen, behind):
         "losses": losses,
         "seen": seen,
         "behind": behind,
-        "checks": dict.fromkeys(("nested", "exchanged", "draws"), CHECK),
     }
 
 
@@ -32,4 +30,3 @@ def test_what_is_counted():
     assert "| 1 bundled | 3 of 3 (100%) | 1 | 1 of 1 (100%) | 0 | 0 |" in text
     assert "| 3 simulated, the true hypothesis | 8 of 9 (89%) | 2 | 1 of 3 (33%) | 1 | 1 |" in text
     assert "| 1 simulated with an outsider, the likeliest hypothesis | 3 of 3 (100%)" in text
-    assert "nested made 5 times, failed 0" in text

@@ -24,7 +24,6 @@ from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
     Base,
-    Checked,
     DiagnosisResult,
     Refused,
     Suggestion,
@@ -64,7 +63,6 @@ def summarize(
         units=experiment.units,
         noise=experiment.floor.total,
         refused=tuple(Refused(name, why) for name, why in refused),
-        checks=tuple(Checked(name, **vars(one)) for name, one in search.checks.items()),
         **_decided(outcome, decision, selected),
         ranking=ranking,
         **_left(outcome, selected, path),
