@@ -34,7 +34,6 @@ from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import sample
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.optimum import starting_point
-from qlvbayes.inference.nested_sampling import nested_evidence
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots.style import DOUBLE, canvas, colours, style
 
@@ -243,11 +242,6 @@ def likelihood_of(p):
     return of
 
 
-def our_evidence(p):
-    found = nested_evidence(p.posterior, p.seed, live=max(20, int(80 * p.share)))
-    return found.log_evidence, found.error
-
-
 def laplace(p):
     """From the mode, which is found again: it is part of the time."""
     rng = np.random.default_rng(p.seed)
@@ -284,7 +278,6 @@ def dynesty_evidence(p):
 
 
 EVIDENCES = {
-    "qlvbayes, nested (blackjax's slice sampler)": our_evidence,
     "qlvbayes, Laplace": laplace,
     "nautilus": nautilus_evidence,
     "dynesty, random slices": dynesty_evidence,

@@ -45,7 +45,7 @@ from qlvbayes.simulate import (
     simulate_file,
 )
 
-_EVIDENCE, _METHOD = "laplace", "emcee"  # the defaults of the commands
+_METHOD = "emcee"  # the default of the commands
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _NICE = 5  # added to the niceness, as the page's own worker has priority
 NOTHING = 0.1  # share of pads in which nothing is hidden
@@ -150,11 +150,10 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     out = Path(spec["out"])
     thresholds = DiagnosisSettings()
     diagnose_into(
-        out / name, study.pad(name), choices, evidence=_EVIDENCE, thresholds=thresholds,
-        seed=0, watcher=watcher,
-    )  # fmt: skip
+        out / name, study.pad(name), choices, thresholds=thresholds, seed=0, watcher=watcher
+    )
     command = _command("diagnose", spec, choices, [name])
-    settings = {"evidence": _EVIDENCE, "thresholds": thresholds}
+    settings = {"thresholds": thresholds}
     record_run(out, "diagnose", command, study, choices, 0, settings)
     return {}
 

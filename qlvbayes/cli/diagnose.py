@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.groups import with_groups
@@ -20,14 +18,10 @@ from qlvbayes.cli.options import (
     WorkOptions,
     thresholds,
 )
-from qlvbayes.io.catalogue import EVIDENCES
-from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
     from qlvbayes.pipeline.diagnosing import DiagnoseStep
-
-Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
 
 @with_groups
@@ -38,7 +32,6 @@ def diagnose_command(
     *,
     model: ModelOptions,
     work: WorkOptions,
-    evidence: Evidence = "laplace",
     tolerance: Tolerance = "1%",
     style: Style = None,
     seed: Seed = 0,
@@ -55,19 +48,18 @@ def diagnose_command(
     from qlvbayes.pipeline.diagnosing import DiagnoseStep
     from qlvbayes.pipeline.many import raise_failed, run_step
 
-    check_known("evidence", evidence, EVIDENCES)
     settings = thresholds(tolerance)
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(file, pads, work.part)
     choices = model.choices_of(source)
 
     def step(study: Measurements) -> DiagnoseStep:
-        return DiagnoseStep(model.choices(study), evidence, seed, settings)
+        return DiagnoseStep(model.choices(study), seed, settings)
 
     with work.engine() as engine:
         done = run_step(output, source, step, engine=engine, watcher=watcher)
     if done.pads:
-        run_settings = {"evidence": evidence, "thresholds": settings}
+        run_settings = {"thresholds": settings}
         record_run(output, "diagnose", command_line(), source.whole, choices, seed, run_settings)
     show_done(output, done, "diagnosis.json", as_json=as_json)
     raise_failed([done])

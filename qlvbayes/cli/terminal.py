@@ -127,8 +127,6 @@ class Terminal(Watcher):
         for paragraph in words:
             out.print(paragraph, soft_wrap=not out.is_terminal)
             out.print()
-        for warning in result.warnings:
-            err.print(f"warning: {warning}")
         show_figures(figures)
 
 

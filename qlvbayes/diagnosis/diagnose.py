@@ -10,7 +10,7 @@ from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.result import EvidenceComparison, Used
+from qlvbayes.diagnosis.result import Used
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
@@ -18,10 +18,8 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.summarizing import summarize
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.evidence import evidence as laplace_evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
-from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
@@ -34,15 +32,13 @@ def diagnose(
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
     settings: DiagnosisSettings | None = None,
-    evidence: str = "laplace",
     seed: int = 0,
     report: Report = lambda text: None,
     watch: Callable[[SearchProgress], None] = lambda progress: None,
 ) -> Diagnosis:
     """Return what the model of ``choices`` lacks, a law or effects, from all tests.
 
-    The evidence ``nested`` also samples the baseline model and the two best hypotheses by nested
-    sampling, a minute or two each. ``report`` takes a line of text before each step that takes a
+    ``report`` takes a line of text before each step that takes a
     while, ``watch`` what is known by then; it may raise `StopSearch` to end the search there.
     """
     choices = choices or Choices()
@@ -60,57 +56,25 @@ def diagnose(
         with suppress(StopSearch):
             run_search(search)
         summary = summarize(experiment, search, kinds, choices.bonded, report)
-        sampled = nested_audit(search, seed, report) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
     result = structs.replace(
         summary.result,
-        nested=sampled,
-        warnings=tuple(str(one) for one in sampled if not one.agrees),
         notices=(*experiment.notices, *notices, *summary.result.notices),
-        settings=_used(search, seed, evidence),
+        settings=_used(search, seed),
     )
     return Diagnosis(result, summary.work)
 
 
-def _used(search: Search, seed: int, evidence: str) -> Used:
+def _used(search: Search, seed: int) -> Used:
     """Return the settings of a search, with the laws and effects that it had to choose from."""
     space = search.density.space
     return Used(
         thresholds=search.settings,
         seed=seed,
-        evidence=evidence,
         elastic=tuple(space.elastic),
         relaxation=tuple(space.relaxation),
         effects=tuple(space.effects),
     )
-
-
-def nested_audit(
-    search: Search, seed: int = 0, report: Report = lambda text: None, best: int = 2
-) -> tuple[EvidenceComparison, ...]:
-    """Return evidences by nested sampling next to Laplace's approximation of the same.
-
-    The baseline model and the ``best`` most probable hypotheses are sampled under the noise floor
-    alone, without a discrepancy, which takes a minute or two each. Laplace's approximation is about
-    the mode under that noise, which may lie elsewhere than the mode with a discrepancy.
-    """
-    # imported here, as few ask for it and blackjax is slow to import
-    from qlvbayes.inference.nested_sampling import nested_evidence
-
-    order = sorted(search.modes, key=search.log_posterior, reverse=True)
-    alone = search.density.of_noise_alone
-    audit = []
-    for hypothesis in dict.fromkeys([search.baseline, *order[:best]]):
-        name = described(hypothesis)
-        report(f"nested sampling: {name}")
-        point = search.modes[hypothesis][0].point
-        mode = find_mode(alone, hypothesis, point.theta)
-        assert mode is not None  # it is finite at the mode with a discrepancy
-        laplace = laplace_evidence(alone, mode.point).log + alone.log_constant
-        sampled = nested_evidence(point.own.posterior, seed)
-        agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
-        audit.append(EvidenceComparison(name, laplace, sampled.log_evidence, sampled.error, agrees))
-    return tuple(audit)
 
 
 def run_search(search: Search) -> None:

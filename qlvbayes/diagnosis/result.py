@@ -235,24 +235,6 @@ class Suggestion(Part, frozen=True, rename={"evidence": "expected_2_ln_bayes_fac
     evidence: float
 
 
-class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
-    """The log evidence of one hypothesis without a discrepancy, computed in two ways."""
-
-    effect: str
-    laplace: float  # log evidence by Laplace's approximation
-    # log_evidence, error: log evidence by nested sampling, with its sd
-    log_evidence: float
-    error: float
-    agrees: bool  # whether both agree within three errors and half a unit
-
-    def __str__(self) -> str:
-        """Return both values in words."""
-        return (
-            f"{self.effect}: log evidence {self.laplace:.1f} by Laplace, {self.log_evidence:.1f} "
-            f"+- {self.error:.1f} by nested sampling"
-        )
-
-
 class RemainingStructure(
     Part,
     frozen=True,
@@ -289,9 +271,7 @@ class Used(Part, frozen=True):
     """The settings with which a diagnosis was made."""
 
     thresholds: DiagnosisSettings  # prior probabilities and thresholds
-    # seed, evidence: seed of nested sampling, and whether that was asked for
-    seed: int
-    evidence: str
+    seed: int  # of the draws of priors from which hypotheses are optimised
     # elastic, relaxation, effects: names of all laws and effects that were searched
     elastic: tuple[str, ...]
     relaxation: tuple[str, ...]
@@ -357,14 +337,10 @@ class DiagnosisResult(
         Groups of effects that look alike in these tests.
     refused
         Effects that are probable, and why they are not named.
-    warnings
-        Where two ways to the evidence disagree.
     notices
         What one should know of the tests.
     suggestions
         Tests that would separate the members of the group.
-    nested
-        Evidences by nested sampling, where it was asked for.
     discrepancy
         Most probable size of what the selected hypothesis leaves.
     scatter
@@ -400,10 +376,8 @@ class DiagnosisResult(
     biases: tuple[ParameterBias, ...] = ()
     coincident: tuple[tuple[str, ...], ...] = ()
     refused: tuple[Refused, ...] = ()
-    warnings: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
-    nested: tuple[EvidenceComparison, ...] = ()
     discrepancy: float = 0.0
     scatter: dict[str, float] = msgspec.field(default_factory=dict)
     tolerance: float | None = None

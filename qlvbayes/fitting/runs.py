@@ -21,7 +21,6 @@ _LIBRARIES = (
     "jaxlib",
     "equinox",
     "emcee",
-    "blackjax",
     "numpy",
     "scipy",
     "arviz",

@@ -139,11 +139,6 @@ class Density:
         """
         return self._without_discrepancy(self.whitener.with_independent_noise(self.whitener.sds))
 
-    @cached_property
-    def of_noise_alone(self) -> Density:
-        """Return the density under the noise floor, without discrepancy."""
-        return self._without_discrepancy(self.whitener)
-
     def _without_discrepancy(self, whitener: Whitener) -> Density:
         return Density(self.space, whitener, Discrepancy.none(whitener, self.discrepancy.peak))
 

@@ -40,8 +40,6 @@ SAMPLERS = {"emcee": "fitting.ensemble.sample"}
 """Functions that sample the posterior of constants."""
 METHODS = (*SAMPLERS, "least-squares", "two-step")
 """Ways to the constants."""
-EVIDENCES = ("laplace", "nested")
-"""Ways to the evidence."""
 TARGETS = {
     "c": "use.exports.c_header.CHeader",
     "fmu": "use.exports.fmu.Fmu",

@@ -28,7 +28,6 @@ class DiagnoseStep:
     reads: ClassVar[tuple[str, ...]] = ()
 
     choices: Choices
-    evidence: str
     seed: int
     thresholds: DiagnosisSettings
 
@@ -38,7 +37,6 @@ class DiagnoseStep:
             folder,
             study.pads[0],
             self.choices,
-            evidence=self.evidence,
             seed=self.seed,
             watcher=watcher,
             thresholds=self.thresholds,
@@ -59,7 +57,6 @@ def diagnose_into(
     pad: Pad,
     choices: Choices,
     *,
-    evidence: str,
     seed: int,
     watcher: Watcher,
     thresholds: DiagnosisSettings | None = None,
@@ -80,7 +77,6 @@ def diagnose_into(
             choices,
             kinds=choices.candidates,
             settings=thresholds,
-            evidence=evidence,
             seed=seed,
             report=report,
             watch=lambda progress: watcher.searched(pad.name, progress),

@@ -37,7 +37,7 @@ from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
 
 ChoicesOf = Callable[[Measurements], Choices]
-_METHOD, _EVIDENCE = "emcee", "laplace"
+_METHOD = "emcee"
 
 
 def run_study(
@@ -302,7 +302,7 @@ class BaselineStep:
 
     @property
     def _diagnosis(self) -> DiagnoseStep:
-        return DiagnoseStep(self.choices, _EVIDENCE, self.settings.seed, self.thresholds)
+        return DiagnoseStep(self.choices, self.settings.seed, self.thresholds)
 
 
 @dataclass(frozen=True)

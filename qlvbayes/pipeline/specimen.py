@@ -124,7 +124,6 @@ class Specimen:
         *,
         kinds: Sequence[type[AbstractEffect]] | None = None,
         thresholds: DiagnosisSettings | None = None,
-        evidence: str = "laplace",
         seed: int = 0,
         report: Report = lambda text: None,
         watch: Callable[[SearchProgress], None] = lambda progress: None,
@@ -139,11 +138,8 @@ class Specimen:
             Effects that are looked for: by default the list, and those of the choices' own file.
         thresholds
             Prior probabilities, and the probability that a verdict needs.
-        evidence
-            ``nested`` samples the plain model and the two best hypotheses again by nested
-            sampling, a minute or two each.
         seed
-            Seed of nested sampling.
+            Seed of the draws of priors from which hypotheses are optimised.
         report
             Function that receives a line on each step of the search.
         watch
@@ -161,7 +157,6 @@ class Specimen:
             choices,
             kinds=choices.candidates if kinds is None else kinds,
             settings=thresholds,
-            evidence=evidence,
             seed=seed,
             report=report,
             watch=watch,
@@ -249,7 +244,7 @@ class Study(Measurements):
         client
             Client or executor that does the work, as of `fit`.
         **options
-            ``kinds``, ``thresholds``, ``evidence`` and ``seed`` of `Specimen.diagnose`.
+            ``kinds``, ``thresholds`` and ``seed`` of `Specimen.diagnose`.
 
         Raises
         ------

@@ -50,7 +50,6 @@ class Explaining:
     ranking: tuple[HypothesisRow, ...]
     more: int
     suggestions: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...]
     force_unit: str
 
 
@@ -70,7 +69,6 @@ def explaining_of(pad: PadResults) -> Explaining | None:
         tuple(_hypothesis(ranked, named) for ranked in diagnosis.ranking[:_MOST]),
         max(0, len(diagnosis.ranking) - _MOST),
         tuple((one.test, number(one.evidence, 2)) for one in diagnosis.suggestions),
-        diagnosis.warnings,
         pad.force_unit,
     )
 

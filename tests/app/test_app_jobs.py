@@ -104,10 +104,7 @@ def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
     job.diagnosed(spec, None)
     job.sampled(spec, None)
     runs = RunLog.read(tmp_path / "run.json").runs
-    assert runs["diagnose"].settings == {
-        "evidence": "laplace",
-        "thresholds": asdict(DiagnosisSettings()),
-    }
+    assert runs["diagnose"].settings == {"thresholds": asdict(DiagnosisSettings())}
     assert passed["diagnose_into"]["thresholds"] == DiagnosisSettings()
     sampler = asdict(Settings())
     assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}

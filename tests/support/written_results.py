@@ -182,12 +182,10 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
         "ranking": ranking,
         "not_identifiable": [{"effect": "adhesion", "reason": "no test retracts"}],
         "suggestions": [],
-        "warnings": [],
         "worst": {"test": f"{pad}-fast", "phase": "ramp", "rmse_N": 0.19, "bias_N": 0.17},
         "settings": {
             "thresholds": asdict(DiagnosisSettings()),
             "seed": 7,
-            "evidence": "laplace",
             "elastic": ["exponential"],
             "relaxation": ["prony:2"],
             "effects": ["viscous_drag", "friction", "inertia"],
