@@ -33,7 +33,6 @@ NOISES = {
     "floor": "model.noise.Floor",
     "correlated": "model.noise.Correlated",
     "white": "model.noise.White",
-    "student-t": "model.noise.StudentT",
 }
 """Noise models, ordered likewise; the first is the default."""
 SAMPLERS = {"emcee": "fitting.ensemble.sample"}

@@ -23,7 +23,7 @@ from qlvbayes.motion.record import Blocks
 from qlvbayes.priors import HalfNormal
 from qlvbayes.priors.distributions import Constant
 
-__all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
+__all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "White"]
 
 
 class AbstractNoise(eqx.Module):
@@ -131,59 +131,6 @@ class White(AbstractGaussian):
     def sample_sd(self, samples: Blocks) -> Array:
         """Return white times weight (N)."""
         return self.white * samples.weight
-
-
-class StudentT(AbstractNoise):
-    """Independent Student-t noise of every sample, for records with outliers.
-
-    A block average is taken as Student-t of scale scale/sqrt(count) with the same nu, which keeps
-    its tails.
-
-    Parameters
-    ----------
-    scale
-        Scale of one sample (N).
-    nu
-        Degrees of freedom.
-    """
-
-    scale: Constant
-    nu: Constant
-    name: ClassVar[str] = "student-t"
-    units: ClassVar[dict[str, str]] = {"scale": "force", "nu": "count"}
-    meanings: ClassVar[dict[str, str]] = {
-        "scale": "width of the noise",
-        "nu": "degrees of freedom: the fewer, the more outliers",
-    }
-    words: ClassVar[str] = (
-        "independent Student-t noise, whose scale and degrees of freedom are fitted too"
-    )
-
-    @classmethod
-    def default(cls, scales: Scales) -> Self:
-        """Return the noise with a scale near the measured noise, and nu near 8.
-
-        One sd of each prior is a factor of 3.
-        """
-        return cls(lognormal(scales.noise, 3.0), lognormal(8.0, 3.0))
-
-    def _scale(self, blocks: Blocks) -> Array:
-        return self.scale * blocks.weight / jnp.sqrt(blocks.count)
-
-    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """Return the (B,) log densities of Student-t noise of scale scale/sqrt(count)."""
-        density = jss.t.logpdf(residual, self.nu, 0.0, self._scale(blocks))
-        return jnp.where(blocks.real, density, 0.0)
-
-    def draw(self, key: Array, blocks: Blocks) -> Array:
-        """Return Student-t noise (B,) of scale scale/sqrt(count)."""
-        return self._scale(blocks) * jax.random.t(key, self.nu, blocks.force.shape)
-
-    def sample_sd(self, samples: Blocks) -> Array:
-        """Return scale weight sqrt(nu/(nu - 2)), without the root where nu <= 2 has no variance."""
-        heavy = self.nu <= 2.0
-        ratio = jnp.where(heavy, 1.0, self.nu / jnp.where(heavy, 1.0, self.nu - 2.0))
-        return self.scale * samples.weight * jnp.sqrt(ratio)
 
 
 class Correlated(AbstractGaussian):

@@ -237,15 +237,11 @@ def test_noise_law_and_modes_make_the_constants(tmp_path):
     assert found["v[1]"]["median"] > found["v[2]"]["median"] > found["v[3]"]["median"]
 
 
-@pytest.mark.parametrize(
-    ("kind", "names"),
-    [("white", ["noise.white"]), ("student-t", ["noise.scale", "noise.nu"])],
-)
 @pytest.mark.slow
-def test_noise_option_chooses_the_noise(tmp_path, kind, names):
-    status, out, _ = call("fit", PADS, "-o", tmp_path, *BRIEF, "--noise", kind, "--json")
+def test_noise_option_chooses_the_noise(tmp_path):
+    status, out, _ = call("fit", PADS, "-o", tmp_path, *BRIEF, "--noise", "white", "--json")
     assert status == 0
-    assert list(json.loads(out)[0]["parameters"])[len(CONSTANTS) :] == names
+    assert list(json.loads(out)[0]["parameters"])[len(CONSTANTS) :] == ["noise.white"]
 
 
 @pytest.mark.slow

@@ -203,11 +203,6 @@ def test_an_added_effect_is_part_of_the_plain_model(drag):
     assert "viscous_drag" not in [ranked.effect for ranked in with_it.result.ranking]
 
 
-def test_student_noise_is_refused():
-    with pytest.raises(InputError, match="does not know the noise model student-t"):
-        diagnose(measured(rates=(20.0,)), Choices(noise="student-t"))
-
-
 def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         diagnose(measured(rates=(20.0,)), Choices(priors=("b=lognormal(9,0.1)",)))

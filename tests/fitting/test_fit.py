@@ -204,13 +204,6 @@ def test_white_noise_in_the_likelihood_makes_sds_too_small():
     assert abs(white["c[0]"].mean - honest["c[0]"].mean) < 5.0 * honest["c[0]"].sd
 
 
-def test_student_t_noise_runs():
-    found = fitted(Choices(noise="student-t"), settings=SHORT)
-    assert found.names[-2:] == ["noise.scale", "noise.nu"]
-    assert found.units[-2:] == ["N", "1"]
-    assert mean(found, "noise.scale") == pytest.approx(0.009, rel=0.5)
-
-
 @pytest.mark.slow
 def test_a_wrong_law_leaves_a_larger_residual():
     exact = fitted(method="least-squares").facts["residual_sd"]
@@ -265,4 +258,4 @@ def test_an_unknown_method_is_refused():
 @pytest.mark.parametrize("method", ["least-squares", "two-step"])
 def test_least_squares_refuses_a_noise_model_that_it_would_not_use(method):
     with pytest.raises(InputError, match="takes no noise model"):
-        fit_pad(experiment(), Choices(noise="student-t"), method=method)
+        fit_pad(experiment(), Choices(noise="correlated"), method=method)

@@ -63,8 +63,8 @@ def test_attributes_of_our_names_are_heeded(tmp_path):
         (["m", "c[0]", "c[1]", "v[1]"], ("linear", 1, "white", ())),
         (["m", "n", "c[0]", "c[1]", "v[1]", "noise.white"], ("hertz", 1, "white", ())),
         (
-            ["m", "b", "c[0]", "c[1]", "v[1]", "noise.scale", "noise.nu", "viscous_drag.eta"],
-            ("exponential", 1, "student-t", ("viscous_drag",)),
+            ["m", "b", "c[0]", "c[1]", "v[1]", "noise.white", "viscous_drag.eta"],
+            ("exponential", 1, "white", ("viscous_drag",)),
         ),
     ],
 )
