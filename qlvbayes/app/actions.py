@@ -107,11 +107,7 @@ class Actions:
     def begin(self, session: Session, uploads: list[Path]) -> None:
         """Read files into a session."""
         session.uploads = [str(one) for one in uploads]
-        archives = [one for one in uploads if one.suffix.lower() == ".zip"]
-        if archives:
-            self._later(session, self._unpack(session, archives[0]))
-        else:
-            self._later(session, self._read(session))
+        self._later(session, self._read(session))
 
     async def answer(self, session: Session, answers: dict[str, str]) -> None:
         """Continue with the answers to the questions.
@@ -155,12 +151,6 @@ class Actions:
             {"kind": "deal", "data": str(data), "truth": str(session.truth), "seed": session.seed}
         )
         session.data = str(data)
-        await self._prepare(session)
-
-    async def _unpack(self, session: Session, archive: Path) -> None:
-        unpacked = await self._ask("unpack", folder=str(session.folder), archive=str(archive))
-        session.load()
-        session.data = unpacked["data"]
         await self._prepare(session)
 
     async def _read(self, session: Session) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.app.bench.bench import Bench
 from qlvbayes.app.bench.model import ByHand
-from qlvbayes.app.intake import opened, read_in
+from qlvbayes.app.intake import read_in
 from qlvbayes.app.specimens import pads_by
 from qlvbayes.app.tables import constants_csv, residuals_csv
 from qlvbayes.diagnosis.result import CellError
@@ -141,11 +141,6 @@ def read(folder: str, uploads: list[str], answers: dict[str, str]) -> Answer:
 def specimens(names: list[str], pattern: str) -> Answer:
     """Return the pads that a pattern finds in the names of tests."""
     return {"pads": pads_by(names, pattern)}
-
-
-def unpack(folder: str, archive: str) -> Answer:
-    """Unpack a saved session into a folder."""
-    return opened(Path(folder), Path(archive))
 
 
 def pads(data: str) -> Answer:
@@ -338,7 +333,7 @@ def constants(
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, specimens, unpack, pads, open_pad, warm, measured, catalogue, parameters, curves,
+        read, specimens, pads, open_pad, warm, measured, catalogue, parameters, curves,
         signature, change, held_out, bands, residuals, constants,
     )
 }  # fmt: skip

@@ -8,15 +8,12 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-import stat
-import zipfile
-import zlib
 from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from qlvbayes.app import columns, specimens
-from qlvbayes.app.sessions import ASKED, BENCH, DATA
+from qlvbayes.app.sessions import ASKED, DATA
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import results_folder, write_whole
@@ -28,14 +25,6 @@ from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import column_name
 
-_UNPACKED = 2**29  # most bytes of a saved session: half a GB of chains and figures
-_DAMAGED = (
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError,
-)  # fmt: skip
-_MOST_FILES = 10_000  # of a saved session: a pad has about forty
-_AT_ONCE = 2**20  # bytes
-_KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
-"""Suffixes of files that the commands leave in a folder; other files in an archive are ignored."""
 
 Answer = dict[str, Any]
 
@@ -183,61 +172,3 @@ def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
         line=error.line,
         remedy=plain(error.remedy),
     )
-
-
-def opened(folder: Path, archive: Path) -> Answer:
-    """Unpack a saved session into a folder.
-
-    An InputError is raised where it is none, too large, or damaged.
-    """
-    remedy = "choose a file that the bench has saved"
-    try:
-        with zipfile.ZipFile(archive) as zipped:
-            members = [one for one in zipped.infolist() if _is_ours(one)]
-            size = sum(one.file_size for one in members)
-            if size > _UNPACKED or len(members) > _MOST_FILES:
-                raise InputError("the session is too large", file=archive.name, remedy=remedy)
-            if BENCH not in {one.filename for one in members}:
-                raise InputError("this is no saved session", file=archive.name, remedy=remedy)
-            _check_whole(zipped, members)
-            results_folder(folder)
-            for one in members:
-                target = folder.joinpath(*PurePosixPath(one.filename).parts)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with zipped.open(one) as source, target.open("wb") as sink:
-                    shutil.copyfileobj(source, sink)
-    except (
-        zipfile.BadZipFile,
-        EOFError,
-        OSError,
-        RuntimeError,
-        NotImplementedError,
-        zlib.error,
-    ) as error:
-        raise InputError(
-            "the archive is damaged", file=archive.name, remedy="save the session again"
-        ) from error
-    data = next((folder / name for name in (DATA, f"{DATA}.gz") if (folder / name).is_file()), None)
-    if data is None:
-        raise InputError("the session has no measurements", file=archive.name, remedy=remedy)
-    return {"data": str(data)}
-
-
-def _check_whole(zipped: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo]) -> None:
-    """Raise BadZipFile where an entry is damaged or a file is a folder too; nothing is written."""
-    names = {one.filename for one in members}
-    for one in members:
-        if names & {str(above) for above in PurePosixPath(one.filename).parents}:
-            raise zipfile.BadZipFile(one.filename)
-        with zipped.open(one) as source:
-            while source.read(_AT_ONCE):
-                pass
-
-
-def _is_ours(entry: zipfile.ZipInfo) -> bool:
-    """Return whether an entry is a plain file below the folder, of a kind that commands leave."""
-    path = PurePosixPath(entry.filename)
-    plain = not path.is_absolute() and not any(part in ("..", "") for part in path.parts)
-    no_link = not stat.S_ISLNK(entry.external_attr >> 16)
-    odd = "\\" in entry.filename or ":" in entry.filename or entry.is_dir()
-    return plain and no_link and not odd and path.suffix.lower() in _KINDS

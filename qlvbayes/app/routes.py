@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
-import zipfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
@@ -64,7 +62,6 @@ class Routes:
             ("DELETE", "/api/s/{id}/jobs/{job}", self.cancel),
             ("POST", "/api/s/{id}/jobs/{job}/enough", self.enough),
             ("GET", "/api/s/{id}/comparison", self.comparison),
-            ("GET", "/api/s/{id}/session.zip", self.saved),
             ("GET", "/api/s/{id}/report.html", self.report),
             ("GET", "/api/s/{id}/figures", self.figures),
             ("POST", "/api/s/{id}/pads/{pad}/open", self.open_pad),
@@ -287,14 +284,6 @@ class Routes:
         results = [json.loads(file.read_text()) for file in files]
         return JSONResponse({"comparisons": results})
 
-    async def saved(self, request: Request) -> Response:
-        """Return the session as one file."""
-        session = self._session(request)
-        session.save()
-        content = await run_in_threadpool(_zipped, session.folder)
-        name = f"{Path(session.name).stem or 'session'}.zip"
-        return _attached(content, name, "application/zip")
-
     async def report(self, request: Request) -> Response:
         """Return the report, written anew where there is a newer result."""
         session = self._session(request)
@@ -404,17 +393,6 @@ def _attached(content: bytes, name: str, kind: str) -> Response:
     return Response(
         content, media_type=kind, headers={"content-disposition": f'attachment; filename="{plain}"'}
     )
-
-
-def _zipped(folder: Path) -> bytes:
-    """Return a folder's files as a zip, without chains and files that are being written."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in sorted(folder.rglob("*")):
-            name = file.relative_to(folder)
-            if file.is_file() and file.suffix != ".part" and "chain" not in name.parts:
-                archive.write(file, name.as_posix())
-    return out.getvalue()
 
 
 def safe_name(name: str) -> str:

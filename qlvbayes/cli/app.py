@@ -23,10 +23,7 @@ _NEEDED = ("starlette", "uvicorn", "python_multipart")
 def app_command(
     file: Annotated[
         Path | None,
-        typer.Argument(
-            help="Measurements, a folder of results, or a saved session (.zip).",
-            show_default=False,
-        ),
+        typer.Argument(help="Measurements, or a folder of results.", show_default=False),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 takes a free one.")] = 0,
     host: Annotated[

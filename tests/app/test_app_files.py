@@ -1,15 +1,13 @@
-"""Check what is dropped onto the bench: files of any kind, and sessions saved before."""
+"""Check what is dropped onto the bench: files of any kind."""
 
 import json
 import shlex
-import stat
-import zipfile
 
 import pytest
 from support.endtoend import call
 from support.machine_files import workbook
 
-from qlvbayes.app.intake import opened, read_in
+from qlvbayes.app.intake import read_in
 from qlvbayes.app.job import write_pad
 from qlvbayes.app.scripts import commands, script
 from qlvbayes.app.sessions import BenchPad, HistoryState, Session
@@ -203,79 +201,6 @@ def test_what_holds_no_table_is_told(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"^other\.csv"):
         read_in(tmp_path / "session", [file], {})
-
-
-def packed(path, **files):
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return path
-
-
-def test_a_saved_session_is_unpacked_and_nothing_beside_it(tmp_path):
-    files = {
-        "bench.json": "{}", "data.csv": TIDY, "C/summary.json": "{}",
-        "../outside.json": "{}", "/tmp/absolute.json": "{}", "run.py": "1/0", "C/..\\x.json": "{}",
-    }  # fmt: skip
-    archive = packed(tmp_path / "saved.zip", **files)
-    found = opened(tmp_path / "inner" / "session", archive)
-    there = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
-    inner = {f"inner/session/{name}" for name in ("bench.json", "data.csv", "C/summary.json")}
-    assert there == {"saved.zip", *inner}
-    assert found["data"].endswith("data.csv")
-
-
-def test_what_is_no_saved_session_is_told(tmp_path):
-    with pytest.raises(InputError, match="no saved session"):
-        opened(tmp_path / "session", packed(tmp_path / "other.zip", **{"data.csv": TIDY}))
-    with pytest.raises(InputError, match="no measurements"):
-        opened(tmp_path / "session", packed(tmp_path / "empty.zip", **{"bench.json": "{}"}))
-    whole = packed(tmp_path / "cut.zip", **{"bench.json": "{}", "data.csv": TIDY}).read_bytes()
-    (tmp_path / "cut.zip").write_bytes(whole[:-30])
-    with pytest.raises(InputError, match="damaged"):
-        opened(tmp_path / "session", tmp_path / "cut.zip")
-
-
-def test_a_damaged_session_leaves_nothing(tmp_path):
-    archive = packed(tmp_path / "saved.zip", **{"bench.json": "{}", "data.csv": TIDY})
-    content = archive.read_bytes()
-    middle = content.index(b"displacement")
-    archive.write_bytes(content[:middle] + b"X" + content[middle + 1 :])
-    with pytest.raises(InputError, match="damaged"):
-        opened(tmp_path / "session", archive)
-    clashing = {"bench.json": "{}", "data.csv": TIDY, "a.csv": "", "a.csv/b.csv": ""}
-    with pytest.raises(InputError, match="damaged"):
-        opened(tmp_path / "session", packed(tmp_path / "clash.zip", **clashing))
-    assert not (tmp_path / "session").exists()
-
-
-def test_a_session_that_would_fill_the_disk_is_refused(tmp_path):
-    bomb = tmp_path / "bomb.zip"
-    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("bench.json", "{}")
-        with archive.open("data.csv", "w") as file:
-            for _ in range(2**29 // 2**20 + 1):
-                file.write(bytes(2**20))
-    assert bomb.stat().st_size < 2**20
-    many = {f"{k}.json": "" for k in range(10_001)} | {"bench.json": "{}", "data.csv": TIDY}
-    for archive in (bomb, packed(tmp_path / "many.zip", **many)):
-        with pytest.raises(InputError, match="too large"):
-            opened(tmp_path / "session", archive)
-    assert not (tmp_path / "session").exists()
-
-
-def test_a_link_in_a_session_is_not_followed(tmp_path):
-    secret = tmp_path / "secret.csv"
-    secret.write_text("mine")
-    archive = packed(tmp_path / "saved.zip", **{"bench.json": "{}", "data.csv": TIDY})
-    link = zipfile.ZipInfo("linked.csv")
-    link.external_attr = (stat.S_IFLNK | 0o777) << 16
-    with zipfile.ZipFile(archive, "a") as more:
-        more.writestr(link, str(secret))
-    opened(tmp_path / "session", archive)
-    names = {path.name for path in (tmp_path / "session").iterdir()}
-    assert names == {"bench.json", "data.csv"}
-    assert secret.read_text() == "mine"
 
 
 def test_a_dealt_pad_repeats_and_does_not_tell(tmp_path):

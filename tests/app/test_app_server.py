@@ -1,7 +1,6 @@
 """The bench's server as a process of its own, asked over HTTP; no browser is needed."""
 
 import contextlib
-import io
 import json
 import os
 import re
@@ -9,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -345,22 +343,6 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     rows = served.client.get(f"{pad}/residuals.csv").text.splitlines()
     left = np.array([float(row.split(",")[-1]) for row in rows[1:]])
     assert np.sqrt(np.mean(left**2)) == pytest.approx(added["rmse"], rel=1e-4)
-
-    archive = served.client.get(f"/api/s/{first}/session.zip").content
-    names = zipfile.ZipFile(io.BytesIO(archive)).namelist()
-    assert {"bench.json", "data.csv"} <= set(names)
-    again = served.upload(("saved.zip", archive))
-    state = served.until(again, "ready", "failed")["pad"]["C"]
-    assert state["history"] == history
-    assert state["current"] == 1
-
-    # nothing was sampled or searched: the command says so, and leaves nothing
-    (tmp_path / "saved.zip").write_bytes(archive)
-    line = [*RUN, "report", str(tmp_path / "saved.zip")]
-    reported = subprocess.run(line, capture_output=True, text=True)
-    assert reported.returncode == 2
-    assert len(reported.stderr.strip().splitlines()) == 1
-    assert [file.name for file in tmp_path.iterdir()] == ["saved.zip"]
 
 
 def test_a_model_that_is_none_is_told(served, opened):

@@ -10,7 +10,6 @@ from urllib.parse import urlsplit
 
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300_000  # ms that a step may take on a machine that does other work too
-SEEN = "localStorage.setItem('qlvbayes-tour-seen', '1')"
 
 
 @dataclass(frozen=True)
@@ -39,13 +38,11 @@ def running_app(sessions, *arguments):
 class Visit:
     """A page of the bench, what it said on the console and what it asked of other machines."""
 
-    def __init__(self, browser, app, width=1400, *, toured=True):
+    def __init__(self, browser, app, width=1400):
         self.context = browser.new_context(
             viewport={"width": width, "height": 900}, accept_downloads=True
         )
         self.context.set_default_timeout(PATIENCE)
-        if toured:
-            self.context.add_init_script(SEEN)
         self.said, self.asked = [], []
         self.home = "http://" + urlsplit(app.address).netloc
         self.page = self.open(app.address)

@@ -1,8 +1,7 @@
-// Two pads next to each other: do they differ, by how much, how sure; and their curves in one chart.
+// Two pads next to each other: do they differ, by how much, how sure.
 import { at, el, refill } from "./element.js";
 import { get } from "./api.js";
-import { Overlay, partner, sideOf } from "./overlay.js";
-import { digits, percent, withUnit } from "./numbers.js";
+import { digits, percent } from "./numbers.js";
 import { trying } from "./say.js";
 
 const ANSWERS = { equal: ["equal", "equal"], greater: ["greater", "differs"], less: ["less", "differs"], "cannot tell": ["cannot tell", "open"] };
@@ -17,40 +16,20 @@ export class ComparisonView {
   /** Built when it is first looked at. */
   open() {
     if (this.host.childElementCount) return;
-    const { pads } = this.store.now, choose = () => this.draw();
+    const { pads } = this.store.now, choose = () => this.showAnswer();
     [this.first, this.second] = [0, 1].map((n) => el("select", { id: `pad-${n}`, onchange: choose }, pads.map((pad, k) => el("option", { value: pad, selected: k === n }, pad))));
-    this.test = el("select", { id: "overlay-test", onchange: () => this.overlay() });
     this.button = el("button", { type: "button", class: "main", onclick: () => this.jobs.start("compare", { pads: this.names() }) }, "Compare them");
-    const chart = el("div", { class: "chart", role: "img", "aria-label": "Force against time of both pads, measured and modelled" });
-    [this.note, this.running, this.answer] = [el("p", { class: "hint" }), el("div", {}), el("div", {})];
+    [this.running, this.answer] = [el("div", {}), el("div", {})];
     this.host.replaceChildren(
       el("h2", {}, "Do two pads differ?"),
-      el("div", { class: "controls" }, el("label", { for: "pad-0" }, "Pad "), this.first, el("label", { for: "pad-1" }, "against "), this.second, el("label", { for: "overlay-test" }, "in "), this.test, this.button),
-      this.running, chart, this.note, this.answer);
-    this.chart = new Overlay(chart);
+      el("div", { class: "controls" }, el("label", { for: "pad-0" }, "Pad "), this.first, el("label", { for: "pad-1" }, "against "), this.second, this.button),
+      this.running, this.answer);
     const { pad } = this.store.now;
     if (pads.includes(pad)) { this.first.value = pad; this.second.value = pads.find((one) => one !== pad); }
-    this.draw();
+    this.showAnswer();
   }
 
   names() { return [this.first.value, this.second.value]; }
-
-  async draw() {
-    const names = this.names();
-    this.showAnswer();
-    this.note.textContent = `Opening pads ${names.join(" and ")} …`;
-    const sides = await trying(() => Promise.all(names.map((pad) => sideOf(this.session, pad))));
-    if (!sides || names.join() !== this.names().join()) return;
-    this.sides = sides;
-    this.test.replaceChildren(...sides[0].tests.map((test) => el("option", { value: test.name }, test.rate == null ? test.name : withUnit(test.rate, sides[0].entry.units.speed))));
-    this.overlay();
-  }
-
-  overlay() {
-    const test = this.sides[0].tests.find((one) => one.name === this.test.value), other = partner(test, this.sides[1].tests);
-    this.note.textContent = other ? `${test.name} next to ${other.name}. Dots are measured, lines are each pad's current model; drag to zoom.` : `Pad ${this.sides[1].pad} has no test at this rate.`;
-    if (other) this.chart.show(this.sides, [test, other]);
-  }
 
   progress() {
     if (!this.running) return;

@@ -1,4 +1,4 @@
-// What can be taken away: the session, the report, figures, residuals, constants, and how to repeat it all.
+// What can be taken away: the report, figures, residuals, constants, and how to repeat it all.
 import { el } from "./element.js";
 import { get } from "./api.js";
 import { plain } from "./numbers.js";
@@ -16,7 +16,6 @@ export function downloads(session, jobs) {
     const [figures, repeat] = await Promise.all([trying(() => get(`${session.path}/figures`)), pad ? trying(() => get(`${session.padPath()}/repeat`)) : null]);
     body.replaceChildren(...[
       el("h3", {}, "All of it"), list([
-        link(`${session.path}/session.zip`, "Session", "one file, which qlvbayes app opens again", true),
         link(`${session.path}/report.html`, "Report", "report.html, in one file", false),
         link(`${session.path}/tidy.csv`, "Measurements", "the tidy CSV that was read", true)]),
       pad && el("h3", {}, `Pad ${pad}, model in the list of errors`), pad && list([

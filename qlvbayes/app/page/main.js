@@ -16,7 +16,6 @@ import { downloads } from "./downloads.js";
 import { start } from "./start.js";
 import { ask } from "./asking.js";
 import { drawSketch, waitFor } from "./wait.js";
-import { firstVisit, tour } from "./tour.js";
 import { plain } from "./numbers.js";
 import { say, trying } from "./say.js";
 
@@ -68,9 +67,9 @@ function bench(session) {
 
 function header(session, jobs) {
   const { store } = session;
-  const save = downloads(session, jobs), guide = el("button", { type: "button", onclick: (event) => { store.set({ view: "bench" }); tour(event.target); } }, "Tour");
-  at("#tools").replaceChildren(el("span", { id: "busy", role: "status" }), save, el("a", { href: "/", class: "button" }, "Open …"), guide);
-  const ready = ({ hand }) => { for (const one of [save, guide]) one.hidden = !hand; };
+  const save = downloads(session, jobs);
+  at("#tools").replaceChildren(el("span", { id: "busy", role: "status" }), save, el("a", { href: "/", class: "button" }, "Open …"));
+  const ready = ({ hand }) => { save.hidden = !hand; };
   store.on(["hand"], ready);
   ready(store.now);
   store.on(["name", "pad"], ({ name, pad }) => { at("#name").textContent = name || ""; document.title = [pad && `Pad ${pad}`, name, "qlvbayes"].filter(Boolean).join(" · "); });
@@ -94,5 +93,4 @@ function arrange(session, comparison) {
   if (!changed) return;
   if (shown === "#asking") ask(session);
   if (shown === "#comparison") comparison.open();
-  if (shown === "#panes" && firstVisit()) tour(null);
 }

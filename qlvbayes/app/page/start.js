@@ -25,7 +25,7 @@ export function dropZone(limit) {
   const input = el("input", { type: "file", id: "files", multiple: true, onchange: () => take(input.files, limit, wrong) });
   const zone = el("div", { class: "drop" },
     el("p", { class: "line" }, "Drop measurements here"),
-    el("p", {}, "One CSV file or several, files of a testing machine, or a saved session (.zip)."),
+    el("p", {}, "One CSV file or several, or files of a testing machine."),
     el("label", { for: "files" }, "Or choose files "), input,
     el("p", { class: "hint" }, `Columns time_s, displacement_mm and force_N are read as they are; you are asked about others.${limit ? ` Up to ${Math.round(limit / MIB)} MiB.` : ""}`), wrong);
   dropOn(zone, (files) => take(files, limit, wrong));
