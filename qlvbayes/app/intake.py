@@ -25,7 +25,6 @@ from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import column_name
 
-
 Answer = dict[str, Any]
 
 
