@@ -65,7 +65,6 @@ LAST = "other"
 # parts of the package that offer names of their own, in addition to the figures
 PARTS = (
     "effects",
-    "evaluation.recovery",
     "io.formats",
     "laws",
     "model.noise",
