@@ -110,10 +110,7 @@ class Actions:
         self._later(session, self._read(session))
 
     async def answer(self, session: Session, answers: dict[str, str]) -> None:
-        """Continue with the answers to the questions.
-
-        A RefusedError is raised where one cannot be used; the questions then stay.
-        """
+        """Continue with the answers to the questions."""
         self._asked(session)
         answered = session.answers | answers
         result = await self._ask(
@@ -314,10 +311,7 @@ class Actions:
         return {"data": session.data, "pad": pad, "effects_file": self._effects_file}
 
     async def _ask(self, call: str, /, **arguments: Any) -> Any:
-        """Return the answer to a call that no request waits for.
-
-        Repeat it once if the worker dies.
-        """
+        """Return the answer to a call that no request waits for."""
         for last in (False, True):
             await self.calls.up()
             try:

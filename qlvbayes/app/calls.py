@@ -56,11 +56,7 @@ class Calls:
         return None if self._process is None else self._process.pid
 
     async def call(self, name: str, /, **arguments: Any) -> bytes:
-        """Return the answer of the worker, as JSON.
-
-        A RefusedError is raised with the worker's status, or with 503 where the worker died or is
-        not there.
-        """
+        """Return the answer of the worker, as JSON."""
         if self._process is None:
             raise _gone()
         number = next(self._numbers)

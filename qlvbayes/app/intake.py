@@ -29,10 +29,7 @@ Answer = dict[str, Any]
 
 
 def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
-    """Return the tidy file's path as ``data``, or ``questions``.
-
-    An InputError names the upload, not its path.
-    """
+    """Return the tidy file's path as ``data``, or ``questions``."""
     try:
         return _read_in(results_folder(folder), uploads, answers)
     except InputError as error:

@@ -96,10 +96,7 @@ class ProgressReporter(Watcher):
         self._sampling = None
 
     def searched(self, pad: str, progress: SearchProgress) -> None:
-        """Report the probabilities so far, of effects and of base laws.
-
-        Raise StopSearch if that will do.
-        """
+        """Report the probabilities so far, of effects and of base laws."""
         decision = progress.decision
         ranking = [
             {"effect": name, "probability": share, "heldout": None}
@@ -221,11 +218,7 @@ def simulate_pad(spec: Spec, watcher: Watcher) -> dict[str, Any]:
 
 
 def write_pad(data: Path, truth: Path, seed: int) -> None:
-    """Write measurements, and in another file what is hidden; both depend on the seed alone.
-
-    The effect is one of the listed ones, of 6 % of the peak force, as with ``qlvbayes simulate
-    --hide``.
-    """
+    """Write measurements, and in another file what is hidden; both depend on the seed alone."""
     rng = np.random.default_rng(seed)
     constants = draw_constants(rng)
     # the pad lies loose: what only a held specimen does is left out

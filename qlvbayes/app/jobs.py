@@ -169,10 +169,7 @@ class Jobs:
         }
 
     async def run(self, spec: dict[str, Any]) -> dict[str, Any]:
-        """Return the result of something short, done in a process of its own outside the queue.
-
-        A RefusedError is raised as the process reports it.
-        """
+        """Return the result of something short, done in a process of its own outside the queue."""
         job = Job("", "", {"pads": [], **spec})
         process = await self._take()
         try:

@@ -28,10 +28,7 @@ class Process:
 
     @classmethod
     async def spawn(cls, module: str, *arguments: str) -> Process:
-        """Start it in a session of its own, so that signals reach the right process.
-
-        The signals are Ctrl-C and those of cancelling.
-        """
+        """Start it in a session of its own, so that signals reach the right process."""
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -64,10 +61,7 @@ class Process:
         return content
 
     async def take(self, size: int) -> bytes:
-        """Return the bytes that follow a line.
-
-        Raise IncompleteReadError where the process has ended.
-        """
+        """Return the bytes that follow a line."""
         assert self._process.stdout is not None
         return await self._process.stdout.readexactly(size)
 

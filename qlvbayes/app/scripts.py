@@ -79,10 +79,7 @@ def _by_hand(model: dict[str, Any]) -> str:
 
 
 def commands(session: Session, pad: str) -> str:
-    """Return command lines that sample the current state's model, check it, and diagnose.
-
-    Where the measurements were read from files of testing machines, the first line does so.
-    """
+    """Return command lines that sample the current state's model, check it, and diagnose."""
     own = session.pad(pad)
     state = own.state(own.current)
     data = Path(session.data).name

@@ -22,10 +22,7 @@ _PATIENCE = 5.0  # s in which a pattern is looked for in all names; a sound one 
 
 
 def asked(conversion: Conversion) -> dict[str, Any]:
-    """Return the questions: one or several pads, and the name of each test's pad.
-
-    ``names`` are the tests' names in the file, in which ``pad_from`` finds the values suggested.
-    """
+    """Return the questions: one or several pads, and the name of each test's pad."""
     tests, units = conversion.tests, conversion.units
     names = [test.named for test in tests]
     pattern = suggested_pattern(names)
@@ -62,11 +59,7 @@ def asked(conversion: Conversion) -> dict[str, Any]:
 
 
 def pads_by(names: Sequence[str], text: str) -> list[str]:
-    """Return the pads that a pattern finds in the names of tests.
-
-    An InputError is raised where it is none, finds none, or is not done in five seconds: a
-    repetition within another may take years, and nothing else would be answered meanwhile.
-    """
+    """Return the pads that a pattern finds in the names of tests."""
     pattern = pattern_of(text)
     task = json.dumps([text, list(names)]).encode()
     try:

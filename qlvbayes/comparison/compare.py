@@ -148,11 +148,7 @@ def _contrasts(
     rng: np.random.Generator,
     apart: Sequence[str],
 ) -> tuple[list[Contrast], list[str]]:
-    """Return every contrast, constants first, and the quantities that no model could give.
-
-    apart: relaxation times that some tests do not hold; quantities that depend on them stay
-    undecided.
-    """
+    """Return every contrast, constants first, and the quantities that no model could give."""
     units = groups[0][0].units
     every = [*shared, *readings(settings, units)]
     tables = [[_table(side, shared, settings) for side in group] for group in groups]
@@ -191,10 +187,7 @@ def _omnibus(
 
 
 def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
-    """Test the quantities that all tests show; those equal within the region count as equal.
-
-    Models of tests that are unlike miss by more than their intervals say, but not by that much.
-    """
+    """Test the quantities that all tests show; those equal within the region count as equal."""
     unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in contrasts]
     omnibus = smallest_tail(unequal, DRAWS)
     return None if omnibus is None else replace(omnibus, over="shown")

@@ -23,10 +23,7 @@ class Specimens:
 def fluid_draws(
     groups: Sequence[Sequence[np.ndarray]], rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Return draws (4000,) of one quantity of each fluid, from draws (n,) of its specimens.
-
-    In the logarithm where every draw is positive, else as it is.
-    """
+    """Return draws (4000,) of one quantity of each fluid, from draws (n,) of its specimens."""
     logs = all(np.min(draws) > 0.0 for group in groups for draws in group)
     moved = [[np.log(x) if logs else x for x in group] for group in groups]
     seen = [

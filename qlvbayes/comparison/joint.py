@@ -41,10 +41,7 @@ def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]
 
 
 def smallest_tail(contrasts: Sequence[Contrast], draws: int) -> Omnibus | None:
-    """Return the smallest two-sided probability of a wrong direction, times their number.
-
-    (Bonferroni.) A tail that no draw is in counts as one of half a draw.
-    """
+    """Return the smallest two-sided probability of a wrong direction, times their number."""
     if not contrasts:
         return None
     tails = [min(c.direction, 1.0 - c.direction) for c in contrasts]

@@ -58,12 +58,7 @@ def cycle(depth: float, speed: float) -> Course:
 def oscillation(
     depth: float, speed: float, duration: float, frequency: float, amplitude: float
 ) -> Course:
-    """Return a ramp, a hold and a burst of a sine (Hz) about ``depth`` in a Hann window.
-
-    So short a signal gives the response at its frequency as well as an endless one: transients are
-    part of the force that is transformed. It consists of straight pieces, each with its middle,
-    where the speed is right to second order (at the ends it is that of the piece before).
-    """
+    """Return a ramp, a hold and a burst of a sine (Hz) about ``depth`` in a Hann window."""
     before = ramp_hold(depth, speed, duration)
     phase = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
     window = np.where(phase <= CYCLES, np.sin(np.pi * phase / CYCLES) ** 2, 0.0)

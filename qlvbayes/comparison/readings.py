@@ -149,10 +149,7 @@ def _half_time(force: np.ndarray, time: np.ndarray) -> np.ndarray:
 def _loss_tangent(
     models: Model, depth: float, rate: float, rest: float, frequency: float
 ) -> np.ndarray:
-    """Return the loss tangent from half the difference of two opposite oscillations.
-
-    Straight pieces for a sine make it 0.1 % too large at most.
-    """
+    """Return the loss tangent from half the difference of two opposite oscillations."""
     size = programmes.AMPLITUDE * depth
     up, down = (programmes.oscillation(depth, rate, rest, frequency, s) for s in (size, -size))
     swing = programmes.middles(forces(models, up) - forces(models, down))

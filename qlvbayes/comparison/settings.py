@@ -58,11 +58,7 @@ def choose(
     rates: Sequence[float] | None = None,
     frequencies: Sequence[float] | None = None,
 ) -> ReadingSettings:
-    """Return what was asked for, else a depth, three speeds and frequencies inside all tests.
-
-    Frequencies reach from one cycle in the longest dwell to a quarter of a cycle in the quickest
-    ramp. Raises InputError on numbers that are not positive.
-    """
+    """Return what was asked for, else a depth, three speeds and frequencies inside all tests."""
     known = [reach for reach in reaches if reach is not None]
     reach = _common(known) if known else _UNKNOWN
     for what, values in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):

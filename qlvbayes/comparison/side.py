@@ -98,10 +98,7 @@ class Side:
 
 
 def side_of(source: Source, name: str) -> Side:
-    """Return a side from a fit, a results file, or a dict of draws by the constants' names.
-
-    name: what a dict is called, which has no name of its own.
-    """
+    """Return a side from a fit, a results file, or a dict of draws by the constants' names."""
     if isinstance(source, Fit):
         return _of_fit(source)
     if isinstance(source, Saved):
@@ -149,13 +146,7 @@ def _some(draws: np.ndarray) -> np.ndarray:
 
 
 def unheld_times(sides: Sequence[Side]) -> list[str]:
-    """Return sentences on relaxation times of a pad that another's tests do not hold.
-
-    Where one pad was held longer than another, or pressed more quickly, a time of its fit may lie
-    beyond the other's longest hold, or far within its quickest ramp. The other's fit then shares
-    out the same relaxation in another way, and has another stiffness at once: their constants mean
-    different things.
-    """
+    """Return sentences on relaxation times of a pad that another's tests do not hold."""
     unheld = []
     for side, other in permutations(sides, 2):
         if side.reach is None or other.reach is None:
@@ -180,11 +171,7 @@ def unheld_times(sides: Sequence[Side]) -> list[str]:
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:
-    """Return constants that mean the same in all models and vary in one at least.
-
-    Those of an elastic law need the same law, those of a relaxation the same one (of as many
-    modes), an effect's that all models have it. Noise and the rig's effects are not the pad's.
-    """
+    """Return constants that mean the same in all models and vary in one at least."""
     first = sides[0]
     shared = []
     for name, kind in first.kinds.items():

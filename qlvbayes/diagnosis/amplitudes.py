@@ -22,13 +22,7 @@ def scale_amplitudes(
     families: Families,
     settings: DiagnosisSettings,
 ) -> Density:
-    """Return a density in which one prior sd of any effect adds 5 % of the largest force.
-
-    The force is that which the effect adds in the user's own motion, at the baseline's mode. The
-    discrepancy may also take the shape of each effect's force: whatever is there and not modelled
-    looks like some of the effects, so that an effect is believed only where it is far larger than
-    everything else that is left. All forms of an effect have the candidate's amplitude.
-    """
+    """Return a density in which one prior sd of any effect adds 5 % of the largest force."""
     space, signatures, factors = density.space, [], {}
     peak = density.discrepancy.peak
     for name in families.nameable:

@@ -35,11 +35,7 @@ class Candidate:
 def candidate_at(
     density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float
 ) -> Candidate:
-    """Return a hypothesis at a mode with Laplace's evidence about it.
-
-    The prior of an effect's amplitude leaves out what is smaller than the tolerance, a share of the
-    peak force.
-    """
+    """Return a hypothesis at a mode with Laplace's evidence about it."""
     laplace = evidence(density, mode.point)
     log = laplace.log
     for leaf in mode.point.own.leaves:

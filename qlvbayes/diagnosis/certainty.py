@@ -46,11 +46,7 @@ LEAST = 0.1
 
 
 def features(log_bayes_factor: float, support: Support) -> Array:
-    """Return the features (6,) of an effect.
-
-    The evidence is taken as asinh, which is a logarithm where it is large. ``structure_left`` is 1
-    where the hypothesis with the effect leaves structure, and 0 elsewhere.
-    """
+    """Return the features (6,) of an effect."""
     return np.array(
         [
             math.asinh(log_bayes_factor),
@@ -98,11 +94,7 @@ def calibration() -> Calibration:
 def certainty(
     probability: float, log_bayes_factor: float | None, support: Support | None
 ) -> float | None:
-    """Return the calibrated probability that an effect is there.
-
-    It is None where the inclusion probability is below `LEAST`, or where no hypothesis without the
-    effect was evaluated.
-    """
+    """Return the calibrated probability that an effect is there."""
     if probability < LEAST or log_bayes_factor is None or support is None:
         return None
     sure = calibration()(features(log_bayes_factor, support))

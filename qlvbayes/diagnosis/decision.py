@@ -56,10 +56,7 @@ class Weight:
         return math.isfinite(self.log_posterior)
 
     def made_finite(self) -> Self:
-        """Return the weight with safe values where a figure is not finite.
-
-        A hypothesis without a finite log posterior takes no part in a decision.
-        """
+        """Return the weight with safe values where a figure is not finite."""
         return replace(
             self,
             log_posterior=self.log_posterior if self.counts else -math.inf,
@@ -100,10 +97,7 @@ class Decision:
 
 
 def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None) -> Decision:
-    """Return the decision from the probabilities alone.
-
-    The selected hypothesis is not tested yet: `checks.naming` does that.
-    """
+    """Return the decision from the probabilities alone."""
     settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
@@ -125,10 +119,7 @@ def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None)
 
 
 def probabilities(weights: Sequence[Weight]) -> Array:
-    """Return draws (D, H) of the probabilities of H hypotheses.
-
-    The draws differ as the errors of the log posteriors allow; each row sums to one.
-    """
+    """Return draws (D, H) of the probabilities of H hypotheses."""
     logs = np.array([weight.log_posterior for weight in weights])
     errors = np.nan_to_num(np.array([weight.error for weight in weights]))
     draws = np.random.default_rng(0).standard_normal((_DRAWS, logs.size))
@@ -136,10 +127,7 @@ def probabilities(weights: Sequence[Weight]) -> Array:
 
 
 def ignore_unmodelled(weights: Sequence[Weight]) -> list[Weight]:
-    """Return the weights as they are if nothing unmodelled is there.
-
-    This holds where what the nameable hypotheses leave passes as noise or is small.
-    """
+    """Return the weights as they are if nothing unmodelled is there."""
     return [
         replace(w, unmodelled=0.0, log_posterior=w.log_posterior if w.nameable else -np.inf)
         for w in weights
@@ -163,10 +151,7 @@ def require(weights: Sequence[Weight], effects: set[str]) -> list[Weight]:
 
 
 def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: bool) -> Decision:
-    """Return the decision after the adequacy test of its selected hypothesis.
-
-    Where structure that matters is left, the verdict says that something unmodelled is there.
-    """
+    """Return the decision after the adequacy test of its selected hypothesis."""
     if adequate or decision.verdict.has_unmodelled:
         return decision
     if decision.effects:
@@ -176,11 +161,7 @@ def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: b
 
 
 def one_of(decision: Decision, alike: Collection[str], most: int) -> Decision:
-    """Return the decision where some effects cannot be distinguished, whatever their probabilities.
-
-    Where two or more of them are named, they are the group (of ``most`` effects) of which one is
-    there. The selected hypothesis keeps all of them.
-    """
+    """Return the decision where effects cannot be distinguished, whatever their probabilities."""
     same = tuple(name for name in decision.effects if name in alike)
     if len(same) < 2:
         return decision
@@ -190,10 +171,7 @@ def one_of(decision: Decision, alike: Collection[str], most: int) -> Decision:
 
 
 def _selected(weights: Sequence[Weight], effects: set[str]) -> int:
-    """Return the index of the most probable hypothesis with just these effects.
-
-    Where no hypothesis has just these, it is the index of the most probable of all.
-    """
+    """Return the index of the most probable hypothesis with just these effects."""
     logs = np.array([weight.log_posterior for weight in weights])
     same = np.array([weight.effects == effects for weight in weights])
     return int(np.argmax(np.where(same, logs, -np.inf) if same.any() else logs))
@@ -210,10 +188,7 @@ def _sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
 def _group(
     pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: DiagnosisSettings
 ) -> tuple[str, ...]:
-    """Return the smallest set of effects of which one is there in addition to those named.
-
-    It is empty where it is likely enough that no further effect is there.
-    """
+    """Return the smallest set of effects of which one is there in addition to those named."""
     others = [(weight.effects - set(named), share) for weight, share in pairs]
     if sum(share for rest, share in others if not rest) > 1.0 - settings.named:
         return ()

@@ -36,11 +36,7 @@ def diagnose(
     report: Report = lambda text: None,
     watch: Callable[[SearchProgress], None] = lambda progress: None,
 ) -> Diagnosis:
-    """Return what the model of ``choices`` lacks, a law or effects, from all tests.
-
-    ``report`` takes a line of text before each step that takes a
-    while, ``watch`` what is known by then; it may raise `StopSearch` to end the search there.
-    """
+    """Return what the model of ``choices`` lacks, a law or effects, from all tests."""
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)
     forget_compiled()
@@ -78,13 +74,7 @@ def _used(search: Search, seed: int) -> Used:
 
 
 def run_search(search: Search) -> None:
-    """Run a search to its end.
-
-    The beam is expanded until all neighbours of the most probable hypotheses are known. Then the
-    evidence of the hypotheses that count is sampled.
-
-    Raises NoFiniteForceError where no draw of the baseline's priors gives finite forces.
-    """
+    """Run a search to its end."""
     search.begin()
     search.expand_beam()
     sampled: set[Hypothesis] = set()
@@ -93,10 +83,7 @@ def run_search(search: Search) -> None:
 
 
 def _sample_next(search: Search, sampled: set[Hypothesis]) -> bool:
-    """Sample the evidence of the most probable hypothesis that counts and was not sampled yet.
-
-    Return whether there was one.
-    """
+    """Sample the evidence of the most probable hypothesis that counts and was not sampled yet."""
     near = search.log_posterior(search.best) - search.breadth.rival
     left = [one for one in search.modes if one not in sampled]
     left = [one for one in left if search.log_posterior(one) > near]

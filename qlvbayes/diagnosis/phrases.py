@@ -26,10 +26,7 @@ BADGES = {
 
 
 def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
-    """Return 'plain model', 'with viscous_drag + friction', 'by hertz', 'by hertz with friction'.
-
-    ``laws`` are base laws that are not the chosen ones.
-    """
+    """Return 'plain model', 'with viscous_drag + friction' or 'by hertz with friction'."""
     words = [_by(laws)] if laws else []
     words += [f"with {' + '.join(effects)}"] if effects else []
     return " ".join(words) or _BASELINE
@@ -46,10 +43,7 @@ def shown_effects(d: DiagnosisResult) -> tuple[str, ...]:
 
 
 def paragraph_lead(d: DiagnosisResult, seen: Callable[[str], str]) -> str:
-    """Return the sentence that the summary begins with.
-
-    ``seen`` gives what one sees of an effect.
-    """
+    """Return the sentence that the summary begins with."""
     if d.verdict == Verdict.ADEQUATE:
         none = percent(d.probability_of("none"))
         if d.probability_of("none") < LIKELY:
@@ -98,10 +92,7 @@ def box_line(d: DiagnosisResult) -> str:
 
 
 def answer(d: DiagnosisResult, seen: Callable[[str], str]) -> str:
-    """Return the answer to the question which effect is missing.
-
-    ``seen`` gives what one sees of an effect, nothing where that is not known.
-    """
+    """Return the answer to the question which effect is missing."""
     if d.verdict == Verdict.ADEQUATE:
         return "nothing that these tests can show."
     if d.verdict == Verdict.UNEXPLAINED:

@@ -54,20 +54,13 @@ class Families:
         return [name for name, own in self.family_of.items() if own == family]
 
     def forms_in(self, effects: Collection[str]) -> dict[str, str]:
-        """Return the form in which each family is in a set of effects.
-
-        Unmodelled effects are left out.
-        """
+        """Return the form in which each family is in a set of effects."""
         return {
             self.family_of[name]: name for name in sorted(effects) if name not in self.unmodelled
         }
 
     def share(self, effect: str, candidate: float) -> float:
-        """Return the part of its family's prior probability that an effect has.
-
-        ``candidate`` is the part of the candidate effect; its other forms share the rest alike.
-        Where the candidate or its forms are not searched, the others have the whole.
-        """
+        """Return the part of its family's prior probability that an effect has."""
         family = self.family_of[effect]
         forms = [name for name in self.members(family) if name != family]
         has_candidate = family in self.family_of
@@ -82,17 +75,7 @@ def log_prior(
     families: Families,
     settings: DiagnosisSettings,
 ) -> float:
-    r"""Return the log prior probability of a hypothesis.
-
-    The effects of the baseline hypothesis are in every hypothesis. A set of k families out of N has
-    the probability
-
-    .. math:: p(\text{set}) = c (1 - c)^k / \binom{N}{k}
-
-    where c is ``settings.complete``, and the members of a family share its probability; two effects
-    of one family have none. The baseline's laws have the probability ``settings.chosen_law`` each,
-    and all others share the rest alike.
-    """
+    r"""Return the log prior probability of a hypothesis."""
     added = hypothesis.effects - baseline.effects
     total = _log_prior_of_set(added, baseline.effects, families, settings)
     pairs = (
@@ -128,10 +111,7 @@ def _log_prior_of_set(
 
 
 def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:
-    """Return the log prior odds that one of N candidate effects is in the model.
-
-    Sets of k effects have the total probability c (1 - c)^k, c = ``settings.complete``.
-    """
+    """Return the log prior odds that one of N candidate effects is in the model."""
     missing = 1.0 - settings.complete
     expected = sum(settings.complete * missing**k * k for k in range(candidates + 1))
     share = min(expected / candidates, 0.5)

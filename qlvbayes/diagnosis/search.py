@@ -108,10 +108,7 @@ class Search:
         return next((name for name in own if self.families.family_of[name] == family), None)
 
     def without(self, candidate: Candidate, family: str) -> Candidate | None:
-        """Return a candidate without one of its effects, which is evaluated now if it was not.
-
-        It is None where the candidate does not add the effect, or no mode is found without it.
-        """
+        """Return a candidate without one of its effects, which is evaluated now if it was not."""
         form = self.form_of(candidate.hypothesis, family)
         if form is None:
             return None
@@ -120,10 +117,7 @@ class Search:
         return self.candidates.get(less)
 
     def begin(self) -> None:
-        """Evaluate the baseline model, and scale the priors of all amplitudes with it.
-
-        Raises NoFiniteForceError where no draw of the baseline's priors gives finite forces.
-        """
+        """Evaluate the baseline model, and scale the priors of all amplitudes with it."""
         self.report(f"the plain model, {described(self.baseline)}")
         drawn = self._modes_from_priors(self.baseline)
         self.keep(self.baseline, self.candidates_from(self.baseline, drawn))
@@ -142,11 +136,7 @@ class Search:
         self._redrawn.add(self.baseline)
 
     def expand_beam(self) -> None:
-        """Evaluate the neighbours of the beam until those of all its hypotheses are known.
-
-        Where the best leaves structure, other forms of an effect that is new in it come first: what
-        is wrong in the form of an effect is otherwise taken by a wrong law, or by further effects.
-        """
+        """Evaluate the neighbours of the beam until those of all its hypotheses are known."""
         while not self.ended_early:
             best = self.best
             leaves = self._leaves_structure(best)
@@ -186,13 +176,7 @@ class Search:
         self.redraw(new[: self.breadth.redrawn])
 
     def neighbours(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with another law, or one candidate effect more or less.
-
-        An effect that is there in another form may also be exchanged for the candidate effect.
-        Free curves of the elasticity are neighbours only where more than noise is left. Where the
-        same effects on the same elastic law were expanded with another relaxation, no effects are
-        added again: relaxations that fit alike leave the same.
-        """
+        """Return the hypotheses with another law, or one candidate effect more or less."""
         space, added = self.density.space, self.added(hypothesis)
         elastic = space.elastic if self._leaves_structure(hypothesis) else self.nameable_laws
         some = [replace(hypothesis, elastic=name) for name in elastic]
@@ -231,11 +215,7 @@ class Search:
         return [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
 
     def substitutions(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with one effect replaced by another one.
-
-        The first effect that explains much may be an imitation of two that are there, neither of
-        which is worth adding to it. The others are the candidates that explained most elsewhere.
-        """
+        """Return the hypotheses with one effect replaced by another one."""
         others = [name for name in self.families.nameable if name not in hypothesis.effects]
         others.sort(key=self._largest_gain, reverse=True)
         return [
@@ -264,11 +244,7 @@ class Search:
         return self.modes[hypothesis][0].mode.size > 0.0
 
     def evaluate(self, hypothesis: Hypothesis, base: Hypothesis | None = None) -> None:
-        """Find the modes of a hypothesis, starting from those of one that was evaluated.
-
-        By default that is the baseline. The first hypothesis of a search starts from draws of its
-        priors instead.
-        """
+        """Find the modes of a hypothesis, starting from those of one that was evaluated."""
         if self.modes:
             self._evaluate_all(base or self.baseline, [hypothesis])
         else:
@@ -348,10 +324,6 @@ class Search:
 def in_parallel(
     look: Callable[[Item], list[Candidate]], some: Sequence[Item]
 ) -> list[list[Candidate]]:
-    """Return what ``look`` gives for each item, with as many threads as there are cores.
-
-    The items do not depend on one another, so that the result does not depend on the number of
-    threads. XLA and BLAS release Python's lock.
-    """
+    """Return what ``look`` gives for each item, with as many threads as there are cores."""
     with ThreadPoolExecutor(cores()) as threads:
         return list(threads.map(look, some))

@@ -39,10 +39,7 @@ from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
-    """Return an experiment with the history and the noise floor that the user's choices ask for.
-
-    Choices of noise may give the floor's sds (N) and its correlation time (s).
-    """
+    """Return an experiment with the history and the noise floor that the user's choices ask for."""
     floor, noise = experiment.floor, choices.build(experiment.scales)[1]
     if isinstance(noise, Floor):
         floor = known_floor(floor, noise)
@@ -58,11 +55,7 @@ def build_search(
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
     settings: DiagnosisSettings | None = None,
 ) -> Search:
-    """Return a search that has not begun yet, over all laws and effects that the tests can show.
-
-    Other forms of the candidate effects and the unmodelled effects are searched too. An effect of a
-    velocity or an acceleration that the records do not give is left out.
-    """
+    """Return a search that has not begun yet, over all laws and effects that the tests can show."""
     choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)
     model, noise = choices.build(experiment.scales)
@@ -92,10 +85,7 @@ def build_search(
 
 
 def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
-    """Return the record of all tests.
-
-    The error of a measured zero has the effect that it has on the baseline model at its optimum.
-    """
+    """Return the record of all tests."""
     record = experiment.record(experiment.trials, errors=True)
     if not has_uncertain_zeros(model, experiment.trials):
         return record
@@ -146,10 +136,7 @@ def _space(
 def protocol_of(
     experiment: Experiment, *, bonded: bool, settings: DiagnosisSettings | None = None
 ) -> Protocol:
-    """Return the protocol of an experiment, from the phases, motion and forces of its tests.
-
-    A test has come back below the share ``settings.returned`` of the largest depth or force.
-    """
+    """Return the protocol of an experiment, from the phases, motion and forces of its tests."""
     nearly = (settings or DiagnosisSettings()).returned
     return Protocol(
         unloads=unloads(experiment, nearly),

@@ -70,10 +70,7 @@ class Backlash(AbstractEffect):
         return (inner, depth), force
 
     def _range(self, displacement: Array) -> tuple[Array, Array]:
-        """Return the least and the largest depth (N,) of the platen at each point.
-
-        One at the first.
-        """
+        """Return the least and the largest depth (N,) of the platen at each point."""
         return displacement, jnp.concatenate([displacement[:1], displacement[1:] + self.play])
 
     def _waits(self, depth: Array, displacement: Array) -> Array:

@@ -107,10 +107,7 @@ def names(kinds: Sequence[type[AbstractEffect]] = EFFECTS) -> tuple[str, ...]:
 def by_family(
     kinds: Sequence[type[AbstractEffect]] = EVERY,
 ) -> dict[str, list[type[AbstractEffect]]]:
-    """Return the effects of each family, the listed one first.
-
-    Families come in the order of their first effect.
-    """
+    """Return the effects of each family, the listed one first."""
     families: dict[str, list[type[AbstractEffect]]] = {}
     for kind in kinds:
         families.setdefault(kind.family(), []).append(kind)

@@ -107,10 +107,7 @@ class ChannelLag(AbstractEffect):
 
 
 def _advanced(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
-    """Return the channel after the law beneath went along its first line, and the time left (s).
-
-    It goes for ``ahead`` (s), or to the line's end.
-    """
+    """Return the channel after the law beneath went along its first line, and the time left (s)."""
     first, end, velocity = late.duration[0], late.end[0], late.velocity[0]
     whole = ahead >= first
     taken = jnp.where(whole, first, ahead)
@@ -126,11 +123,7 @@ def _advanced(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
 
 
 def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
-    """Return the motion with delayed times (M,) added to its grid, and the order of the new grid.
-
-    Delayed times before the start are set to the start. argsort(order) gives the indices of the
-    delayed times, then those of the motion's own points.
-    """
+    """Return the motion with delayed times (M,) added to its grid, and the new grid's order."""
     first = motion.alone.time[0]
     late = jnp.where(late > first, late, first)
     joined = jax.tree.map(
@@ -156,10 +149,7 @@ def _after(motion: Motion, time: Array) -> Array:
 
 
 def _at(motion: Motion, time: Array) -> Motion:
-    """Return the motion at other times, from time[0] to time[-1], on its lines or parabolas.
-
-    Velocity and acceleration are those just after a point, as on the grid.
-    """
+    """Return the motion at other times, from time[0] to time[-1], on its lines or parabolas."""
     after = _after(motion, time)
     step = motion.time[after] - motion.time[after - 1]
     travel = motion.displacement[after] - motion.displacement[after - 1]

@@ -454,10 +454,7 @@ def _sizes(trial: _Trial) -> np.ndarray:
 
 @cache
 def _reference(depth: float, force: float) -> _Reference:
-    """Return tests to ``depth`` (mm) of a pad like the paper's pad B.
-
-    The peak force is ``force`` (N), or the pad's own where that is 0.
-    """
+    """Return tests to ``depth`` (mm) of a pad like the paper's pad B."""
     stretch = depth / _STROKE
     tests, clock = [], 0.0
     for rate in _RATES:
@@ -494,11 +491,7 @@ def _reference(depth: float, force: float) -> _Reference:
 
 
 def _sampled(moves: list[tuple[float, float]]) -> list[np.ndarray]:
-    """Return time, displacement, velocity and acceleration of moves, with a hold after each.
-
-    ``moves`` are pairs of a depth (mm) and a speed (mm/s). The platen accelerates and brakes at no
-    more than 1000 mm/s2.
-    """
+    """Return time, displacement, velocity and acceleration of moves, with a hold after each."""
     pieces: list[tuple[float, float, float, float]] = []  # duration, displacement, v, a
     position = 0.0
     for target, speed in moves:

@@ -65,10 +65,7 @@ def begun_rested(effect: AbstractEffect, below: Law, depth: Array, displacement:
 
 
 def rested(motion: Motion) -> Motion:
-    """Return the motion after a long rest at zero displacement and a jump to its first point.
-
-    A motion without the rest jumps too, so that a gap of 0 changes nothing.
-    """
+    """Return the motion after a long rest at zero displacement and a jump to its first point."""
     rest, first = jnp.zeros(BEFORE), motion.time[:1]
     ago = motion.ago
     return replace(

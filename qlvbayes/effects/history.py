@@ -12,11 +12,7 @@ from qlvbayes.laws.smoothmath import exp_slope
 
 
 def largest(depth: Array, ago: Array | None = None) -> Array:
-    """Return the largest ``depth`` (N,) so far in the test, at each point.
-
-    Its slope is that of the point it came from. ``ago`` says in which test each point lies, as in
-    `Motion`; each test has a largest depth of its own.
-    """
+    """Return the largest ``depth`` (N,) so far in the test, at each point."""
     index = jnp.arange(depth.shape[0])
     fixed = jax.lax.stop_gradient(depth)
     if ago is not None:  # puts every depth of an earlier test below those of a later one

@@ -86,13 +86,7 @@ class PowerLawDrainage(AbstractEffect):
 
 
 def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
-    """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi in each step.
-
-    About its balance q*, r(q*) = s, it is e' = -rho e with e = q - q* and the secant rho = (r(q) -
-    s)/(q - q*). Taken as rho = rho* + (rho_0 - rho*) abs(e/e_0)^m, with the slope that rho has at
-    the step's beginning, this has a closed form: exact for n = 1, for n = 2 where q keeps its sign,
-    and at rest for any n.
-    """
+    """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi a step."""
     step = jnp.diff(xi)
 
     def advance(q: Array, point: tuple[Array, ...]) -> tuple[Array, Array]:

@@ -23,11 +23,7 @@ def resolved_times(scales: Scales) -> tuple[float, float]:
 
 
 def after_ramps(scales: Scales) -> tuple[float, float]:
-    """Return the times (s) of the fastest ramp, or of five samples, and of twice the longest phase.
-
-    A cell that creeps within its fastest ramp only reads late, which is channel_lag: a cosine of
-    0.96 at five samples of a ramp of 16, of 0.70 where the creep takes as long as the ramp.
-    """
+    """Return times (s) of the fastest ramp, or of five samples, and of twice the longest phase."""
     low, high = resolved_times(scales)
     ramp = scales.depth / scales.speed if scales.speed > 0.0 else low
     return min(max(low, ramp), 0.5 * high), high
@@ -50,9 +46,6 @@ def _shortest(scales: Scales) -> float:
 
 
 def curve(clock: Array, quadratic: ArrayLike, cubic: ArrayLike, duration: ArrayLike) -> Array:
-    """Return P1 + quadratic P2 + cubic P3, of Legendre, over the clock from 0 to ``duration`` (s).
-
-    After the study the curve keeps its last value.
-    """
+    """Return P1 + quadratic P2 + cubic P3, of Legendre, over a clock from 0 to ``duration`` (s)."""
     x = jnp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
     return x + 0.5 * quadratic * (3.0 * x**2 - 1.0) + 0.5 * cubic * (5.0 * x**2 - 3.0) * x

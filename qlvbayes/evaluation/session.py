@@ -91,10 +91,7 @@ class Session:
 
     @classmethod
     def of_pad(cls, pad: Pad, *, bonded: bool = False) -> Session:
-        """Return the tests of a pad that was measured, with its noise and the paper's law fitted.
-
-        Raises InputError where it has strain and stress, or a test whose force was prescribed.
-        """
+        """Return the tests of a measured pad, with its noise and the paper's law fitted."""
         if pad.units.dimensionless:
             raise InputError(
                 f"pad {pad.name} has strain and stress; the simulator has displacement and force",
@@ -194,11 +191,7 @@ def _pieces(path: Trajectory, mm: float) -> tuple[Piece, ...]:
 
 
 def _of_programme(text: str, number: int) -> Track:
-    """Return the motion of a programme, whose corners a platen rounds by its acceleration.
-
-    A corner between two speeds becomes a parabola that touches both lines, so that the platen is on
-    the programme before and after it. Raises InputError where the force is prescribed.
-    """
+    """Return the motion of a programme, whose corners a platen rounds by its acceleration."""
     programme = parse(text, PAD)
     if programme.quantity != "displacement":
         raise InputError(f"'{text}' prescribes a force", remedy="write displacements, as 1.6 mm")

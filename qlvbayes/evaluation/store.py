@@ -83,30 +83,7 @@ def run_missing(
     key: Callable[[Any], Any] = lambda study: study,
     code: str | None = None,
 ) -> None:
-    """Run the studies that are not stored, and store each as soon as it is finished.
-
-    Parameters
-    ----------
-    study
-        Runs the study of an index.
-    store
-        The finished studies; each is stored with the digest of the code that ran it.
-    indices
-        The studies that are wanted.
-    report
-        Called with the number of finished studies and their total.
-    engine
-        What runs them; None runs them in this process.
-    key
-        Returns what a study is stored under.
-    code
-        Digest of the code that runs them; that of the package by default.
-
-    Raises
-    ------
-    FailedError
-        Some studies stopped with an error; the others were finished first.
-    """
+    """Run the studies that are not stored, and store each as soon as it is finished."""
     digest = code or code_digest()
     missing = [index for index in indices if key(index) not in store.cases]
     faults: list[Fault] = []
@@ -140,18 +117,7 @@ def _remove_cut_line(path: Path) -> None:
 
 
 def code_digest(*roots: Path, without: tuple[str, ...] = ()) -> str:
-    """Return the digest of all code that the result of a study may depend on.
-
-    Comments, docstrings and layout do not count. Studies of different code must not be mixed.
-
-    Parameters
-    ----------
-    roots
-        Folders of the code; the package alone by default.
-    without
-        Files in them, as paths below a folder, on which no result depends, in addition to those of
-        the package.
-    """
+    """Return the digest of all code that the result of a study may depend on."""
     out = (*_WITHOUT_EFFECT, *without)
     files = [(path, root) for root in roots or (PACKAGE,) for path in sorted(root.rglob("*.py"))]
     names = ((path.relative_to(root).as_posix(), path) for path, root in files)

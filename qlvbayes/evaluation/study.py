@@ -23,10 +23,7 @@ FAILED = "failed"
 
 
 def effects_of(names: tuple[str, ...], *, bonded: bool) -> tuple[str, ...]:
-    """Return the effects to hide: those named, or all that a pad held in this way can have.
-
-    Raises InputError on an unknown name.
-    """
+    """Return the effects to hide: those named, or all that a pad held in this way can have."""
     known = [name for name, kind in HIDDEN.items() if bonded or not kind.slides]
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"no effect {unknown[0]!r}", remedy=f"use some of {', '.join(known)}")
@@ -51,10 +48,7 @@ class Benchmark:
         return f"seed{self.seed}-size{self.size:g}-{self.session.key}"
 
     def measured(self, name: str, number: int) -> tuple[Pad, dict[str, Any]]:
-        """Return one pad's readings, and what it hides; the effect's share is of the peak force.
-
-        An effect that these tests cannot bring to its size is as large as it sensibly gets.
-        """
+        """Return one pad's readings, and what it hides; the effect's share is of the peak force."""
         session = self.session
         rng = np.random.default_rng([self.seed, number, *name.encode()])
         plain = HiddenPad(session.constants, bonded=session.bonded)
@@ -80,10 +74,7 @@ class Benchmark:
         return Pad(name, tuple(readings), PAD), hidden
 
     def run(self, study: tuple[str, int]) -> dict[str, Any]:
-        """Simulate and diagnose the pad of an effect and a number; return plain values.
-
-        An error of the diagnosis is stored as the verdict ``failed``, with its text.
-        """
+        """Simulate and diagnose the pad of an effect and a number; return plain values."""
         name, number = study
         pad, hidden = self.measured(name, number)
         case = {"plan": self.key, "index": index_of(study), "hidden": name, **hidden}

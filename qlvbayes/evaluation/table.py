@@ -63,10 +63,7 @@ OUTCOMES = ("named", "grouped", "wrong", "silent", FAILED)
 
 
 def outcome(case: dict[str, Any]) -> str:
-    """Return what became of a pad, one of `OUTCOMES`.
-
-    The effects of an ambiguous verdict end with one of its group; those before it are named.
-    """
+    """Return what became of a pad, one of `OUTCOMES`."""
     if case["verdict"] == FAILED:
         return FAILED
     ambiguous = case["verdict"] == Verdict.AMBIGUOUS

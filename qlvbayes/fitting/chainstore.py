@@ -35,10 +35,7 @@ class ChainStore:
         self.key = key
 
     def load(self) -> Iterator[ChainSegment]:
-        """Yield the stored segments in order, as far as they belong to this run.
-
-        A segment that cannot be read ends the chain: it and those after it are sampled again.
-        """
+        """Yield the stored segments in order, as far as they belong to this run."""
         for number in range(10**6):
             try:
                 segment = self._read(self._path(number))

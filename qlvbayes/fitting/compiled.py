@@ -41,10 +41,7 @@ def sums_of_squares(posterior: Posterior, scale: Array, thetas: Array) -> Array:
 
 
 def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives (D, T, B) of the force at theta (D,), and residuals (T, B).
-
-    Both are block means, in N and N per unit of theta.
-    """
+    """Return derivatives (D, T, B) of the force at theta (D,), and residuals (T, B)."""
     shape = posterior.record.blocks.force.shape
     residual, slopes = residuals_and_slopes(posterior, jnp.ones(shape), theta)
     slopes = np.moveaxis(np.asarray(slopes).reshape(*shape, -1), -1, 0)
@@ -79,20 +76,13 @@ def constants(posterior: Posterior, thetas: Array) -> Array:
 
 @jax.jit
 def drawn_constants(posterior: Posterior, thetas: Array, shares: Array) -> Array:
-    """Return constants (W, P) at thetas (W, D), with noise and discrepancy drawn.
-
-    The likelihood sums over scales of the noise and sizes of the discrepancy. Each draw takes the
-    pair at which the cumulative posterior probability reaches its share (W,), between 0 and 1.
-    """
+    """Return constants (W, P) at thetas (W, D), with noise and discrepancy drawn."""
     return jax.vmap(posterior.drawn_constants)(thetas, shares)
 
 
 @jax.jit
 def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
-    """Return pointwise log likelihoods and replicated block means, (W, 2, T, B) together.
-
-    thetas (W, D); keys: a random key each, for the noise of the replicates.
-    """
+    """Return pointwise log likelihoods and replicated block means, (W, 2, T, B) together."""
 
     def one(theta: Array, key: Array) -> Array:
         model, noise, _ = posterior.bind(theta)
@@ -124,10 +114,7 @@ def noise_draws(noise: AbstractNoise, blocks: Blocks, keys: Array) -> Array:
 def in_batches(
     function: Callable[..., Array], posterior: Posterior, *arrays: np.ndarray, size: int = 256
 ) -> np.ndarray:
-    """Return ``function(posterior, *arrays)`` over the first axis, ``size`` rows at a time.
-
-    The last batch is filled up, so that one compiled function serves any number of rows.
-    """
+    """Return ``function(posterior, *arrays)`` over the first axis, ``size`` rows at a time."""
     count = len(arrays[0])
     out = []
     for start in range(0, count, size):
@@ -137,10 +124,7 @@ def in_batches(
 
 
 def _value_and_slopes(function: Callable[[Array], Array], theta: Array) -> tuple[Array, Array]:
-    """Return a function and its derivatives in one pass.
-
-    Forward mode is used: with a dozen constants it compiles and runs faster here than reverse mode.
-    """
+    """Return a function and its derivatives in one pass."""
 
     def along(direction: Array) -> tuple[Array, Array]:
         return jax.jvp(function, (theta,), (direction,))

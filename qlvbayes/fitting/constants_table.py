@@ -48,11 +48,7 @@ References = Mapping[tuple[str, str], Reference]
 
 
 def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
-    """Read reference values by pad and parameter from a CSV file: ``pad,parameter,value,unit``.
-
-    Lines that begin with # are comments. Raises InputError, which names file and line, where the
-    file is not of this kind, a value is not a number, or a constant is given twice.
-    """
+    """Read reference values by pad and parameter from a CSV file: ``pad,parameter,value,unit``."""
     file = Path(path)
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
@@ -126,10 +122,7 @@ def _entry(pad: str, name: str, constant: Constant, references: References) -> E
 
 
 def as_csv(entries: Sequence[Entry]) -> str:
-    """Return the table as CSV: one row for each constant of a pad.
-
-    Columns are median, ends of the 90 % interval, and reference.
-    """
+    """Return the table as CSV: one row for each constant of a pad."""
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     table.writerow(_HEADS.split(","))
@@ -141,11 +134,7 @@ def as_csv(entries: Sequence[Entry]) -> str:
 
 
 def as_latex(entries: Sequence[Entry]) -> str:
-    """Return the table for LaTeX's booktabs: constants in rows, pads and references in columns.
-
-    A cell has the median with the 90 % interval in brackets, to two digits of half its width.
-    Constants of the noise are left out.
-    """
+    """Return the table for LaTeX's booktabs: constants in rows, pads and references in columns."""
     shown = [e for e in entries if not e.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(e.pad for e in shown))
     known = {e.pad for e in shown if e.reference is not None}
@@ -189,10 +178,7 @@ def symbol(name: str) -> str:
 
 
 def rounded(entry: Entry) -> tuple[str, str, str]:
-    """Return median, low and high to two digits of half the interval's width, or to four digits.
-
-    Four digits are used where the interval has no width.
-    """
+    """Return median, low and high to two digits of half the interval's width, or to four digits."""
     half = 0.5 * (entry.high - entry.low)
     values = (entry.median, entry.low, entry.high)
     decimals = 1 - floor(log10(half)) if half > 0.0 else 7

@@ -104,10 +104,7 @@ def _slope(logs: np.ndarray) -> np.ndarray:
 
 
 def best_reading(record: Record) -> tuple[float, float]:
-    """Return depth (mm) and time (s) of the block mean whose force is largest over its noise.
-
-    The time is that since the displacement first came half as far.
-    """
+    """Return depth (mm) and time (s) of the block mean whose force is largest over its noise."""
     blocks, motion = jax.tree.map(np.asarray, (record.blocks, record.motion))
     force = np.where(blocks.real, np.abs(blocks.force), 0.0)
     test, block = np.unravel_index(

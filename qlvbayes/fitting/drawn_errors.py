@@ -36,11 +36,7 @@ _TINY = 1e-300  # avoids 0/0 where no time has passed
 def realisations(
     floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return one realisation of each of F floors at n single readings, (F, n) in N.
-
-    An error of the motion is drawn once for all readings, and so is that of the test's zero; an
-    error of moments is drawn for each reading.
-    """
+    """Return one realisation of each of F floors at n single readings, (F, n) in N."""
     time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
     extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
     white, ou, tau = (
@@ -69,10 +65,7 @@ def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.nda
 
 
 def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return unit processes (D, n) of correlation e^-x (cos x + sin x), x = t/tau.
-
-    The state of each process consists of its value and its slope.
-    """
+    """Return unit processes (D, n) of correlation e^-x (cos x + sin x), x = t/tau."""
     values = np.empty((tau.size, time.size))
     value, slope = rng.standard_normal((2, tau.size))
     values[:, 0] = value
@@ -105,12 +98,7 @@ def discrepancy_draws(
     locations: Locations,
     rng: np.random.Generator,
 ) -> Array:
-    """Return draws (R, N) in N of the discrepancy at N locations, one for each row of constants.
-
-    constants (R, P): their last two columns are the scale of the noise and the size of the
-    discrepancy; posterior: of the fitted trials. What the features leave out is drawn independently
-    for each sample.
-    """
+    """Return draws (R, N) in N of the discrepancy at N locations, one for each row of constants."""
     sizes, scales = constants[:, -1], constants[:, -2]
     draws = np.zeros((len(constants), locations.size.size))
     rows = np.flatnonzero(sizes > 0.0)

@@ -108,11 +108,7 @@ class _ChainProgress:
         return sum(len(segment.theta) for segment in self.segments[self.adapted :])
 
     def is_check_due(self, first: int) -> bool:
-        """Return whether to check convergence, at ``first`` kept steps, then 1.25 times as many.
-
-        The answer depends on nothing but the segments, so that a resumed run checks at the same
-        steps.
-        """
+        """Return whether to check convergence, at ``first`` kept steps, then 1.25 times as many."""
         kept, next_check, due = 0, first, False
         for segment in self.segments[self.adapted :]:
             kept += len(segment.theta)
@@ -151,11 +147,7 @@ def sample(
     store: ChainStore | None = None,
     progress: Progress | None = None,
 ) -> Chain:
-    """Return a chain that has lasted 50 autocorrelation times and mixed, or ``max_steps``.
-
-    Walkers and the first proposal are drawn from ``start``. Segments go to the store, from which an
-    interrupted run resumes with an identical chain. ``progress`` takes the steps done and expected.
-    """
+    """Return a chain that has lasted 50 autocorrelation times and mixed, or ``max_steps``."""
     walkers = max(settings.walkers, 2 * posterior.size + 2)
     so_far = _ChainProgress(list(store.load()) if store else [])
     coordinates = Coordinates.from_posterior(posterior, start)
@@ -190,10 +182,7 @@ def _expected(chain: Chain, so_far: _ChainProgress, settings: Settings) -> int:
 
 
 def autocorrelation_time(theta: np.ndarray) -> float:
-    """Return the longest integrated autocorrelation time (steps) in theta (S, W, D).
-
-    It is infinite where a walker never moved.
-    """
+    """Return the longest integrated autocorrelation time (steps) in theta (S, W, D)."""
     if theta.shape[-1] == 0 or np.any(np.ptp(theta, axis=0) == 0.0):
         return float("inf")
     return float(np.max(emcee.autocorr.integrated_time(theta, tol=0, quiet=True)))
@@ -219,10 +208,7 @@ def _sampler(
 
 
 def _differential(size: int) -> list[tuple[emcee.moves.DEMove, float]]:
-    """Return differential evolution with its optimal stride, and with a short one.
-
-    The short one serves narrow regions of the posterior.
-    """
+    """Return differential evolution with its optimal stride, and with a short one."""
     optimal = 2.38 / np.sqrt(2.0 * size)
     share = (1.0 - _INDEPENDENT) / 2.0
     return [(emcee.moves.DEMove(gamma0=stride), share) for stride in (optimal, 0.3 * optimal)]

@@ -182,10 +182,7 @@ class Fit:
 
 
 def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
-    """Return the posterior of model and noise over the block means of some trials.
-
-    Under measured noise the discrepancy is not separated yet: see `separated_start`.
-    """
+    """Return the posterior of model and noise over the block means of some trials."""
     model, noise = choices.build(experiment.scales)
     experiment = replace(experiment, rested=choices.rested)
     record = experiment.record(trials)
@@ -198,12 +195,7 @@ def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[T
 def separated_start(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rng: np.random.Generator
 ) -> tuple[Posterior, NormalApproximation, Spread | None]:
-    """Return the posterior to sample, the normal approximation about its mode, and the spread.
-
-    Under measured noise the discrepancy is separated from what the derivatives of the force can
-    follow at the mode itself, which takes a few iterations. The spread is what the discrepancy may
-    have moved the constants by; it is None under other noise.
-    """
+    """Return the posterior to sample, the normal approximation about its mode, and the spread."""
     posterior, floor = build_posterior(experiment, choices, trials), experiment.floor
     noise = posterior.noise
     if not isinstance(noise, Floor):
@@ -235,13 +227,7 @@ def fit_pad(
     folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit the trials whose role is ``fit``.
-
-    ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and ``two-step``
-    are the paper's routes, whose draws come from the normal approximation at the optimum. The
-    growing chain is stored in ``folder``, so that an interrupted run resumes. ``progress`` takes
-    the steps done and those expected.
-    """
+    """Fit the trials whose role is ``fit``."""
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
     trials = experiment.with_role("fit")
@@ -362,11 +348,7 @@ def _length_troubles(fit: Fit) -> list[str]:
 
 
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return constants (..., P) at thetas (..., D).
-
-    What the likelihood sums over is drawn, once for each distinct theta, so that a walker that
-    stayed has the same constants.
-    """
+    """Return constants (..., P) at thetas (..., D)."""
     flat = theta.reshape(-1, theta.shape[-1])
     if posterior.floor is None:
         values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
@@ -384,10 +366,7 @@ def _moved(
     spread: Spread,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return constants (..., P) with the moves that a discrepancy may have caused.
-
-    chain (..., P): constants as sampled, of which each draw has its own size of the discrepancy.
-    """
+    """Return constants (..., P) with the moves that a discrepancy may have caused."""
     flat = theta.reshape(-1, theta.shape[-1])
     noise = chain.reshape(-1, chain.shape[-1])[:, -_NOISE_CONSTANTS:]
     moves = spread.draws(noise[:, -1], rng)

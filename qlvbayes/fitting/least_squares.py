@@ -55,13 +55,7 @@ def without_noise(posterior: Posterior) -> Posterior:
 def least_squares(
     posterior: Posterior, scale: np.ndarray, rng: np.random.Generator, starts: int = 8
 ) -> LeastSquares:
-    """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants.
-
-    ``scale`` has a divisor (T, B) for each block mean. The starts are the best of 96 prior draws;
-    the optima lie within five prior sds of the prior mean of the unconstrained parameters.
-
-    Raises NoFiniteForceError where no draw gives finite forces.
-    """
+    """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants."""
     # the optimiser's tolerance on gradients is absolute
     scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
     draws = draw_priors(posterior, _PRIOR_DRAWS, rng)
@@ -129,12 +123,7 @@ def fitting_draws(
     count: int,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return draws (count, D) that fit about as well as the normal approximation says.
-
-    Along a direction that the data hardly determine, a draw may be where the force is far from
-    linear in theta. Its step is halved until the sum of squares rises by no more than a few times
-    what the derivatives at the optimum predict.
-    """
+    """Return draws (count, D) that fit about as well as the normal approximation says."""
     draws = normal.draw(count, rng)
     values, slopes = _residuals(posterior, scale, normal.mean)
     cost = float(values @ values)

@@ -69,10 +69,7 @@ def has_uncertain_zeros(model: Model, trials: Sequence[Trial]) -> bool:
 
 
 def with_zero_errors(record: Record, trials: Sequence[Trial], model: Model) -> Record:
-    """Return the record of some trials with what errors of their zeros change of a model's force.
-
-    They count as part of the noise floor: see `Blocks.zero` and `Blocks.stage`.
-    """
+    """Return the record of trials with what errors of their zeros change of a model's force."""
     if not has_uncertain_zeros(model, trials):
         return record
     sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
@@ -99,11 +96,7 @@ def floor_likelihood(
     noise: Floor,
     fitted: FitResponse | None = None,
 ) -> FloorLikelihood:
-    """Return the likelihood of the block means (T, B) of some trials.
-
-    fitted: response at the fit, from which the discrepancy is separated; None where that is not
-    known yet.
-    """
+    """Return the likelihood of the block means (T, B) of some trials."""
     floor = known_floor(experiment.floor, noise)
     discrepancy = discrepancy_of(experiment, trials, blocks, noise)
     shapes, precisions = discrepancy.shapes, discrepancy.whitener.precisions
@@ -169,11 +162,7 @@ class Spread:
 
 
 def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[Array, Array, Array]:
-    """Return C scales of the floor, sizes of the discrepancy, and log priors, (C,) each.
-
-    A value that the user gives is certain. Draws of the floor given the dwells are equally likely;
-    equal ones are counted together.
-    """
+    """Return C scales of the floor, sizes of the discrepancy, and log priors, (C,) each."""
     drawn = np.array([one.total for one in floor.draws(_SCALES)])
     scales_drawn = drawn / floor.expected().total
     scales, counts = np.unique(scales_drawn, return_counts=True)

@@ -72,10 +72,7 @@ def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.nd
 
 
 def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Optimum:
-    """Return the highest of the modes found from each guess (quasi-Newton with exact gradients).
-
-    The covariance of a guess only sets the scale of the steps; it need not be accurate.
-    """
+    """Return the highest of the modes found from each guess (quasi-Newton with exact gradients)."""
     optima = [(_optimised(posterior, guess), guess) for guess in guesses]
     (theta, loss), guess = min(optima, key=lambda optimum: optimum[0][1])
     covariance = _covariance(posterior, theta, np.linalg.cholesky(guess.covariance))
@@ -98,14 +95,7 @@ def _optimised(posterior: Posterior, guess: NormalApproximation) -> tuple[np.nda
 
 
 def _covariance(posterior: Posterior, theta: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Return the inverse curvature (D, D) of minus the log density, at the scale of the posterior.
-
-    It is computed from differences of exact gradients half an sd either side of the optimum, along
-    directions (the columns of ``axes``, about one sd long) that each pass whitens anew. Contact
-    makes the gradient jump where a force reaches zero, so that the curvature at a point would
-    describe one side of a kink; and no second derivatives need to be compiled. Where the density
-    does not curve down, the sd is bounded.
-    """
+    """Return the inverse curvature (D, D) of minus the log density, at the posterior's scale."""
     for _ in range(_PASSES):
         change = np.array([_gradient_change(posterior, theta, 0.5 * axis) for axis in axes.T])
         values, vectors = np.linalg.eigh(0.5 * (change @ axes + axes.T @ change.T))

@@ -31,11 +31,7 @@ class CheckedPad:
 
 
 def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
-    """Predict all tests of a pad from a saved posterior, and check them.
-
-    Tests keep the role they had in the fit, so that fitted tests are not taken for predicted ones.
-    Constants are converted to the pad's units.
-    """
+    """Predict all tests of a pad from a saved posterior, and check them."""
     if not has_noise(saved.names):
         raise InputError(
             f"the posterior of pad {saved.pad} has no noise",

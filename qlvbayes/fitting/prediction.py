@@ -74,11 +74,7 @@ def predict(
     *,
     seed: int = 0,
 ) -> list[Prediction]:
-    """Predict some trials from posterior draws (draws,) of each constant.
-
-    Of a long phase at most 300 samples are predicted. Raises KeyError where a constant of the model
-    is missing.
-    """
+    """Predict some trials from posterior draws (draws,) of each constant."""
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
     posterior = _sample_by_sample(experiment, choices, trials, chosen)
@@ -125,11 +121,7 @@ def _sample_by_sample(
 
 
 def representative_rows(trial: Trial) -> np.ndarray:
-    """Return the indices of samples that represent a trial.
-
-    As in the likelihood, samples are left out if they are so near a kink that it is unclear on
-    which side of it they lie.
-    """
+    """Return the indices of samples that represent a trial."""
     rows = _rows(trial)
     return rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
 
@@ -156,10 +148,7 @@ def _drawn(
 
 
 def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return noise (DRAWS, T, B) of single samples, each draw with its own sd.
-
-    It is independent but for the error of a test's zero.
-    """
+    """Return noise (DRAWS, T, B) of single samples, each draw with its own sd."""
     samples = posterior.record.blocks
     contact = np.asarray(samples.contact)
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(samples))(matrix)

@@ -108,10 +108,7 @@ def check(
     units: UnitSystem = PAD,
     notices: Sequence[str] = (),
 ) -> CheckResult:
-    """Compare predictions with measured forces, given the sd of the noise floor (N).
-
-    Cells without samples are left out.
-    """
+    """Compare predictions with measured forces, given the sd of the noise floor (N)."""
     keys = [
         (prediction, kind)
         for prediction in predictions
@@ -205,12 +202,7 @@ def _p_value(rmse: float, prediction: Prediction, selected: np.ndarray) -> float
 
 
 def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
-    """Return the first three cumulants of the mean square of a normal error, given its draws.
-
-    error: (draws, n). With A the error's covariance over its length, the cumulants are tr A,
-    2 tr A^2 and 8 tr A^3. Products of different draws estimate the traces without bias, and better
-    than the squares' own moments do.
-    """
+    """Return the first three cumulants of the mean square of a normal error, given its draws."""
     draws, size = error.shape
     products = error @ error.T / size
     mean = float(np.trace(products)) / draws

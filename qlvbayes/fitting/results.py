@@ -76,13 +76,7 @@ class Saved:
 def to_arviz(
     fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
 ) -> xarray.DataTree:
-    """Return a fit as a tree of posterior, predictive, log likelihood and data.
-
-    Where a discrepancy may have moved the constants from those of the chain, the group ``curve``
-    has the latter. Walkers are chains. The log likelihood of a block is conditional on the blocks
-    before it in its test. Units are attributes of the variables, everything else of the root. The
-    seed is that of the replicated block means.
-    """
+    """Return a fit as a tree of posterior, predictive, log likelihood and data."""
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     force = fit.experiment.units.force_name
     real = np.asarray(fit.posterior.record.blocks.real)
@@ -112,10 +106,7 @@ def to_arviz(
 
 
 def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return pointwise log likelihoods (draws, blocks), and block means predicted with new noise.
-
-    Both are those of the chain's own draws, whose curves follow the data.
-    """
+    """Return pointwise log likelihoods (draws, blocks) and block means with new noise."""
     posterior = fit.posterior
     if posterior.floor is not None:
         constants = fit.followed.reshape(-1, fit.followed.shape[-1])
@@ -204,10 +195,7 @@ def _provenance(
 
 
 def save(tree: xarray.DataTree, path: Path) -> None:
-    """Write the file completely or not at all, with checksums of its numbers.
-
-    It is composed in memory: HDF5 crashes the process where the disk is full.
-    """
+    """Write the file completely or not at all, with checksums of its numbers."""
     checksums = {
         node.path: {name: {"fletcher32": True} for name in node.to_dataset(inherit=False).variables}
         for node in tree.subtree
@@ -259,11 +247,7 @@ def load(path: Path) -> Saved:
 
 
 def _check_arrays(path: Path) -> None:
-    """Open a stranger's file without reading its arrays; raise ValueError where that is no use.
-
-    Arrays may state any size (of a few bytes on disk), and links may lead to other files. A file of
-    another kind than HDF5 raises OSError here, as h5netcdf would print a traceback about it.
-    """
+    """Open a stranger's file without reading its arrays; raise ValueError where that is no use."""
     sizes = [0]
 
     def look(name: str, node: h5py.Dataset | h5py.Group) -> str | None:

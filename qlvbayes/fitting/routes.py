@@ -97,12 +97,7 @@ def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
 
 
 def part_notice(experiment: Experiment, method: str) -> tuple[str, ...]:
-    """Return a sentence on the tests of which a route uses a small part only.
-
-    Both routes use the first ramp and hold. What follows them in a test that presses, holds and
-    comes back is left out as the paper does it; a hold that ends early, or a staircase, leaves
-    little.
-    """
+    """Return a sentence on the tests of which a route uses a small part only."""
     spans = [(trial, _span(trial, ("ramp", "hold"))) for trial in experiment.with_role("fit")]
     parts = [
         f"{plain(start)} to {plain(stop)} s of test {trial.name}, which ends at "
@@ -119,11 +114,7 @@ def part_notice(experiment: Experiment, method: str) -> tuple[str, ...]:
 
 
 def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weighted: bool) -> np.ndarray:
-    """Return the divisors (T, B) of residuals, which are infinite outside the spans.
-
-    With ``weighted`` they are one over the root of a block's duration, so that the sum is the time
-    integral of Eq. 9; else one over the root of its number of samples.
-    """
+    """Return the divisors (T, B) of residuals, which are infinite outside the spans."""
     blocks = posterior.record.blocks
     first, last, count = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.count))
     middle = 0.5 * (first + last)

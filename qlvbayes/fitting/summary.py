@@ -85,10 +85,7 @@ class FitSummary(Result, frozen=True, kw_only=True):
 def constant_of(
     values: np.ndarray, unit: str, index: int, diagnostics: Diagnostics | None
 ) -> Constant:
-    """Return the summary of draws (chains, draws) of one constant.
-
-    index: of the constant in the diagnostics, which are None where there is no chain.
-    """
+    """Return the summary of draws (chains, draws) of one constant."""
     varies = (
         np.ptp(values) > 0.0
     )  # a fixed constant keeps its exact value, and has an sd of exactly 0

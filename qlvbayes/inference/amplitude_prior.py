@@ -34,10 +34,7 @@ _ROUNDING = 1e-12
 def log_noticeable(
     prior: HalfNormal | Normal, mean: float, sd: float, tolerance: float = TOLERANCE
 ) -> float:
-    """Return the log of the ratio above for a posterior N(mean, sd^2) of an amplitude.
-
-    The prior is that without the bracket; at a tolerance of 0 the ratio is 1.
-    """
+    """Return the log of the ratio above for a posterior N(mean, sd^2) of an amplitude."""
     size = float(prior.sd)
     t = tolerance / SHARE * size
     if t == 0.0:

@@ -89,11 +89,7 @@ class Point:
     def added_terms(
         self, columns: Array, discrepancy: DiscrepancyOfSize | Separated
     ) -> tuple[Array, Array]:
-        """Return gradient (K,) and curvature (K, K) over K added parameters that have no prior.
-
-        columns (K, n): whitened derivatives of the force with respect to the added parameters. The
-        free parameters are optimised out (Schur complement).
-        """
+        """Return gradient (K,) and curvature (K, K) over K added parameters that have no prior."""
         products = discrepancy.products(np.concatenate([self.vectors, columns]))
         old, new = slice(1, len(self.vectors)), slice(len(self.vectors), None)
         mixed = products[old, new]
@@ -104,10 +100,7 @@ class Point:
 
 
 def gauss_newton(discrepancy: DiscrepancyOfSize | Separated, vectors: Array, prior: Terms) -> Terms:
-    """Return the expansion of minus the log density from vectors (1 + F, n).
-
-    vectors: the whitened residual, and below it the whitened derivatives of the force.
-    """
+    """Return the expansion of minus the log density from vectors (1 + F, n)."""
     products = discrepancy.products(vectors)
     return Terms(
         0.5 * (float(products[0, 0]) + discrepancy.log_volume) + prior.loss,
@@ -133,20 +126,14 @@ class Density:
 
     @cached_property
     def of_independent_noise(self) -> Density:
-        """Return the density as if the noise of block means were independent, without discrepancy.
-
-        Its loss is half the sum of squares over the noise floor's sds, less the log prior.
-        """
+        """Return the density as if noise of block means were independent, without discrepancy."""
         return self._without_discrepancy(self.whitener.with_independent_noise(self.whitener.sds))
 
     def _without_discrepancy(self, whitener: Whitener) -> Density:
         return Density(self.space, whitener, Discrepancy.none(whitener, self.discrepancy.peak))
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
-        """Return the density with another space, whose priors may differ, about the same record.
-
-        features (T, B) are added to those of the discrepancy.
-        """
+        """Return the density with another space, whose priors may differ, about the same record."""
         return Density(space, self.whitener, self.discrepancy.with_features(features))
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
@@ -167,10 +154,7 @@ class Density:
     def _forces_and_slopes(
         self, parameters: Parameters, theta: Array
     ) -> tuple[Array, Array, Array]:
-        """Return constants (1 + F, P), block means (T, B) and their derivatives (F, T, B).
-
-        The first row of the constants is at theta, the others are one step along each parameter.
-        """
+        """Return constants (1 + F, P), block means (T, B) and their derivatives (F, T, B)."""
         steps = _STEP * parameters.length
         constants = parameters.constants(_stepped(theta, steps))
         forces = self.space.forces(parameters.hypothesis, constants)
@@ -179,11 +163,7 @@ class Density:
     def at(
         self, hypothesis: Hypothesis, theta: Array, like: Separation | None = None
     ) -> Point | None:
-        """Return the point at theta (F,); None where the force is not finite or absurdly large.
-
-        like: a point's separation, whose scatter and errors of the motion are taken; without one
-        there is no scatter, and the errors are those at theta.
-        """
+        """Return the point at theta (F,); None where the force is not finite or absurdly large."""
         parameters = self.space.parameters(hypothesis)
         constants, predicted, responses = self._forces_and_slopes(parameters, theta)
         prior = _prior(parameters, theta)
@@ -223,13 +203,7 @@ class Density:
     def log_density(
         self, parameters: Parameters, thetas: Array, tolerance: float, modes: Sequence[Point]
     ) -> Array:
-        """Return log posterior densities (K, S) at thetas (K, F) and each size of the discrepancy.
-
-        The constant of the likelihood is left out. The value is minus infinity beyond the bounds
-        and where the force is not finite. Priors of amplitudes exclude contributions below the
-        tolerance, a share of the peak force. At each theta the discrepancy is separated as at the
-        nearest of the modes.
-        """
+        """Return log posterior densities (K, S) at thetas (K, F) and sizes of the discrepancy."""
         inside = np.all((thetas >= parameters.lowest) & (thetas <= parameters.highest), axis=1)
         logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         if not inside.any():
@@ -269,10 +243,7 @@ class Density:
         return self.discrepancy.likeliest_size(point.residual, guess, point.separation)
 
     def likeliest(self, point: Point, guess: float = 0.0) -> tuple[float, Point]:
-        """Return the size (N) of highest density, and the point with the likeliest scatter.
-
-        The errors of the motion are those at the point.
-        """
+        """Return the size (N) of highest density, and the point with the likeliest scatter."""
         errors = self._motion_errors(point.own.hypothesis, point.constants)
         separation = point.separation.with_errors(errors)
         size, scatter = self.discrepancy.likeliest(point.residual, guess, separation)

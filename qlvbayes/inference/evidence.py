@@ -51,12 +51,7 @@ class Evidence:
 
 
 def evidence(density: Density, point: Point) -> Evidence:
-    """Return the evidence about a mode.
-
-    Where a step would still gain much, the normal is centred at the point itself, which
-    underestimates the evidence: the expansion is not trusted so far from the mode. The log evidence
-    is minus infinity where the curvature is not positive definite at any size of the discrepancy.
-    """
+    """Return the evidence about a mode."""
     theta = point.theta
     terms = density.terms_by_size(point)
     if _is_far(density, point):
@@ -82,13 +77,7 @@ def evidence(density: Density, point: Point) -> Evidence:
 
 
 def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array:
-    r"""Return the second moment (F, F) of the parameters about the mode, given a discrepancy.
-
-    What the derivatives of the force have followed of the discrepancy is not seen, but it is
-    correlated with what they have not. Given a discrepancy that is not separated, of a mean square
-    size by weights (S,), the parameters would move by \Delta and be known to within H^{-1}. Their
-    second moment about the fitted values is \Delta \Delta^T + H^{-1}.
-    """
+    r"""Return the second moment (F, F) of the parameters about the mode, given a discrepancy."""
     size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
     if size == 0.0 and not any(point.separation.scatter.sizes):
         return np.zeros((point.theta.size, point.theta.size))
@@ -97,10 +86,7 @@ def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array
 
 
 def second_moment(terms: Terms, lengths: Array) -> Array:
-    """Return the second moment (F, F) of parameters about the point of an expansion.
-
-    lengths (F,): natural lengths, which limit by how much a parameter moves.
-    """
+    """Return the second moment (F, F) of parameters about the point of an expansion."""
     covariance = np.linalg.inv(terms.curvature + np.diag(lengths**-2.0))
     step = -covariance @ terms.gradient
     step /= max(1.0, float(np.max(np.abs(step) / lengths)))
@@ -121,11 +107,7 @@ def _widths(point: Point) -> Array:
 
 
 def laplace_by_size(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:
-    """Return log evidences (S,) of the expansions of S sizes, and the normals' means (S, F).
-
-    Means and the bounds below and above (F,) are relative to the point. The log evidence is minus
-    infinity where the curvature is not positive definite.
-    """
+    """Return log evidences (S,) of the expansions of S sizes, and the normals' means (S, F)."""
     count = terms.gradient.shape[-1]
     diagonal = np.maximum(np.einsum("sff->sf", terms.curvature), 1e-300)
     scale = np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])

@@ -111,11 +111,7 @@ class BoundedStudentT(NamedTuple):
         return int(np.sum(np.isfinite(self.lowest) | np.isfinite(self.highest)))
 
     def _between(self, steps: Array, k: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return the bounds (K,) of parameter k in its own scale, given the steps (K, F) before it.
-
-        Bounds that lie above zero are mirrored, to the tail where probabilities keep their digits;
-        the third array (K,) says which.
-        """
+        """Return bounds (K,) of parameter k in its own scale, given the steps (K, F) before it."""
         mean = self.centre[k] + steps[:, :k] @ self.root[k, :k]
         low, high = ((bound[k] - mean) / self.root[k, k] for bound in (self.lowest, self.highest))
         turned = low > 0.0
@@ -145,11 +141,7 @@ def sampled_evidence(
     max_error: float = CLOSE,
     seed: int = 0,
 ) -> ImportanceSample | None:
-    """Return the evidence of a hypothesis by sampling about its modes; None if few draws count.
-
-    The modes come with the best first. Sampling ends at a standard error ``max_error`` of the log
-    evidence.
-    """
+    """Return the evidence of a hypothesis by sampling about its modes; None if few draws count."""
 
     def is_sufficient(so_far: ImportanceSample) -> bool:
         return so_far.error < max_error and so_far.effective >= _FEWEST
@@ -172,13 +164,7 @@ def importance_sample(
     rng: np.random.Generator,
     tolerance: float = 0.0,
 ) -> ImportanceSample:
-    """Return the draws of the last mixture of proposals, when they suffice or ``rounds`` are over.
-
-    Only draws of the last mixture count, which was chosen before they were made. A proposal that is
-    shaped by draws which it then weights itself makes their weights too small (by 0.2 of ln Z in
-    twelve parameters). The discrepancy is separated as at the nearest of the points, which are
-    modes.
-    """
+    """Return draws of the last mixture of proposals, when they suffice or ``rounds`` are over."""
     proposals, adaptations = list(start), 0
     thetas = np.zeros((0, parameters.size))
     heights = np.zeros((0, density.discrepancy.sizes.size))

@@ -133,11 +133,7 @@ def modes(
     best: float = np.inf,
     max_modes: int = 3,
 ) -> list[Mode]:
-    """Return distinct modes that many starts (F,) lead to, the highest first.
-
-    All starts are optimised under coarse noise first. The best points that this gives, at most
-    ``max_modes``, are followed under the noise itself. best: loss of the best mode so far.
-    """
+    """Return distinct modes that many starts (F,) lead to, the highest first."""
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
@@ -160,12 +156,7 @@ def redrawn_modes(
     seed: int,
     max_failures: int,
 ) -> list[Mode]:
-    """Return the initial modes and those found by redrawing the best one's relaxation, best first.
-
-    The relaxation is redrawn from its prior until ``max_failures`` draws in a row lead no higher.
-    Spectra have several modes where other constants have one, and coarse noise cannot distinguish
-    spectra.
-    """
+    """Return initial modes and those found by redrawing the best one's relaxation, best first."""
     known, failures = list(initial), 0
     indices = density.space.indices_of(hypothesis, "relaxation")
     for drawn in density.space.draws_of(hypothesis, "relaxation", seed):
@@ -183,11 +174,7 @@ def redrawn_modes(
 def base_modes(
     density: Density, hypothesis: Hypothesis, seed: int, starts: int, max_failures: int
 ) -> list[Mode]:
-    """Return modes of a hypothesis from draws of its priors, the highest first.
-
-    The first ``starts`` draws vary all parameters. Further ones vary the relaxation alone, until
-    ``max_failures`` in a row lead no higher.
-    """
+    """Return modes of a hypothesis from draws of its priors, the highest first."""
     draws = density.space.prior_draws(hypothesis, seed)
     initial = modes(density, hypothesis, draws[:starts])
     return redrawn_modes(density, hypothesis, initial, seed, max_failures) if initial else []
@@ -217,10 +204,7 @@ def predicted_decrease(terms: Terms, step: Array) -> float:
 
 
 def bounded_step(terms: Terms, damping: float, point: Point) -> Array:
-    """Return the damped step (F,) that minimises the quadratic expansion within the bounds.
-
-    The step is shortened where it exceeds three natural lengths of a parameter.
-    """
+    """Return the damped step (F,) that minimises the quadratic expansion within the bounds."""
     parameters, curvature = point.own, terms.curvature
     diagonal = np.maximum(np.diag(curvature), 1e-8 * np.diag(curvature).max())
     scale = 1.0 / np.sqrt(diagonal)

@@ -26,10 +26,7 @@ _STEP = 1e-6  # of difference quotients
 
 
 def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) -> Array:
-    """Return theta (F,) with those parameters of its laws whose curves are nearest to the point's.
-
-    A law that both hypotheses have keeps its parameters in theta.
-    """
+    """Return theta (F,) with parameters of its laws whose curves are nearest to the point's."""
     projected_theta = theta
     for part in ("elastic", "relaxation"):
         if getattr(hypothesis, part) == getattr(point.own.hypothesis, part):
@@ -40,10 +37,7 @@ def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) 
 
 
 def with_curve(space: Space, hypothesis: Hypothesis, part: str, goal: Array, theta: Array) -> Array:
-    """Return theta (F,) with the parameters of one law fitted such that its curve is near a goal.
-
-    part: ``elastic`` or ``relaxation``; goal (40,): a curve as `Space.curve` gives it.
-    """
+    """Return theta (F,) with the parameters of one law fitted so that its curve is near a goal."""
     indices = space.indices_of(hypothesis, part)
     if not indices:
         return theta

@@ -37,10 +37,7 @@ def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:
 def transferred(
     old: Parameters, theta: Array, new: Parameters, others: Array | None = None
 ) -> Array:
-    """Return theta (G,) of other parameters, with the values of those that both have copied over.
-
-    The rest is taken from ``others`` (G,), or is zero where that is not given.
-    """
+    """Return theta (G,) of other parameters, with values of those that both have copied over."""
     target = np.zeros(new.size) if others is None else others.copy()
     leaves = old.by_name
     for name, leaf in new.by_name.items():
@@ -52,11 +49,7 @@ def transferred(
 def shapes(
     space: Space, point: Point, parameters: Parameters, effect: str, count: int = _SHAPES
 ) -> list[Array]:
-    """Return thetas (G,) that add an effect without force to a point, over its shape's prior.
-
-    The first other constant of the effect takes ``count`` quantiles of its prior, or as many as the
-    effect asks for.
-    """
+    """Return thetas (G,) that add an effect without force to a point, over its shape's prior."""
     count = max(count, space.effects[effect].shapes)
     return over_shapes(
         space, parameters, effect, transferred(point.own, point.theta, parameters), count
@@ -66,11 +59,7 @@ def shapes(
 def over_shapes(
     space: Space, parameters: Parameters, effect: str, theta: Array, count: int = _SHAPES
 ) -> list[Array]:
-    """Return thetas (G,) that add an effect without force, over its shape's prior.
-
-    Theta is taken as it is but for the effect. The first constant other than the amplitude takes
-    ``count`` quantiles of its prior.
-    """
+    """Return thetas (G,) that add an effect without force, over its shape's prior."""
     base = theta.copy()
     leaves = [leaf for name, leaf in parameters.by_name.items() if name.startswith(f"{effect}.")]
     draws, taken, shape = space.draws("effects", effect), 0, None
@@ -96,14 +85,7 @@ def over_shapes(
 def starts(
     space: Space, point: Point, hypothesis: Hypothesis, count: int, sizes: tuple[float, float]
 ) -> list[Array]:
-    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbouring one.
-
-    What both hypotheses have is copied. A law that differs is fitted to the curve of the other one.
-    A new effect starts small and large, with its shape at ``count`` quantiles of its prior; of an
-    effect that asks for more of them, at those whose forces are most like what the mode leaves.
-
-    sizes: small and large amplitude, in sds of its prior.
-    """
+    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour."""
     parameters = space.parameters(hypothesis)
     base = projected(space, point, hypothesis, transferred(point.own, point.theta, parameters))
     thetas = [base]
@@ -117,12 +99,7 @@ def starts(
 
 
 def exchanged_starts(space: Space, point: Point, hypothesis: Hypothesis) -> list[Array]:
-    """Return thetas (F,) of a hypothesis without an effect that a mode has on the relaxation.
-
-    Each leaves out another mode of the fuller spectrum, as the effect may have taken the part of
-    one that the law has. There are none for other hypotheses, and of long spectra, whose modes are
-    not independent.
-    """
+    """Return thetas (F,) of a hypothesis without an effect that a mode has on the relaxation."""
     fuller, starts_without = point.own.hypothesis, []
     if all(fuller.less(name) != hypothesis for name in space.relaxing & fuller.effects):
         return []
@@ -169,10 +146,7 @@ def _small_and_large(
 def _gains(
     space: Space, point: Point, parameters: Parameters, amplitude: Amplitude, some: Sequence[Array]
 ) -> Array:
-    """Return by how much an effect at each shape lowers the sum of squares (N2) at a point.
-
-    The point's own parameters are fitted again, to first order.
-    """
+    """Return by how much an effect at each shape lowers the sum of squares (N2) at a point."""
     thetas = np.stack(some)
     thetas[:, amplitude.number] += amplitude.sd
     none = parameters.constants(np.stack(some))

@@ -51,10 +51,7 @@ class InputError(Exception):
 
 
 def check_known(what: str, name: str, known: Iterable[str]) -> None:
-    """Raise InputError where a name is none of the known ones; the error lists them.
-
-    ``what`` is what the name stands for, as "noise model".
-    """
+    """Raise InputError where a name is none of the known ones; the error lists them."""
     if name not in (every := tuple(known)):
         raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(every)}")
 

@@ -9,10 +9,7 @@ Check = tuple[str, Callable[[], None]]
 
 
 def run_checks(checks: Iterable[Check], error: type[AssertionError]) -> None:
-    """Run all checks, and raise one error that lists every broken rule, a line each.
-
-    The first check is of the declarations: where they are broken, the others cannot run.
-    """
+    """Run all checks, and raise one error that lists every broken rule, a line each."""
     broken: list[str] = []
     for number, (_, check) in enumerate(checks):
         try:

@@ -171,22 +171,7 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """Read a CSV or .csv.gz file that has a row per sample.
-
-    The columns are `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place
-    of the last two. The suffix names the unit (`units.SUFFIXES`); all results are given in these
-    units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
-    columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
-    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed at the sample: displacement
-    or force; it may change within a test), `use` (1 or 0: whether the sample's force is used),
-    `contact_sd_mm` (standard error of the zero of the test's displacement) and `contact_stage`
-    (tests of one name share that error). Lines that begin with # are comments. Without `start_s`
-    the tests of a pad follow one another.
-
-    A file of another layout is read by the format whose marks its first bytes show (`formats`), if
-    that needs no answer from the user; the notices then report how it was read. The arrays are
-    read-only. Raises InputError, with line and remedy, where the file cannot be used as it is.
-    """
+    """Read a CSV or .csv.gz file that has a row per sample."""
     file = Path(path)
     with unchanged(file):
         try:
@@ -303,10 +288,7 @@ class _Builder:
         return rows.after(unread), float(time[unread] - time[0])
 
     def test(self, rows: Rows, before: Test | None, late: float = 0.0) -> Test:
-        """Return one test; `before` is the pad's previous one.
-
-        It begins by ``late`` (s) after the declared start.
-        """
+        """Return one test; `before` is the pad's previous one."""
         self._names(rows)
         columns = {key: rows.take(column) for key, column in self.table.numeric.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
@@ -435,10 +417,7 @@ class _Builder:
         return cast(Role, role) if role else None
 
     def _controls(self, rows: Rows, time: Floats) -> tuple[Prescribed, ...]:
-        """Return what was prescribed in each stretch of a test; nothing where no row says it.
-
-        It changes halfway between two samples.
-        """
+        """Return what was prescribed in each stretch of a test; nothing where no row says it."""
         labels = self._labels(rows, "control")
         if labels == [(0, "")]:
             return ()
@@ -504,14 +483,7 @@ class _Builder:
 
 
 def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
-    """Return the tests of a machine's file, or None where the file is none.
-
-    ``tidy`` is the dialect with which it was read as a tidy file, or the error that this gave. A
-    tidy header is believed, unless the file has a second clock: leaving that out would cause a lag.
-
-    Raises InputError where the file leaves open what only ``qlvbayes convert`` asks for, or it is
-    damaged.
-    """
+    """Return the tests of a machine's file, or None where the file is none."""
     if isinstance(tidy, Dialect) and not tidy.columns.ignored:
         return None
     try:

@@ -30,10 +30,7 @@ def prints(sign: str) -> bool:
 
 
 def visible(text: str, keep: str = "") -> str:
-    r"""Return the text with characters that do not print written as Python does: '\x1b'.
-
-    Characters in ``keep``, such as the end of a line, are left as they are.
-    """
+    r"""Return the text with characters that do not print written as Python does: '\x1b'."""
     if text.isprintable():
         return text
     return "".join(c if prints(c) or c in keep else ascii(c)[1:-1] for c in text)

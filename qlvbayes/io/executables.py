@@ -101,11 +101,7 @@ class Executables:
 
 @contextmanager
 def _one_at_a_time(file: Path) -> Iterator[None]:
-    """Make processes that would compile the same function wait for the first of them.
-
-    The end of the first process frees the others. Where files cannot be locked, or the first takes
-    too long, nobody waits.
-    """
+    """Make processes that would compile the same function wait for the first of them."""
     lock = file.with_suffix(".lock")
     try:
         locked = lock.open("wb") if fcntl else None
@@ -149,11 +145,7 @@ def forget_executables() -> None:
 
 @cache
 def _environment() -> str:
-    """Return what every executable depends on: JAX, XLA's flags, the processor, and this file.
-
-    Without the flags, functions that one process compiles without optimisation (as tests do) would
-    be used by all processes.
-    """
+    """Return what every executable depends on: JAX, XLA's flags, the processor, and this file."""
     flags = ""
     if _PROCESSOR.exists():
         lines = _PROCESSOR.read_text().splitlines()

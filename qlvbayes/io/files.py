@@ -69,12 +69,7 @@ def results_folder(path: Path) -> Path:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Lock a folder of results, made if necessary, and remove what a killed run left half-written.
-
-    The lock ends with the process. Where the disk cannot lock folders, nothing is locked or
-    removed. A folder that was made here and stays empty is removed again. Raises InputError where
-    another run has locked it.
-    """
+    """Lock a folder of results, made if necessary, and remove what a killed run left."""
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     results_folder(folder)
     number = _locked(folder)

@@ -42,11 +42,7 @@ class Result(Part, frozen=True, kw_only=True, tag_field="schema", tag=1):
 
     @classmethod
     def from_json(cls, text: str | bytes, *, file: str | Path | None = None) -> Self:
-        """Return the record from which the text was made.
-
-        ``file`` is named in errors. An InputError is raised where the text is cut, a key is missing
-        or of the wrong type, or the schema is a newer one.
-        """
+        """Return the record from which the text was made."""
         try:
             return msgspec.json.decode(text, type=cls)
         except (msgspec.MsgspecError, InputError, UnicodeDecodeError) as error:
@@ -69,10 +65,7 @@ class Result(Part, frozen=True, kw_only=True, tag_field="schema", tag=1):
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Read a file.
-
-        Raise InputError as `from_json` does, and OSError where it cannot be opened.
-        """
+        """Read a file."""
         return cls.from_json(Path(path).read_bytes(), file=path)
 
 

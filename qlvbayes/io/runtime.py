@@ -27,10 +27,7 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to float64, to synchronous dispatch, and to the persistent compile cache.
-
-    The cache is not used where its folder cannot be made.
-    """
+    """Switch JAX to float64, to synchronous dispatch, and to the persistent compile cache."""
     import jax  # not above: loading JAX calls this function
 
     jax.config.update("jax_enable_x64", True)
@@ -52,12 +49,7 @@ def configure() -> None:
 
 
 def _mend_damaged_entries() -> None:
-    """Let JAX write each entry of its cache whole, in place of a damaged one, and without a word.
-
-    By itself it writes in place, so that a kill or a full disk leaves half an entry, which it then
-    keeps: every later process would warn and compile the function again. What cannot be read or
-    written only costs time.
-    """
+    """Let JAX write each entry of its cache whole, in place of a damaged one, without a word."""
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     with suppress(ImportError, AttributeError):  # another JAX: entries are as it writes them
         from jax._src.lru_cache import _CACHE_SUFFIX, LRUCache
@@ -82,21 +74,13 @@ def cores() -> int:
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Return a context manager that keeps BLAS to one thread.
-
-    Matrices here have some hundred rows at most: a second thread costs more than it saves, and
-    competes for the cores that compute forces.
-    """
+    """Return a context manager that keeps BLAS to one thread."""
     limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return limits
 
 
 def forget_compiled() -> None:
-    """Drop compiled functions where they take too many of a process's memory mappings.
-
-    Each function takes some; pads of many shapes leave thousands. Those needed again come from the
-    cache.
-    """
+    """Drop compiled functions where they take too many of a process's memory mappings."""
     if not _MAPPINGS.exists():  # not Linux: no such limit
         return
     if _MAPPINGS.read_text().count("\n") > _MANY:

@@ -115,10 +115,7 @@ class UnitSystem:
 
     @property
     def energy(self) -> str:
-        """Return the unit of force times displacement.
-
-        1 N mm is 1 mJ; 1 kPa over a strain is 1 kJ/m3.
-        """
+        """Return the unit of force times displacement."""
         if self.dimensionless:
             return f"{_JOULES[_EXPONENTS[self.force]]}/m3"
         return _JOULES[_EXPONENTS[self.force] + _EXPONENTS[self.displacement]]
@@ -129,11 +126,7 @@ class UnitSystem:
         return 1.0 if self.dimensionless else 10.0 ** (-3 - _EXPONENTS[self.displacement])
 
     def factor_to(self, other: UnitSystem, kind: str) -> float:
-        """Return the factor that converts a number of that kind to the other system's unit.
-
-        Both systems must have displacement and force, or both strain and stress. The kind must not
-        be that of a power law's factor, whose unit depends on its exponent (KeyError).
-        """
+        """Return the factor that converts a number of that kind to the other system's unit."""
         length, force = _DIMENSIONS[kind]
         way = 0 if self.dimensionless else _decades(self.displacement, other.displacement)
         return 10.0 ** (length * way + force * _decades(self.force, other.force))

@@ -18,14 +18,7 @@ Kind = TypeVar("Kind")
 
 
 def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind], ...]:
-    """Return the classes under ``base`` that a file defines, in its order.
-
-    Imported ones do not count.
-
-    Classes called Abstract... are left out. An unchanged file gives the same classes again, so that
-    functions compiled for them are used again. ``content`` names the file's content in a message.
-    An InputError is raised where there is no such file or it stops with an error.
-    """
+    """Return the classes under ``base`` that a file defines, in its order."""
     if path.suffix != ".py" or not path.is_file():
         raise InputError(
             "no such Python file", file=path, remedy=f"give the path of a .py file with {content}"
@@ -43,10 +36,7 @@ def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind],
 def check_own(
     path: Path, kinds: Iterable[type[Any]], base: type[Any], word: str, known: Iterable[str]
 ) -> None:
-    """Raise InputError where one of a file's classes lacks a part of ``base``, or its name is used.
-
-    ``word`` is what the classes are; ``known`` are the names of those that come with the package.
-    """
+    """Raise InputError where a class of a file lacks a part of ``base``, or its name is used."""
     taken = dict.fromkeys(known, "comes with the package")
     for kind in kinds:
         _check_one(path, kind, base, word, taken)

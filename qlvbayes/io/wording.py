@@ -11,10 +11,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return significant digits, without a power of ten from 0.0001 to 10 million.
-
-    Examples are '25100' and '0.0123'.
-    """
+    """Return significant digits, without a power of ten from 0.0001 to 10 million."""
     text = f"{value:.{digits}g}"
     if "e" not in text or not 1.0 <= abs(value) < 1e7:
         return text
@@ -27,10 +24,7 @@ def rated(rate: float, unit: str) -> str:
 
 
 def to_noise(value: float, noise: float, sign: str = "") -> str:
-    """Return a number to a hundredth of the noise's first digit.
-
-    Where that takes too many decimals it is '2.3e-08'.
-    """
+    """Return a number to a hundredth of the noise's first digit."""
     decimals = max(0, 2 - floor(log10(noise))) if noise > 0.0 else 4
     text = f"{value:{sign}.{decimals}f}" if decimals <= 6 else f"{value:{sign}.2g}"
     return text.replace("-", sign, 1) if float(text) == 0.0 else text
@@ -76,11 +70,7 @@ def significant(value: float, sd: float) -> str:
 
 
 def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
-    """Return significant digits, typeset; '1.2 × 10⁻⁷' for the very small and large.
-
-    It is a dash for what is not known. ``zeros`` keeps zeros at the end, so that errors in one
-    column have as many digits.
-    """
+    """Return significant digits, typeset; '1.2 × 10⁻⁷' for the very small and large."""
     if value is None or not isfinite(value):
         return DASH
     text = (f"{value:#.{digits}g}" if zeros else f"{value:.{digits}g}").removesuffix(".")

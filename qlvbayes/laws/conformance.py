@@ -201,10 +201,7 @@ def _check_slopes_of_steps(law: AbstractElastic, depths: Array) -> None:
 
 @eqx.filter_jit
 def _slopes_of_steps(law: AbstractElastic, depths: Array) -> AbstractElastic:
-    """Return the slopes, along the constants, of the sum of all forces and steps.
-
-    Steps without travel are included, where a quotient would be 0/0.
-    """
+    """Return the slopes, along the constants, of the sum of all forces and steps."""
 
     def total(law: AbstractElastic) -> Array:
         force = law.force(depths)

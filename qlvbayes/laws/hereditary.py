@@ -54,11 +54,7 @@ def hereditary_step(
     duration: Array,
     depth: Array,
 ) -> tuple[Relaxing, Array]:
-    """Return state and force (N) after a straight line to ``depth`` (mm) in ``duration`` (s).
-
-    This is one step of the recursion of `hereditary_force`, for a motion that is not known
-    beforehand. A duration of 0 is a jump.
-    """
+    """Return state and force (N) after a straight line to ``depth`` (mm) in ``duration`` (s)."""
     fractions, rates = relaxation.spectrum()
     decay = rates * duration
     before, instant = elastic.force(state.depth), elastic.force(depth)
@@ -75,16 +71,7 @@ def hereditary_force(
     depth: Array,
     sagitta: Array | None = None,
 ) -> Array:
-    r"""Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm).
-
-    ``sagitta`` (N,) is the deviation (mm) of the middle of the step that ends at a point from the
-    straight line. Taken as a parabola, it changes a mode's step by
-
-    .. math:: -v \int_0^h K\, 4 B x (1 - x)\, e^{-v (h - s)} ds, \quad x = s/h.
-
-    The force is differentiable in every argument, also under jit and vmap; it takes O(N) time and
-    memory.
-    """
+    r"""Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm)."""
     fractions, rates = relaxation.spectrum()
     shares = fractions[1:, None]
     path = (time, depth, sagitta)
@@ -98,10 +85,7 @@ def hereditary_force(
 def hereditary_parts(
     elastic: AbstractElastic, rates: Array, time: Array, depth: Array, sagitta: Array
 ) -> Array:
-    """Return F_e and every q_i, (L + 1, N) in N, at rates v_i (L,) in 1/s.
-
-    The fractions of a spectrum weight their sum, which is the force; see `hereditary_force`.
-    """
+    """Return F_e and every q_i, (L + 1, N) in N, at rates v_i (L,) in 1/s."""
     instant, local, left, starts = _recursion(
         elastic, rates, (time, depth, sagitta), lambda parts: parts
     )
@@ -115,13 +99,7 @@ def _recursion(
     path: tuple[Array, Array, Array | None],
     kept: Callable[[Array], Array],
 ) -> tuple[Array, Array, Array, Array]:
-    """Return what F_e and q_i are made of, with time down the columns of chunks.
-
-    The law has rates (L,), the path time, depth and sagitta (N,) of a motion; ``kept`` gives what
-    is kept of the modes (L, chunks) at each point. The answer is F_e (length, chunks), what is kept
-    of the modes of motions that begin with each chunk, by how much modes have decayed since
-    (length, L, chunks), and q_i (L, chunks) at that beginning.
-    """
+    """Return what F_e and q_i are made of, with time down the columns of chunks."""
     time, depth, sagitta = path
     times, start_time = _chunks(time, time[0])
     depths, start_depth = _chunks(depth, jnp.zeros((), depth.dtype))
@@ -166,21 +144,14 @@ def _sagitta_factor(decay: Array, survival: Array) -> Array:
 
 
 def _chunk_count(points: int) -> int:
-    """Return how many chunks a motion is cut into: about as many as each has steps.
-
-    The steps run in sequence, the chunks in a processor's vectors: a count that does not fill these
-    makes the recursion up to three times as slow.
-    """
+    """Return how many chunks a motion is cut into: about as many as each has steps."""
     if points <= _VECTOR:
         return points
     return _VECTOR * math.ceil(math.sqrt(points) / _VECTOR)
 
 
 def _chunks(values: Array, before: Array) -> tuple[Array, Array]:
-    """Return values (length, chunks), with time down the columns, and those before each column.
-
-    The last value is repeated to the end of the last column.
-    """
+    """Return values (length, chunks), with time down the columns, and those before each column."""
     count = _chunk_count(values.shape[0])
     length = -(-values.shape[0] // count)
     missing = count * length - values.shape[0]

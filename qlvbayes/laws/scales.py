@@ -41,12 +41,7 @@ class Scales:
         return math.hypot(self.white, self.ou)
 
     def positive(self, response: float) -> HalfNormal:
-        """Return the prior of an amplitude, zero or more, one unit of which adds ``response`` (N).
-
-        ``response`` is the most that one unit adds to the force in the tests. All effects share
-        this prior, so that none wins or loses by a vague one: the largest contribution to the force
-        has a prior sd of 5 % of the peak force.
-        """
+        """Return the prior of an amplitude from zero, one unit of which adds ``response`` (N)."""
         return HalfNormal(SHARE * self.force / response)
 
     def signed(self, response: float) -> Normal:

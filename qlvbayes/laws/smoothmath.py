@@ -28,10 +28,7 @@ def exp_slope_series(x: Array) -> Array:
 
 
 def exp_growth(x: Array, rate: Array) -> Array:
-    """Return (e^(rate x) - 1)/rate for an array x and one rate; it is x itself at rate = 0.
-
-    Small rates use the series for the whole array at once, which saves a division an element.
-    """
+    """Return (e^(rate x) - 1)/rate for an array x and one rate; it is x itself at rate = 0."""
     small = jnp.abs(rate) * jnp.max(jnp.abs(x), initial=0.0) < _NEAR
     divisor = jnp.where(small, 1.0, rate)
     series = x * exp_slope_series(jnp.where(small, rate * x, 0.0))
@@ -39,11 +36,7 @@ def exp_growth(x: Array, rate: Array) -> Array:
 
 
 def exp_difference_ratio(top: Array, bottom: Array, gap: Array) -> Array:
-    """Return (top - bottom)/gap where top = bottom e^gap: a divided difference of the exponential.
-
-    ``top`` and ``bottom`` are known already, so no further exponential is evaluated. At ``gap =
-    0``, which ordinary unloading reaches (b gamma = -v_i), the value is ``bottom``.
-    """
+    """Return (top - bottom)/gap with top = bottom e^gap: a divided difference of exponentials."""
     near = jnp.abs(gap) < _NEAR
     far = jnp.where(near, 1.0, gap)
     # near: the series needs a small argument only, so that its unused branch cannot overflow

@@ -239,11 +239,7 @@ def default_model(
     laws: Laws = LAWS,
     bonded: bool = False,
 ) -> Model:
-    """Return a model with every constant free, each law under its own default priors.
-
-    The laws are named among ``laws``; ``modes`` counts those of a Prony series. Raises InputError
-    where there is no law of that name.
-    """
+    """Return a model with every constant free, each law under its own default priors."""
     elastic = find_elastic(law, laws).default(scales)
     kind = find_relaxation(relaxation, laws)
     relaxing = Prony.with_modes(scales, modes) if kind is Prony else kind.default(scales)

@@ -24,11 +24,7 @@ _POWERS = {"power_stiffness": "displacement", "power_drag": "speed"}
 
 
 def described_model(choices: Choices, depth: float = 1.0) -> Model:
-    """Return the model that the choices describe, with priors that do not matter.
-
-    ``depth`` is that of the deepest test, over which a free curve of the stiffness has its knots.
-    An InputError is raised where the choices do not fit together.
-    """
+    """Return the model that the choices describe, with priors that do not matter."""
     return choices.build(replace(_SCALES, depth=depth))[0]
 
 
@@ -51,10 +47,7 @@ def pad_alone(model: Model) -> Model:
 
 
 def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model:
-    """Return a model whose numbers have a leading axis: the draws (n, P) of the named constants.
-
-    An InputError is raised where a constant of the model is not among the names.
-    """
+    """Return a model whose numbers have a leading axis: the draws (n, P) of the named constants."""
     columns = {name: draws[:, k] for k, name in enumerate(names)}
     wanted = [field.names for field in fields_of(model)]
     missing = [name for names in wanted for name in names if name not in columns]
@@ -71,12 +64,7 @@ def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model
 def factors(
     choices: Choices, draws: Mapping[str, np.ndarray], given: UnitSystem, wanted: UnitSystem
 ) -> dict[str, np.ndarray | float]:
-    """Return the factors that convert the draws (n,) of each constant to the wanted units.
-
-    For a power law, F = m x^n, the factor of m differs from draw to draw: [F]/[x]^n depends on the
-    draw's exponent n. The exponent of an effect is called ``effect.n``. An InputError is raised
-    where one system has strain and stress and the other has displacement and force.
-    """
+    """Return the factors that convert the draws (n,) of each constant to the wanted units."""
     if given.dimensionless != wanted.dimensionless:
         raise InputError(
             "strain and stress cannot be converted to displacement and force",

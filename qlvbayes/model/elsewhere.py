@@ -24,13 +24,7 @@ _SUM = 1e-3  # by which the sum of the fractions c may differ from 1
 def infer_choices(
     names: Iterable[str], *, bonded: bool = False, effects_file: str | None = None
 ) -> Choices:
-    """Return the choices of the model that has constants of these names.
-
-    m and b make the exponential law, m alone the linear one, m and n Hertz's, and so on. c[0] ..
-    c[r] and v[1] .. v[r] make r modes; the constants of another relaxation law make that law.
-    ``effect.constant`` adds the effect; ``noise.*`` is the noise (white where there is none, see
-    `has_noise`). An InputError names the constants that are missing.
-    """
+    """Return the choices of the model that has constants of these names."""
     given = set(names)
     if "m" not in given:
         raise InputError("the posterior has no m, the stiffness", remedy="name its constant m")
@@ -95,11 +89,7 @@ def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
 def stated_units(
     displacement: str | None, force: str | None, units: Mapping[str, str]
 ) -> UnitSystem:
-    """Return the units that a file states, or those that follow from m's unit.
-
-    Without either they are mm and N, or kPa for strain. ``units`` are those of the constants, by
-    name. An InputError is raised where a stated unit is unknown.
-    """
+    """Return the units that a file states, or those that follow from m's unit."""
     m, _, of_m = units.get("m", "").partition("/")
     if displacement is None and m and _known(of_m or STRAIN.displacement, m):
         return unit_system(of_m or STRAIN.displacement, m)
@@ -123,10 +113,7 @@ def _known(displacement: str, force: str) -> bool:
 
 
 def flat_names(key: str, labels: Sequence[object], size: int) -> list[str]:
-    """Return the names of a vector's members.
-
-    c is counted from 0 and v from 1, or both as the vector's coordinate counts them.
-    """
+    """Return the names of a vector's members."""
     first = Prony.first_index.get(key, 0)
     counts = [label for label in labels if isinstance(label, (int, np.integer))]
     counted = counts == sorted(set(counts)) and len(counts) == size

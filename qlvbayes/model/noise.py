@@ -327,11 +327,7 @@ class _Links(NamedTuple):
 
 
 def _links(blocks: Blocks, tau: Array) -> _Links:
-    """Return closed forms for n samples h apart, with rho = e^{-h/tau}.
-
-    With a = (1 - rho^n)/(n (1 - rho)) the mean's regression on x, the mean's full variance is [(1 +
-    rho)/(1 - rho) - 2 rho a/(1 - rho)]/n and the shared covariance a (1 - rho^{n-1}).
-    """
+    """Return closed forms for n samples h apart, with rho = e^{-h/tau}."""
     single = blocks.count < 2.0
     count = jnp.where(single, 2.0, blocks.count)
     length = jnp.where(single, 1.0, blocks.last - blocks.first)

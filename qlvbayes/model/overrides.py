@@ -36,10 +36,7 @@ Part = TypeVar("Part", bound=eqx.Module)
 
 
 def parse(text: str, *, fixed: bool) -> tuple[str, AbstractPrior | float]:
-    """Return ``name=prior`` or, with ``fixed``, ``name=number`` as a pair.
-
-    An InputError is raised where the text is neither.
-    """
+    """Return ``name=prior`` or, with ``fixed``, ``name=number`` as a pair."""
     name, equals, value = text.partition("=")
     if not equals or not _NAME.fullmatch(name):
         example = "v[2]=0.14" if fixed else "v[1]=lognormal(1.8,0.5)"
@@ -80,11 +77,7 @@ def parse_prior(text: str) -> AbstractPrior:
 
 
 def in_words(value: AbstractPrior | float | str) -> str:
-    """Return a prior or number as text that `parse` reads, to the last digit.
-
-    Text is returned unchanged. An InputError is raised where a prior has no name on the command
-    line.
-    """
+    """Return a prior or number as text that `parse` reads, to the last digit."""
     if isinstance(value, str):
         return value
     if not isinstance(value, AbstractPrior):
@@ -113,11 +106,7 @@ def _checked(prior: AbstractScalarPrior, text: str) -> AbstractScalarPrior:
 
 
 def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) -> Part:
-    """Return ``part`` (a model or noise) with fields replaced; unknown names are refused.
-
-    ``c`` takes a Dirichlet as a whole, or single fixed fractions; each ``v[i]`` takes a positive
-    prior or a number.
-    """
+    """Return ``part`` (a model or noise) with fields replaced; unknown names are refused."""
     for name, value in settings:
         known = {field.name: field for field in fields_of(part)}
         match = _NAME.fullmatch(name)

@@ -98,10 +98,7 @@ class Posterior(eqx.Module):
         return jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks))
 
     def log_density(self, theta: Array) -> Array:
-        """Return the log of prior density over theta times likelihood.
-
-        -inf where it is not a number.
-        """
+        """Return the log of prior density over theta times likelihood."""
         model, noise, log_prior = self.bind(theta)
         total = log_prior + self._log_likelihood(model, noise)
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
@@ -112,10 +109,7 @@ class Posterior(eqx.Module):
         return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
 
     def drawn_constants(self, theta: Array, share: Array) -> Array:
-        """Return the constants (P,) with those that the likelihood sums over drawn.
-
-        They are drawn at this share (0 to 1) of their posterior.
-        """
+        """Return the constants (P,) with those that the likelihood sums over drawn."""
         constants = self.constants(theta)
         if self.floor is None:
             return constants
@@ -164,10 +158,7 @@ def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, .
 
 
 def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return (count, D) unconstrained numbers drawn from the priors of a module.
-
-    ``part`` is a model, a noise model or a posterior.
-    """
+    """Return (count, D) unconstrained numbers drawn from the priors of a module."""
     priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
     values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
     columns = [

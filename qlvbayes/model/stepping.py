@@ -46,27 +46,14 @@ def begin(model: Model, displacement: ArrayLike = 0.0) -> State:
 
 
 def step(model: Model, state: State, displacement: ArrayLike, dt: ArrayLike) -> tuple[State, Array]:
-    r"""Return state and force (N) after a straight line to ``displacement`` (mm) in ``dt`` (s).
-
-    .. math:: F = c_0 F_e(\delta) + \sum_i c_i q_i, \quad
-              q_i \leftarrow e^{-v_i h} q_i + \int_0^h e^{-v_i (h-s)} K(\delta) \dot\delta\, ds
-
-    The effects act on this force. A ``dt`` of 0 is a jump, in which nothing flows and no speed
-    acts. Every constant of the model must be a number. An InputError is raised where an effect has
-    no step (`without_steps`).
-    """
+    r"""Return state and force (N) after a straight line to ``displacement`` (mm) in ``dt`` (s)."""
     return _along(model.law, state, jnp.asarray(displacement) - state.displacement, dt)
 
 
 def step_to_force(
     model: Model, state: State, force: ArrayLike, dt: ArrayLike
 ) -> tuple[State, Array]:
-    """Return state and displacement (mm) after the line that ends at ``force`` (N) in ``dt`` (s).
-
-    Where a loose specimen carries no such force, as none is below zero, the platen ends where it
-    just touches it. The displacement is not a number where none has the force. It is differentiable
-    in the constants, the state and the force.
-    """
+    """Return state and displacement (mm) after a line that ends at ``force`` (N) in ``dt`` (s)."""
     law = model.law
     goal = jnp.maximum(jnp.asarray(force, dtype=float), _untouched(law, state, dt))
     followed = _followed(law)
@@ -136,11 +123,7 @@ def _with_slope(function: Callable[[Array], Array], point: Array) -> tuple[Array
 
 
 def _root(excess: Callable[[Array], Array], start: Array) -> Array:
-    """Return the travel from ``start`` at which a rising function is zero, or not a number.
-
-    Newton's steps are taken; where one leaves the bracket or is not half the one before, the
-    bracket is halved, or widened where one side is still open.
-    """
+    """Return the travel from ``start`` at which a rising function is zero, or not a number."""
 
     def close(travel: Array, move: Array) -> Array:
         return jnp.abs(move) <= _CLOSE * jnp.abs(travel) + _ROUNDING * jnp.abs(start + travel)

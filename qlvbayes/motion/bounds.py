@@ -61,11 +61,7 @@ class Tolerance:
 
 
 def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -> Array:
-    """Return the residual (n,) of each reading, or of a run around it, over its bound.
-
-    residual (n,): readings less a path, in order of time; alone: what one reading may be off;
-    common: what all may be off together.
-    """
+    """Return the residual (n,) of each reading, or of a run around it, over its bound."""
     ratio = np.abs(residual) / max(alone, _TINY)
     for length, means in runs(residual, tol):
         middle = ratio[length // 2 : length // 2 + means.size]
@@ -74,10 +70,7 @@ def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -
 
 
 def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
-    """Yield the lengths m = 2, 4, 8, ... with the absolute means (n - m + 1,) of m neighbours.
-
-    In an exact record, whose readings do not scatter, there are none.
-    """
+    """Yield the lengths m = 2, 4, 8, ... with the absolute means (n - m + 1,) of m neighbours."""
     if tol.noise == 0.0:
         return
     sums = np.concatenate([[0.0], np.cumsum(residual)])
@@ -110,12 +103,7 @@ class Departure:
 
 
 def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | None:
-    """Return the largest deviation of a path from its readings; None if none is significant.
-
-    residual (n,): readings at times (n,) in s less the path. Each reading is looked at, and each
-    run of neighbours: its mean may be off by two resolutions, or by what rounding and scatter make
-    of such a mean where that is more.
-    """
+    """Return the largest deviation of a path from its readings; None if none is significant."""
     least = _RESOLUTIONS * tol.resolution
     alone = np.where(np.isfinite(residual), np.abs(residual), np.inf)
     scans = [(1, alone, max(least, tol.sample, tol.rest))]

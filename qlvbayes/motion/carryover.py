@@ -34,10 +34,7 @@ class Carryover:
 def carryovers(
     experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
 ) -> tuple[Carryover, ...]:
-    """Return the carryover of each of ``trials``; none where all began at rest.
-
-    record: of these trials; predict: block means (T, B) of the model for a record of that shape.
-    """
+    """Return the carryover of each of ``trials``; none where all began at rest."""
     if record.motion.ago is None:
         return ()
     change = np.abs(predict(record) - predict(_forgetting(record)))

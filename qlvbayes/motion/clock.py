@@ -14,16 +14,7 @@ _DECIMALS = range(10)  # digits after the point to which a file may round
 
 
 def clock_error(time: Array) -> float:
-    """Return the sd (s) of the error of each time stamp (n,) of a record; 0 where they are exact.
-
-    Stamps on the lattice of a logger are exact, however many of its readings it keeps: all
-    intervals are multiples of the shortest, or of a length that is no decimal place. Otherwise,
-    where most neighbouring intervals are alike, readings were meant to be evenly spaced, and jitter
-    and rounding show in d_i = t_{i-1} - 2 t_i + t_{i+1}: an error of one stamp has opposite signs
-    in neighbours, E d_i d_{i+1} = -4 sd^2, where intervals that grow or drift have the same. It is
-    looked for where readings are dense, as it would not be seen among long intervals. Stamps that
-    are uneven by design are taken for exact up to the rounding to their last decimal.
-    """
+    """Return the sd (s) of each time stamp (n,) of a record; 0 where they are exact."""
     if time.size < 3:
         return 0.0
     gaps = np.diff(time)

@@ -71,10 +71,7 @@ def slack(test: Test) -> float:
 
 
 def stretches(test: Test) -> list[LevelStretch]:
-    """Divide the record into stretches in which the force stays within its tolerance.
-
-    A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
-    """
+    """Divide the record into stretches in which the force stays within its tolerance."""
     force, most = test.force, 2.0 * slack(test)
     parts, first = [], 0
     low = high = float(force[0])
@@ -174,11 +171,7 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
 def _recovers(
     test: Test, trajectory: Trajectory, first: float, crept: float, lasted: float
 ) -> bool:
-    """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force.
-
-    crept: how far (mm), lasted: its middle half (s). A platen that brakes in air takes no longer
-    for it than for the way before it.
-    """
+    """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force."""
     top = int(np.argmax(np.abs(test.force)))
     before = test.time[test.time < first]
     if before.size <= top or crept * test.displacement[top] >= 0.0:
@@ -189,10 +182,7 @@ def _recovers(
 
 
 def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]:
-    """Return when a held force begins and ends (s), to a reading.
-
-    The stretch itself has the ends of the movements before and after it.
-    """
+    """Return when a held force begins and ends (s), to a reading."""
     spare = max(int(_ENDS * (part.stop - part.first)), 1)
     sd = float(np.std(fewer.force[part.first + spare : part.stop - spare]))
     outside = np.abs(test.force - part.level) > _CORNER * sd
@@ -205,11 +195,7 @@ def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]
 
 
 def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> Control:
-    """Return which quantity rests or moves evenly between two holds; the force where neither does.
-
-    A movement that few readings show, or whose force is straight within its noise, leads to the
-    force that is held next.
-    """
+    """Return which quantity rests or moves evenly between holds; the force where neither does."""
     inside = np.flatnonzero((test.time >= start) & (test.time <= stop))
     still = trajectory.velocity(test.time[inside]) == 0.0
     if inside.size and np.mean(still) > _RESTS:

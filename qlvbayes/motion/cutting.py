@@ -57,22 +57,14 @@ class SpanOfTest(OfTest):
         return cls(match["test"].strip(), text, low, high, match["unit"].strip(), option, remedy)
 
     def values(self, test: Test, pad: Pad, begun: float = 0.0) -> NDArray[np.float64]:
-        """Return the times or displacements (n,) of a test in the part's unit.
-
-        begun: what the times of the test lack (s) of those in the file. Raises InputError where
-        the unit is not one of the pad's.
-        """
+        """Return the times or displacements (n,) of a test in the part's unit."""
         if self.unit in SUFFIXES["time"]:
             scale = SUFFIXES["time"][self.unit]
             return (test.time + begun) * scale.down / scale.up
         return test.displacement * self._factor(pad)
 
     def of_test(self, test: Test, pad: Pad) -> Test:
-        """Return the test from where it first reaches ``low`` to where it first exceeds ``high``.
-
-        Time begins anew where the beginning is cut. Raises InputError where fewer than ten rows are
-        left, or the unit is not one of the pad's.
-        """
+        """Return the test from where it reaches ``low`` to where it first exceeds ``high``."""
         values = self.values(test, pad)
         began = np.flatnonzero(values >= self.low)
         first = int(began[0]) if began.size and self.low > max(values[0], 0.0) else 0

@@ -19,22 +19,13 @@ _MOST_AVERAGED = 16  # readings whose mean a logger takes: levels farther apart 
 
 
 def encoder_step(displacement: Array) -> float:
-    """Return the step to which readings were rounded; 0 if there is none or it does not show.
-
-    It is what all changes are multiples of, or more where the logger took means of rounded readings
-    (``averaged``).
-    """
+    """Return the step to which readings were rounded; 0 if there is none or it does not show."""
     step = _lattice(displacement)
     return step * max(averaged(displacement, step), 1)
 
 
 def _lattice(displacement: Array) -> float:
-    """Return the step of which all changes are multiples; 0 if there is none or it is not visible.
-
-    A record of exactly straight lines has equal changes too, so the changes must come in more
-    than one size, or now and then be missing (or come) for a single reading. Of a large step the
-    readings pass many one by one: where few readings change at all, they are stairs of the motion.
-    """
+    """Return the step of which all changes are multiples; 0 if none is visible."""
     span = float(np.ptp(displacement))
     changes = np.diff(displacement)
     sizes = np.abs(changes)
@@ -62,12 +53,7 @@ def _lattice(displacement: Array) -> float:
 
 
 def encoder_steps(displacements: Sequence[Array]) -> list[float]:
-    """Return the step of each of several records by one encoder, 0 where none shows.
-
-    A fast test with few readings may change by multiples of many steps only; the least step of all
-    records then is its own, where it divides its changes too. So is how many readings the logger
-    took the mean of.
-    """
+    """Return the step of each of several records by one encoder, 0 where none shows."""
     own = [_lattice(x) for x in displacements]
     least = min((step for step in own if step > 0.0), default=0.0)
     steps = [
@@ -80,12 +66,7 @@ def encoder_steps(displacements: Sequence[Array]) -> list[float]:
 
 
 def averaged(displacement: Array, step: float) -> int:
-    """Return how many rounded readings each reading is the mean of; 1 for one, 0 if unknown.
-
-    A slow motion repeats readings that were rounded. Where their means change by a fraction of the
-    rounding, they repeat only at whole multiples of it, and pass from one to the next within a
-    reading. Readings of an encoder whose own step is as small repeat at every one of its steps.
-    """
+    """Return how many rounded readings each reading is the mean of; 1 for one, 0 if unknown."""
     if step == 0.0:
         return 0
     change = np.flatnonzero(np.diff(displacement) != 0.0) + 1

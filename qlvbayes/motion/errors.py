@@ -111,10 +111,7 @@ def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
 
 
 def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
-    """Return the diagonals (len(rows), n) of rows (basis^T basis)^-1 rows^T, in chunks.
-
-    Far coefficients hardly matter, so that each chunk is inverted with a margin about it.
-    """
+    """Return the diagonals (len(rows), n) of rows (basis^T basis)^-1 rows^T, in chunks."""
     gram = csr_array(basis.T @ basis)
     size = gram.shape[0]
     ridge = _ROUNDOFF * float(gram.diagonal().max())

@@ -99,10 +99,7 @@ class Trial:
 
     @property
     def approached(self) -> bool:
-        """True if a record that begins in motion was preceded by an approach from zero.
-
-        Under a prescribed force it is creep from the beginning: the weight was put on at once.
-        """
+        """True if a record that begins in motion was preceded by an approach from zero."""
         return self.phases[0].control == Control.DISPLACEMENT
 
     def phases_under(self, control: Control) -> tuple[Phase, ...]:
@@ -322,16 +319,7 @@ def prepare(
     use: Sequence[str] = (),
     leave_out: Sequence[str] = (),
 ) -> Experiment:
-    """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted.
-
-    Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
-    the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
-    and the other channel does not show are left out, unless ``keep_all_readings``; ``use`` says of
-    which tests a part is used, as in ``TEST:0..18mm``, and ``leave_out`` where the force does not
-    count while the motion does, as in ``TEST:30..45s`` or ``TEST:hold 2``; the file's column
-    ``use`` does the same. Raises InputError where bad readings are more than 2 % of a test's, or
-    too few are left.
-    """
+    """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted."""
     trials, steps, cuts = _trials_of(pad, use, leave_out, keep_all=keep_all_readings)
     roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
@@ -352,10 +340,7 @@ def prepare(
 def _trials_of(
     pad: Pad, use: Sequence[str], leave_out: Sequence[str], *, keep_all: bool
 ) -> tuple[list[Trial], list[float], tuple[str, ...]]:
-    """Return trials without a role, the encoder's steps, and a sentence on each cut test.
-
-    Phases that are left out are found first, from all readings, good or bad.
-    """
+    """Return trials without a role, the encoder's steps, and a sentence on each cut test."""
     pad, slow = with_own_readings(pad)
     part, cuts = cut(pad, use)
     begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]

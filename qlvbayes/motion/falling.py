@@ -40,18 +40,7 @@ class ForceDrop:
 def falls_of(
     test: Test, trajectory: Trajectory, phases: Sequence[Phase], noise: float = 0.0
 ) -> tuple[ForceDrop, ...]:
-    """Return the losses of force in the loading ramps of a test, in the order of time.
-
-    A sudden one is more than 5 % of the test's largest force between two neighbouring readings and
-    more than ten sds of the changes around it; the force stays down, and the platen goes on moving.
-    Sudden ones within three readings of each other are one. A gradual one is more than 10 % over
-    any number of readings of a ramp, and more than six sds of the noise, beyond what the platen's
-    own speed loses: at a speed that does not fall, no relaxation lets the force fall. It is looked
-    for before the first sudden one alone, as what follows has fallen by that; the first is
-    returned.
-
-    noise: sd of a reading, in the unit of the force.
-    """
+    """Return the losses of force in the loading ramps of a test, in the order of time."""
     ramps = [phase for phase in phases if phase.kind == "ramp"]
     sudden = _sudden(test, trajectory, ramps)
     end = sudden[0].time if sudden else np.inf

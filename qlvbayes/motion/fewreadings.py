@@ -38,12 +38,7 @@ _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
 def trapezoid(
     window: Window, left: float, right: float, variance: float
 ) -> tuple[Joints, Pieces, float] | None:
-    """Return the trapezoid of least acceleration that fits the readings, and its largest residual.
-
-    variance: of a reading; among those that explain the readings as well, up to two sds of the
-    likelihood, the one of least acceleration is taken. None where not even three readings are in
-    motion.
-    """
+    """Return the trapezoid of least acceleration that fits readings, and its largest residual."""
     stroke, time = right - left, window.time
     share = (window.displacement - left) / stroke
     moving = np.flatnonzero((share > _MOVED) & (share < 1.0 - _MOVED))
@@ -91,10 +86,7 @@ def _shape(time: Array, begin: Any, duration: Any, r: Any) -> Array:
 
 
 def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> Pieces:
-    """Return cubics through readings (n,), n >= 2; rests: whether the platen rests at each end.
-
-    There the velocity is 0.
-    """
+    """Return cubics through readings (n,), n >= 2; rests: whether the platen rests at each end."""
     before, after = 2.0 * time[0] - time[1], 2.0 * time[-1] - time[-2]
     first, last = (slice(0, 1), slice(-1, None))
     times = [np.array([before])[: int(rests[0])], time, np.array([after])[: int(rests[1])]]
@@ -110,11 +102,7 @@ def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> P
 
 
 def strays_between(path_at: Array, path_between: Array, readings: Array, most: float) -> Array:
-    """Return where (n - 1,) a path leaves the range of two readings.
-
-    path_at (n,), path_between (n - 1, k): the path at readings (n,) and at k times after each;
-    most: what it may leave the range by. Where readings turn about, a path may turn between them.
-    """
+    """Return where (n - 1,) a path leaves the range of two readings."""
     moves = np.diff(readings)
     moves[np.abs(moves) <= most] = 0.0
     before, after = np.append(0.0, moves[:-1]), np.append(moves[1:], 0.0)

@@ -53,10 +53,7 @@ def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
 
 
 def optimise(joints: Joints, window: Window) -> Joints:
-    """Move the knots to the least squared residual (Levenberg-Marquardt on the knots alone).
-
-    An end knot moves only where it joins a dwell.
-    """
+    """Move the knots to the least squared residual (Levenberg-Marquardt on the knots alone)."""
     free = np.ones(joints.knots.size, dtype=bool)
     free[0], free[-1] = joints.left is not None, joints.right is not None
     which = np.flatnonzero(free)
@@ -91,11 +88,7 @@ def optimise(joints: Joints, window: Window) -> Joints:
 def _jacobian(
     joints: Joints, time: Array, x: Array, which: NDArray[np.intp], nudge: float, now: Array
 ) -> Array:
-    """Return the derivatives (n, knots) of the residuals, which are ``now``.
-
-    A knot is felt by a few pieces around it: distant knots are nudged at once, and each takes the
-    change about it.
-    """
+    """Return the derivatives (n, knots) of the residuals, which are ``now``."""
     jacobian = np.zeros((time.size, which.size))
     last = joints.knots.size - 1
     apart = _APART if which.size > _FEW else which.size
@@ -134,11 +127,7 @@ def with_knot_at_worst(joints: Joints, window: Window, tol: Tolerance) -> Joints
 
 
 def insert_until_faithful(joints: Joints, window: Window, tol: Tolerance) -> Joints:
-    """Add knots until no residual exceeds its bound; in the limit the spline interpolates.
-
-    Each round halves the pieces that fail; a piece too short to halve is followed from sample to
-    sample by straight lines. So it ends after about log2 of the number of samples.
-    """
+    """Add knots until no residual exceeds its bound; in the limit the spline interpolates."""
     time, x = window.time, window.displacement
     for _ in range(40):
         failing = np.flatnonzero(excess(residuals(joints, time, x), tol, tol.rest) > 1.0)
@@ -168,10 +157,7 @@ def _refined(joints: Joints, failing: NDArray[np.intp], time: Array) -> Joints:
 
 
 def _merged(joints: Joints, knots: Array, kinked: Flags, time: Array) -> Joints:
-    """Sort the knots; of two closer than a quarter of the samples there keep the later entry.
-
-    The ends stay, however close.
-    """
+    """Sort the knots; of two closer than a quarter of the samples there keep the later entry."""
     order = np.argsort(knots, kind="stable")
     near = 0.25 * np.diff(time)[np.clip(np.searchsorted(time, knots[order]) - 1, 0, time.size - 2)]
     keep = np.ones(knots.size, dtype=bool)
@@ -189,13 +175,7 @@ def _merged(joints: Joints, knots: Array, kinked: Flags, time: Array) -> Joints:
 def simplest(
     knots: Array, left: float | None, right: float | None, window: Window, tol: Tolerance
 ) -> Joints:
-    """Return the first choice of joints that agrees with the readings.
-
-    In order: smooth; kinks between the long pieces only; smooth with one or two more knots than
-    the segments have; kinks throughout. If none is faithful, the one with the smallest largest
-    residual. The looser bound for the smooth choices is there because a knot too many costs more
-    than a residual of one step.
-    """
+    """Return the first choice of joints that agrees with the readings."""
     many = np.diff(np.searchsorted(window.time, knots)) >= FEWEST_PER_PIECE
     long = np.concatenate([[True], many[:-1] & many[1:], [True]])
     smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)

@@ -21,13 +21,7 @@ def grid_times(
     begun: bool = True,
     curved: bool = True,
 ) -> np.ndarray:
-    """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs.
-
-    first: time of the first sample; chord: how far the lines may be from the motion (in units of
-    displacement), where less than the default; begun: whether a record that begins on the move
-    came from zero displacement, by an approach that goes before it; curved: whether the curvature
-    of the motion between the points is stored too.
-    """
+    """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs."""
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
     tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)
     tolerance = min(tolerance, max(chord, _FINEST * stroke)) * (_CURVED if curved else 1.0)

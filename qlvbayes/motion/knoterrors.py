@@ -46,14 +46,7 @@ class Moments:
 
 
 def moments(stretch: Stretch, tol: Tolerance, level_sd: tuple[float, float], clock: float) -> Array:
-    """Return the sds (k,) in s of a stretch's knots.
-
-    level_sd: of the dwells on either side; clock: sd of the time stamps (s), which in motion makes
-    an error of the reading. A knot cannot leave the pieces next to it, so that the sd is at most
-    the shorter of them over sqrt(12), where that is longer than the interval between readings; and
-    where a piece next to it has fewer than three readings it is at least that interval over
-    sqrt(12). Ends that join no dwell are where the record begins or ends: they have no error.
-    """
+    """Return the sds (k,) in s of a stretch's knots."""
     joints, time = stretch.joints, stretch.window.time
     knots = joints.knots
     lengths = np.diff(knots)
@@ -122,11 +115,7 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
 
 
 def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
-    """Return the row of the jump that a shift of each knot makes, and the next higher jump (k,).
-
-    At a kink that is the displacement's jump and the velocity's size; elsewhere the velocity's and
-    the acceleration's.
-    """
+    """Return the row of the jump that a shift of each knot makes, and the next higher jump (k,)."""
     joints, degree, p = stretch.joints, stretch.degree, stretch.pieces
     knots = joints.knots
     after = np.append(knots[:-1], knots[-1])

@@ -117,12 +117,7 @@ def excluded_readings(
     begun: float = 0.0,
     phases: Sequence[Phase] | None = None,
 ) -> tuple[Excluded, ...]:
-    """Return the readings of a test whose force the user leaves out, by whatever says so.
-
-    begun: what the times of the test lack (s) of those in the file; phases: of the test; None
-    where they are not known yet, so that those that are named are passed over. Raises InputError
-    where nothing is left out by a text, or fewer than ten readings are left.
-    """
+    """Return the readings of a test whose force the user leaves out, by whatever says so."""
     excluded = [] if test.used is None else [Excluded(~test.used, _COLUMN)]
     for one in parts_of(leave_out):
         if not one.names(test):

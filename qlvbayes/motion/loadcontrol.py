@@ -37,11 +37,7 @@ _SWUNG = 0.1  # and of the way between the two: more is no creep
 
 
 def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> Trajectory:
-    """Replace the motion of creep by a straight line wherever it leaves the range of two readings.
-
-    A curve through sparse readings of creep, faithful to each, may swing between them. Elsewhere
-    than in phases of prescribed force the motion stays as it is.
-    """
+    """Replace the motion of creep by a straight line where it leaves the range of two readings."""
     time = test.time
     loaded = loaded_readings(time[:-1], phases)
     if not loaded.any():
@@ -81,10 +77,7 @@ def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> T
 def phases_of(
     test: Test, trajectory: Trajectory, controls: Sequence[Prescribed]
 ) -> tuple[Phase, ...]:
-    """Return the phases of a test: of its displacement, or of its force where that is prescribed.
-
-    No phase crosses a change of control.
-    """
+    """Return the phases of a test's displacement, or of its force where that is prescribed."""
     phases: list[Phase] = []
     of: dict[Control, tuple[Phase, ...]] = {}
     for part in controls:
@@ -97,11 +90,7 @@ def phases_of(
 
 
 def _within(phases: Sequence[Phase], part: Prescribed, time: Array) -> list[Phase]:
-    """Return the phases within a stretch of time, which they fill.
-
-    Of a phase that the stretch cuts, a part of fewer than three readings joins its neighbour; of
-    one of the force also the smaller part, as a held force is reached before it rests.
-    """
+    """Return the phases within a stretch of time, which they fill."""
     pieces: list[Phase] = []
     for phase in phases:
         start, stop = max(phase.start, part.start), min(phase.stop, part.stop)
@@ -147,12 +136,7 @@ def loaded_readings(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
 
 
 def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -> list[Test]:
-    """Return tests whose force has the errors of both readings, to measure noise: F - K delta.
-
-    Where the displacement is prescribed the force stays. delta counts from the end of each phase;
-    K: the steepest slope of the pad's tests, or the secant as a weight is put on; less at smaller
-    displacements, as the slope of the deepest loading ramp is there.
-    """
+    """Return tests whose force has the errors of both readings, to measure noise: F - K delta."""
     loaded = [loaded_readings(test.time, cut) for test, cut in zip(tests, phases, strict=True)]
     secants = [_first_secant(test) for test, some in zip(tests, loaded, strict=True) if some.any()]
     if not secants:
@@ -173,11 +157,7 @@ def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -
 def _elastic_curve(
     tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
 ) -> Callable[[Array], Array]:
-    """Return the deepest ramp's force as a function of displacement, its last slope being one.
-
-    A cubic, made to rise, and a straight line beyond it; a straight line throughout without a ramp
-    of enough readings.
-    """
+    """Return the deepest ramp's force as a function of displacement, its last slope being one."""
     ramps = []
     for test, cut in zip(tests, phases, strict=True):
         which = phase_index(cut, test.time)

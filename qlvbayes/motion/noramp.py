@@ -19,11 +19,7 @@ _DIGITS = 4  # of a displacement: a machine's position has a large part that is 
 def no_ramp(
     test: Test, trajectory: Trajectory, phases: Sequence[Phase], units: UnitSystem
 ) -> InputError:
-    """Return the error that names a test without a ramp, what its displacement does, and a remedy.
-
-    A position that falls while the force rises counts the other way; where both fall the test is
-    an unloading alone, or both are of the wrong sign.
-    """
+    """Return the error that names a test without a ramp, what it does, and a remedy."""
     word = units.displacement_name
     unit = "" if units.dimensionless else f" {units.displacement}"
     falls = [phase for phase in phases if phase.kind == "unload"]

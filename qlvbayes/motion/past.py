@@ -61,11 +61,7 @@ def pause(before: Test, after: Test) -> float | None:
 
 
 def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[int]:
-    """Return the indices of the tests that ``tests[index]`` remembers, the last one first.
-
-    Back from it by the clock, up to a pause that is rest (`REST` times ``longest``, the longest
-    phase of the tests in s), or one that is not known, or a test that had not ended.
-    """
+    """Return the indices of the tests that ``tests[index]`` remembers, the last one first."""
     order = sorted(range(len(tests)), key=lambda k: tests[k].start_s)
     earlier: list[int] = []
     for before, after in reversed(list(pairwise(order[: order.index(index) + 1]))):
@@ -79,11 +75,7 @@ def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[
 def past_of(
     index: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
 ) -> EarlierMotion | None:
-    """Return what ``tests[index]`` remembers, given the motions ``paths`` of all tests; else None.
-
-    In a pause the platen is at zero from the end of the test before, unless the next test begins
-    where that one ended: then it stayed there.
-    """
+    """Return what ``tests[index]`` remembers, given the motions ``paths`` of all tests."""
     remembered = remembered_tests(index, tests, longest)
     if not remembered:
         return None
@@ -130,11 +122,7 @@ def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.n
 
 
 def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return the times of the lines' ends, and of points between where effects change the lines.
-
-    A frame that gives way creeps on while the platen stands: points grow apart after a stop. Time
-    that runs by depth is not even on a ramp: points are even in depth.
-    """
+    """Return the times of the lines' ends, and of points between where effects change the lines."""
     travel = _STEPS * np.abs(np.diff(depth)) / float(np.ptp(depth))
     times = [time]
     for begin, end, steps in zip(time[:-1], time[1:], travel, strict=True):

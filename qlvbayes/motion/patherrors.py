@@ -70,10 +70,7 @@ def path_errors(time: Array, displacement: Array, path: Trajectory, grid: Array)
 
 
 def _unresolved(read: _Read) -> list[tuple[Array, Array]]:
-    """Return nodes (m,) of stretches in which the acceleration changes between readings.
-
-    With them by how much it changes (m,) about each node.
-    """
+    """Return nodes (m,) of stretches in which the acceleration changes between readings."""
     nodes = _nodes(read)
     if nodes.size == 0:
         return []
@@ -95,10 +92,7 @@ def _unresolved(read: _Read) -> list[tuple[Array, Array]]:
 
 
 def _nodes(read: _Read) -> Array:
-    """Return readings' times (m,), as near to each other as their second differences allow.
-
-    These are far larger than the readings' errors make them where the acceleration is largest.
-    """
+    """Return readings' times (m,), as near to each other as their second differences allow."""
     apart = float(np.median(np.diff(read.time)))
     while (nodes := _spaced(read.time, apart)).size > 2 * _BEYOND:
         _, seen, noise = _accelerations(read, nodes)
@@ -192,10 +186,7 @@ class _Walk:
         )
 
     def of(self, order: int, at: Array) -> Array:
-        """Return what a derivative at times (n,) is by what it begins with and each step.
-
-        That is an (n, 3 + K) matrix: displacement, velocity and acceleration at first, the steps.
-        """
+        """Return what a derivative at times (n,) is by what it begins with and each step."""
         since = at - self.begin[0]
         zero, one = np.zeros(at.size), np.ones(at.size)
         first = [(one, since, 0.5 * since**2), (zero, one, since), (zero, zero, one)][order]
@@ -223,10 +214,7 @@ def _sds(read: _Read, nodes: Array, most: float) -> Array:
 
 
 def _largest(errors: Array) -> Array:
-    """Return few errors (J, 2, G) that have nearly the second moment of many (K, 2, G).
-
-    The variance of each is kept as it is.
-    """
+    """Return few errors (J, 2, G) that have nearly the second moment of many (K, 2, G)."""
     sizes = np.abs(errors).max(axis=(0, 2), initial=0.0)[:, None]
     if not np.all(sizes > 0.0):
         return errors[:0]

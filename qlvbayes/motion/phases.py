@@ -66,18 +66,7 @@ def phase_name(kind: str, control: str) -> str:
 
 
 def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
-    """Return the phases of a record: contiguous, in order of time, from its start to its end.
-
-    A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
-    drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
-    neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
-    longer than that movement, or than a tenth of it and 4.5 median intervals between readings;
-    else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
-    movements of less than a tenth of the one before them that follow it at once and end in a longer
-    rest belong to that rest. So does a creep, however long it lasts: less than a twentieth of the
-    movement, at less than a tenth of its speed, ever slower, and no part of small cycles. A rest
-    that lasts no two intervals between readings is none, nor is a movement between two readings.
-    """
+    """Return the phases of a record: contiguous, in order of time, from its start to its end."""
     times, depth = _turning_points(trajectory)
     moves = _settled(_movements(times, depth, trajectory.resolution), times, trajectory)
     start, stop = float(times[0]), float(times[-1])
@@ -121,21 +110,13 @@ def _settled(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Mo
 
 
 def _creeps(sizes: Array, durations: Array, following: Array) -> bool:
-    """Return whether the second of two movements is small and slow enough for a creep.
-
-    following: size of the movement after it, if there is one. Small cycles have movements of one
-    size.
-    """
+    """Return whether the second of two movements is small and slow enough for a creep."""
     small = sizes[1] < _CREPT * sizes[0] and np.all(following >= _LARGER * sizes[1])
     return bool(small and sizes[1] * durations[0] <= _SLOW * sizes[0] * durations[1])
 
 
 def _slows_down(move: Move, times: Array, trajectory: Trajectory) -> bool:
-    """Return whether most of a movement lies at its beginning.
-
-    What was loaded, a stage, a drive or a grip, gives way ever more slowly. A movement that is
-    meant has a steady speed, or speeds up and slows down alike.
-    """
+    """Return whether most of a movement lies at its beginning."""
     begin, end = times[list(move[:2])]
     start, early, stop = trajectory.displacement(
         np.array([begin, begin + _EARLY * (end - begin), end])
@@ -186,11 +167,7 @@ def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
 
 
 def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
-    """Return the mean speed of the first ramp between 20 and 80 % of its stroke (mm/s).
-
-    rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp is
-    little else.
-    """
+    """Return the mean speed of the first ramp between 20 and 80 % of its stroke (mm/s)."""
     ramp = next((p for p in phases if p.kind == "ramp"), None)
     if ramp is None:
         raise InputError("the record holds no loading ramp")
@@ -202,10 +179,7 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
 
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return knots and reversals with their depth: the motion is monotone between two of them.
-
-    A reversal at a knot is found next to it, within rounding.
-    """
+    """Return knots and reversals with their depth: the motion is monotone between two of them."""
     times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
     least = _ROUNDING * float(times[-1] - times[0])
     apart = (np.diff(times[:-1]) > least) & (times[-1] - times[1:-1] > least)
@@ -216,10 +190,7 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
 def _from_the_start(
     moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
 ) -> list[tuple[int, int, int]]:
-    """Let the first movement begin with the record if the dwell before it is shorter.
-
-    The encoder shows a slow start late; a dwell worth the name lasts longer, or for many readings.
-    """
+    """Let the first movement begin with the record if the dwell before it is shorter."""
     if not moves:
         return moves
     first, last, sign = moves[0]
@@ -235,10 +206,7 @@ def _from_the_start(
 def _turning(
     moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
 ) -> list[tuple[int, int, int]]:
-    """Join opposite movements where they turn, unless the platen rested there for long.
-
-    The slow ends of smooth cycles are no dwell.
-    """
+    """Join opposite movements where they turn, unless the platen rested there for long."""
     joined = moves[:1]
     for first, last, sign in moves[1:]:
         before, end, direction = joined[-1]

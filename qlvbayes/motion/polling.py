@@ -26,12 +26,7 @@ _WITHIN = 0.5  # and at least so much of its even share between the changes
 
 
 def with_own_readings(pad: Pad) -> tuple[Pad, tuple[str, ...]]:
-    """Return a pad with displacements between their own readings, and a sentence on each such test.
-
-    ``anew`` of these tests says in which rows the displacement was read; in the others it is on
-    straight lines between these. A record that ends in motion ends with the last reading of it.
-    What one test shows counts for the pad's others too, where they repeat readings as long.
-    """
+    """Return a pad with displacements between their readings, and a sentence on each such test."""
     lengths = [repeated_rows(test) for test in pad.tests]
     intervals = [float(np.median(np.diff(test.time))) for test in pad.tests]
     shown = [k * interval for k, interval in zip(lengths, intervals, strict=True) if k]
@@ -46,12 +41,7 @@ def with_own_readings(pad: Pad) -> tuple[Pad, tuple[str, ...]]:
 
 
 def repeated_rows(test: Test) -> int:
-    """Return for how many rows each reading of displacement is repeated; 0 if that is not clear.
-
-    All repeats have one length, however fast the platen moves, where stairs of a coarse encoder are
-    long when it is slow. The force goes on changing while the displacement repeats, where a platen
-    that stands between real steps lets it jump with the step and relax after it.
-    """
+    """Return for how many rows each reading of displacement is repeated; 0 if that is not clear."""
     x = test.displacement
     change = _changes(x)
     gaps = np.diff(change)

@@ -21,10 +21,7 @@ class Stroke:
 
 
 def planned(strokes: Sequence[Stroke], acceleration: float) -> Trajectory:
-    """Return the motion of some strokes from zero displacement, each a trapezoid of velocity.
-
-    acceleration: the greatest (mm/s2); the top speed is min(speed, sqrt(acceleration length)).
-    """
+    """Return the motion of some strokes from zero displacement, each a trapezoid of velocity."""
     pieces: list[tuple[float, float, float]] = []  # duration, velocity at the start, acceleration
     position = 0.0
     for stroke in strokes:

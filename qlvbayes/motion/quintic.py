@@ -44,10 +44,7 @@ def smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
 
 
 def _wanders(spline: FittedSpline, window: Window, tol: Tolerance) -> bool:
-    """Return whether a path deviates from the line between two readings by more than their change.
-
-    A smooth curve that readings show does not: it has room to where they are far apart.
-    """
+    """Return whether a path deviates from the line between readings by more than their change."""
     time, x = window.time, window.displacement
     inside = (time >= spline.joints.knots[0]) & (time <= spline.joints.knots[-1])
     time, x = time[inside], x[inside]
@@ -108,11 +105,7 @@ def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[FittedSplin
 
 
 def unfaithful(spline: FittedSpline, window: Window, tol: Tolerance) -> NDArray[np.bool_]:
-    """Return the spans (k,) whose residuals exceed what the readings' errors explain.
-
-    Rounding of a slow motion repeats itself from sample to sample: only a change of reading counts
-    as a reading of its own. What no single span shows may show in all of them together.
-    """
+    """Return the spans (k,) whose residuals exceed what the readings' errors explain."""
     knots, r = spline.joints.knots, spline.residuals
     count = knots.size - 1
     span = np.clip(np.searchsorted(knots, window.time, side="right") - 1, 0, count - 1)

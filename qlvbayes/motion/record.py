@@ -104,10 +104,7 @@ class Record(eqx.Module):
 
 
 def batch(records: Sequence[Record], like: Record | None = None) -> Record:
-    """Stack records along a leading axis; the last grid point and masked blocks pad them.
-
-    like: a batch whose sizes are taken where they are large enough.
-    """
+    """Stack records along a leading axis; the last grid point and masked blocks pad them."""
     points = padded_size(max(r.motion.time.shape[0] for r in records))
     blocks = padded_size(max(r.blocks.force.shape[0] for r in records))
     if like is not None:
@@ -123,11 +120,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
 
 
 def padded_size(size: int) -> int:
-    """Return the next size that is a power of two or three quarters of one.
-
-    Pads of few sizes share what is compiled: compiling for a size of its own takes longer than
-    most pads' evaluations.
-    """
+    """Return the next size that is a power of two or three quarters of one."""
     whole = max(_LEAST, 1 << (size - 1).bit_length())
     return 3 * whole // 4 if size <= 3 * whole // 4 and whole > _LEAST else whole
 

@@ -69,11 +69,7 @@ def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
 
 
 def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the first sample of each block: at an edge, and after a gap in even spacing.
-
-    The noise of a block's mean is that of evenly spaced samples; a burst between sparse samples,
-    as loggers leave, is a block of its own.
-    """
+    """Return the first sample of each block: at an edge, and after a gap in even spacing."""
     owner = np.searchsorted(edges, time, side="right")
     gap = np.diff(time)
     before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
@@ -93,11 +89,7 @@ def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Ph
 def _doubtful(
     time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
 ) -> list[tuple[float, float]]:
-    """Return the stretches around kinks whose times the samples do not determine.
-
-    A sample either side, and the time in which the change of speed makes an encoder step. Only
-    densely sampled records can spare them. The samples are those of the displacement.
-    """
+    """Return the stretches around kinks whose times the samples do not determine."""
     time = trajectory.read_times(time)
     kinks, jumps = trajectory.kinks, trajectory.speed_jumps
     if kinks.size > _MOST_KINKS:
@@ -136,15 +128,7 @@ def reduce_test(
     approached: bool = True,
     errors: bool = False,
 ) -> Record:
-    """Return the record of one test: block means, their nodes, and the motion on a grid of times.
-
-    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); number: how
-    many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
-    test remembers of earlier ones; fineness: None where force and noise are not known yet; whole:
-    the test of which these are some samples only; approached: whether a record that begins on the
-    move came from zero by an approach before it; errors: whether to include those of the motion's
-    velocity and acceleration.
-    """
+    """Return the record of one test: block means, nodes, and the motion on a grid of times."""
     whole = whole or test
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
@@ -180,10 +164,7 @@ def reduce_test(
 
 
 def _rate_errors(test: Test, trajectory: Trajectory, grid: np.ndarray) -> RateErrors:
-    """Return the errors of velocity and acceleration on the grid, by the displacement's readings.
-
-    Not all of the test's are: the displacement may be read more seldom than the force.
-    """
+    """Return errors of velocity and acceleration on the grid, by the displacement's readings."""
     read = np.isin(test.time, trajectory.read_times(test.time))
     found = path_errors(test.time[read], test.displacement[read], trajectory, grid)
     return RateErrors(held(found.velocity), held(found.acceleration))
@@ -250,10 +231,7 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
 def _with_errors(
     blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, fineness: Fineness
 ) -> Blocks:
-    """Add the noise at each block's force, and the force error that the motion's error makes.
-
-    The stiffness is the record's own slope, no steeper than the pad's steepest.
-    """
+    """Add the noise at each block's force, and the force error that the motion's error makes."""
     force, depth = np.asarray(blocks.force), trajectory.displacement(centre)
     sd = trajectory.displacement_sd(centre)
     stiffness = np.zeros_like(force)

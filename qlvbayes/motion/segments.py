@@ -32,11 +32,7 @@ _PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its k
 def known_scatter(
     times: Sequence[Array], displacements: Sequence[Array], steps: Sequence[float]
 ) -> list[float]:
-    """Return upper bounds on the scatter's sd in several records by one sensor.
-
-    Few readings cannot distinguish it from motion: their bound is the least scatter of the longer
-    records, or infinite without these. Longer records determine their own and have no bound.
-    """
+    """Return upper bounds on the scatter's sd in several records by one sensor."""
     few = [time.size < _MANY for time in times]
     if not any(few):
         return [np.inf] * len(few)
@@ -48,16 +44,7 @@ def known_scatter(
 
 
 def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
-    """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``.
-
-    Combinations of 3 to 6 neighbouring readings that cancel polynomials of degree 1 to 4 leave the
-    scatter; windows of equal readings say nothing of a quantised sensor and are left out. The
-    least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
-    Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
-    that repeat exactly in most windows: what else moves there is the motion, too quick for them.
-    Nor is it larger than a step where they do in some. Of few readings most may be near changes of
-    the motion: there the quietest windows count.
-    """
+    """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``."""
     best, most = np.inf, np.inf
     shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
     for points in (3, 4, 5, 6):
@@ -102,11 +89,7 @@ def _divided_difference(times: Array) -> Array:
 
 
 def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
-    """Return the bounds that step and scatter imply, at least 1e-4 of the range.
-
-    Fewer than 100 readings do not distinguish scatter from motion for certain: there it counts for
-    no more than 5 % of the range. scatter: its largest sd, where that is known.
-    """
+    """Return the bounds that step and scatter imply, at least 1e-4 of the range."""
     span = float(np.ptp(displacement))
     floor = 1e-4 * span
     noise = min(_scatter(time, displacement, step), scatter)
@@ -132,12 +115,7 @@ def _scatter(time: Array, displacement: Array, step: float) -> float:
 
 
 def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
-    """Return the sd of the scatter about a fitted path; infinite where it is not determined.
-
-    The scatter of readings that were thinned out, or that are few and mostly moving, is first taken
-    for larger than it is: what a path leaves that was held to no more than that is the most it can
-    be. Single readings far from the path do not count, nor do the knots' own parameters.
-    """
+    """Return the sd of the scatter about a fitted path; infinite where it is not determined."""
     freedom = residual.size - _PER_KNOT * knots
     if tol.noise == 0.0 or freedom < 0.5 * residual.size:
         return np.inf
@@ -149,15 +127,7 @@ def scatter_left(residual: Array, displacement: Array, knots: int, tol: Toleranc
 
 
 def dither(displacement: Array, step: float) -> float:
-    """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none.
-
-    Rounding alone never takes a reading back that a steady motion has passed, however slow it is.
-    Where small changes mostly undo the one before them, or many at once in a motion that goes on,
-    the second differences of readings among small changes have six times their variance s^2.
-    Scatter below half a step shows least in the middle of a step, where
-    s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one has the variance
-    s^2 - step^2 / 12.
-    """
+    """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none."""
     if step == 0.0:
         return 0.0
     change = np.round(np.diff(displacement) / step)
@@ -283,10 +253,7 @@ class _Rest:
 
 
 def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
-    """Return a segment, or where it scatters the longest run of readings about its median.
-
-    A parabola that scatter allows may take in the end of a movement, or its last small swings.
-    """
+    """Return a segment, or where it scatters the longest run of readings about its median."""
     if tol.noise == 0.0:
         return begin, end
     x = displacement[begin:end]

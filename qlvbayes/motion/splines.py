@@ -116,11 +116,7 @@ class FittedSpline:
 
 
 def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> FittedSpline:
-    """Return the spline on these joints that minimises the squared residuals of n samples.
-
-    It is drawn weakly towards straight lines between the samples, which decide where there are
-    none.
-    """
+    """Return the spline on these joints that minimises the squared residuals of n samples."""
     origin = float(displacement[0])
     y, knots = displacement - origin, joints.knots
     shares = np.linspace(0.0, 1.0, degree + 1)

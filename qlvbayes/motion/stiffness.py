@@ -16,11 +16,7 @@ _AROUND = 21  # readings
 
 
 def largest_force(test: Test) -> float:
-    """Return the largest magnitude of the force (N), noise aside.
-
-    Where readings have sds of their own, those within five of them are left out: noise that fades
-    along a test may be larger at first than any force. If all are, the largest reading counts.
-    """
+    """Return the largest magnitude of the force (N), noise aside."""
     return float(np.max(np.where(_clear(test), np.abs(test.force), 0.0)))
 
 
@@ -35,11 +31,7 @@ def _clear(test: Test) -> NDArray[np.bool_]:
 
 
 def largest_stiffness(tests: Sequence[Test]) -> float:
-    """Return the slope (N/mm) of the force over the last quarter of the way to its maximum.
-
-    At least the secant's, which also stands where the way has too few points there or the force is
-    largest at a small depth.
-    """
+    """Return the slope (N/mm) of the force over the last quarter of the way to its maximum."""
     depth = max(float(np.max(np.abs(test.displacement))) for test in tests)
     hardest = max(tests, key=largest_force)
     clear = _clear(hardest)

@@ -23,11 +23,7 @@ _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times 
 
 
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
-    """Return whether a path deviates from a reading, or between two, by more than errors explain.
-
-    Between two readings it may leave their line by as much as these or their neighbours differ, and
-    by more where the readings of its piece determine it as well as one would.
-    """
+    """Return whether a path deviates from readings, or between two, by more than errors explain."""
     knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
     path = stretch.at(np.clip(time, knots[0], knots[-1]))
     if not np.all(np.abs(path - x) <= tol.farthest):
@@ -46,11 +42,7 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
 
 
 def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
-    """Return whether the readings of a piece give a path at a time as well as a reading there.
-
-    The path is a parabola through the readings at times (n,) of the piece; their errors, of one
-    variance, give its value there that variance times the leverage, which is at most 1.
-    """
+    """Return whether the readings of a piece give a path at a time as well as a reading there."""
     knots = stretch.joints.knots
     k = int(np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2))
     within = time[(time >= knots[k]) & (time <= knots[k + 1])]
@@ -137,11 +129,7 @@ def _patch(
 def _up_to(
     end: float, time: Array, x: Array, stretch: Stretch, tol: Tolerance
 ) -> tuple[Array, Array]:
-    """Return readings (n,) in either order of time with the end of the path as their last.
-
-    A reading next to it in time and in displacement is taken to be there: the piece from one to the
-    other would have any speed.
-    """
+    """Return readings (n,) in either order of time with the end of the path as their last."""
     near = abs(end - time[-1]) < _NEXT_TO * abs(time[-1] - time[-2])
     if near and abs(x[-1] - stretch.at(np.array([end]))[0]) <= tol.rest:
         return np.append(time[:-1], end), x

@@ -43,11 +43,7 @@ def fitted(
     after: DwellSpan | None,
     tol: Tolerance,
 ) -> Stretch:
-    """Fit the motion between two dwells (None: the record begins or ends in motion).
-
-    Where few readings show its pieces, a trapezoid of velocity that is as faithful takes their
-    place. What strays from the readings, at them or between them, is replaced by straight lines.
-    """
+    """Fit the motion between two dwells (None: the record begins or ends in motion)."""
     stretch = _fitted(t, x, segments, before, after, tol)
     if (
         move := _one_move(stretch, x[0] if before is None else before.level, after, tol)
@@ -63,10 +59,7 @@ def fitted(
 def _one_move(
     stretch: Stretch, left: float, after: DwellSpan | None, tol: Tolerance
 ) -> Stretch | None:
-    """Return a trapezoid of velocity from a level to a dwell, if few readings show the motion.
-
-    None where they are many, or do not lie on a trapezoid. They do not determine its acceleration.
-    """
+    """Return a trapezoid of velocity from a level to a dwell, if few readings show the motion."""
     time, knots = stretch.window.time, stretch.joints.knots
     readings = np.count_nonzero((time >= knots[0]) & (time <= knots[-1]))
     if after is None or after.level == left or readings >= FEWEST_OF_A_MOVE:
@@ -140,12 +133,7 @@ def _constant(joints: Joints, window: Window) -> Stretch:
 def _window(
     t: Array, x: Array, first: int, stop: int, before: DwellSpan | None, after: DwellSpan | None
 ) -> Window:
-    """Include part of the dwells next to a stretch, so that its end knots can move.
-
-    A dwell is at its level between its readings too, and in a gap next to the stretch until the
-    motion can have begun: where readings are sparser there than the stretch's, some are put between
-    them, or the motion could do anything.
-    """
+    """Include part of the dwells next to a stretch, so that its end knots can move."""
     reach = max(20, (stop - first) // 4)
     i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
@@ -165,10 +153,7 @@ def _window(
 def _unseen(
     t: Array, x: Array, first: int, stop: int, end: int, dwell: DwellSpan | None, between: Array
 ) -> Array:
-    """Return times after a stretch first:stop at which a dwell's level held without readings.
-
-    Up to the reading ``end``; between: multiples of the median spacing of the stretch's readings.
-    """
+    """Return times after a stretch first:stop at which a dwell's level held without readings."""
     if dwell is None or not first < stop < end:
         return t[:0]
     back = slice(stop - 1, first - 1 if first else None, -1)
@@ -185,13 +170,7 @@ def _unread(t: Array, times: Array) -> Array:
 
 
 def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
-    """Return times between the end of a motion and the first reading at rest.
-
-    t, away (n,): its readings, the last one first, and how far each is from the dwell's level;
-    between: multiples of their median spacing. As a motion ends with the cube of the time at the
-    latest (a bounded jerk), it is over as long after a reading as one eight times as far lies
-    before it.
-    """
+    """Return times between the end of a motion and the first reading at rest."""
     farther = np.flatnonzero(away >= _CUBE * away[0])
     over = 2.0 * t[0] - t[farther[0]] if farther.size else t[0] + between[2]
     if over >= resting - between[0]:

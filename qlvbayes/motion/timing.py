@@ -29,11 +29,7 @@ _UNRESOLVED = 12.0**-0.5
 
 
 def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
-    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink.
-
-    Where the velocity jumps, the change itself takes up to a sampling interval of the displacement,
-    as it would be resolved otherwise.
-    """
+    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink."""
     read = trajectory.read_times(time)
     kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
     if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
@@ -76,13 +72,7 @@ def timing_sd(
     white: float,
     rows: NDArray[np.intp] | None = None,
 ) -> Array:
-    """Return the sd (B,) in N of block means that uncertain times cause.
-
-    time, force: (n,) readings; begin (B,): the first reading of each block; white: sd in N of a
-    reading's own noise; rows: which readings the blocks are made of, all by default. The doubt
-    about a kink is one for all readings of a block, that of the clock is independent from reading
-    to reading.
-    """
+    """Return the sd (B,) in N of block means that uncertain times cause."""
     kink = kink_doubt(time, trajectory) * _jumps(time, force, white)
     clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
     if rows is not None:
@@ -93,10 +83,7 @@ def timing_sd(
 
 
 def _jumps(time: Array, force: Array, white: float) -> Array:
-    """Return the jump (n,) of the force (N) to one side of each reading.
-
-    A jump by Delta F puts the readings on both sides of it off the line by half of that.
-    """
+    """Return the jump (n,) of the force (N) to one side of each reading."""
     jumps = np.abs(np.diff(force, append=force[-1:]))  # at the ends the change to the next one
     if time.size > 2:
         step = np.diff(time)
@@ -107,12 +94,7 @@ def _jumps(time: Array, force: Array, white: float) -> Array:
 
 
 def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -> Array:
-    """Return half the distance (B,) in s of a block's two nodes, neither of them at a kink.
-
-    centre, half (B,): mean and sd of the times of a block's readings; time (n,): of all. Where a
-    single reading lies at a kink the model is averaged over both sides of it: a force that jumps
-    there has two values, and a delay of nothing would take the other one.
-    """
+    """Return half the distance (B,) in s of a block's two nodes, neither of them at a kink."""
     kinks = trajectory.kinks
     if not kinks.size:
         return half

@@ -107,15 +107,7 @@ class Trajectory:
 
     @property
     def kink_sd(self) -> Array:
-        """Sd (j,) in s of the time of each kink, from the readings' errors and spacing.
-
-        It is that of the least squares that placed the kink (``knoterrors.moments``), with the
-        levels of the dwells next to it and the clock's error; at most the shorter piece next to it
-        over sqrt(12), and where less than three readings show that piece at least the interval
-        between readings over sqrt(12). Errors of neighbouring kinks may be correlated. What the
-        clock has in error at a kink is that of one time, fitted to many readings; a single
-        reading's is ``clock_sd``. 0 for a planned motion.
-        """
+        """Sd (j,) in s of the time of each kink, from the readings' errors and spacing."""
         if self.moments is None:
             return np.zeros(self.kinks.shape)
         return np.asarray(np.interp(self.kinks, self.moments.time, self.moments.sd))
@@ -176,11 +168,7 @@ class Trajectory:
         return self._at(2, t)
 
     def displacement_sd(self, t: ArrayLike) -> Array:
-        """Return the sd of ``displacement(t)`` (any shape), in units of displacement.
-
-        It comes from the encoder's rounding and the sensor's scatter, less what the fit averages
-        out; 0 for a planned motion.
-        """
+        """Return the sd of ``displacement(t)`` (any shape), in units of displacement."""
         asked = np.asarray(t, dtype=np.float64)
         if self.error is None:
             return np.zeros(asked.shape)
@@ -202,15 +190,7 @@ def smooth(
     resolution: float | None = None,
     scatter: float = np.inf,
 ) -> Trajectory:
-    """Return the motion that an encoder recorded: few pieces, in agreement with every reading.
-
-    Dwells come out exactly constant. Each stretch between dwells becomes a quadratic spline with
-    knots where least squares puts them, as few as keep all residuals within what the encoder step
-    and the scatter (the largest sd that other records show) explain; the velocity is continuous
-    unless a change of it is too quick to be resolved by the samples. Where the record is too sparse
-    for that the samples are joined by straight lines. Times (s) need not be even; the encoder step,
-    in units of displacement, is estimated from the readings if it is None.
-    """
+    """Return the motion that an encoder recorded: few pieces, in agreement with every reading."""
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(displacement, dtype=np.float64)
     _check(t, x)

@@ -44,15 +44,7 @@ def run_all(
     *,
     keep: Callable[[Outcome[Item, Answer]], None] = lambda outcome: None,
 ) -> Iterator[Outcome[Item, Answer]]:
-    """Run ``task`` for every item; yield what became of each, in the order of the items.
-
-    An item that fails does not stop the others; a `Fault` or an `Outcome` among them is passed on.
-    Items are taken as they are needed, so that there may be any number of them. Task and items can
-    be pickled; without an engine this process works itself. ``keep`` takes each outcome as soon as
-    it is there, in any order.
-
-    Raises EngineLostError where a scheduler has gone; everything that was kept before stays.
-    """
+    """Run ``task`` for every item; yield what became of each, in the order of the items."""
     if engine is None:
         for item in items:
             outcome = _passed(item) or Outcome(cast(Item, item), *_tried(task, cast(Item, item)))

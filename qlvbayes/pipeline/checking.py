@@ -44,10 +44,7 @@ def report_saved_check(folder: Path, watcher: Watcher) -> None:
 def check_into(
     folder: Path, saved: Saved, study: Measurements, *, seed: int, watcher: Watcher
 ) -> CheckedPad:
-    """Check one fit; leave ``check.json``, ``curves.json`` and the figures in a folder.
-
-    Raises InputError on an unknown pad.
-    """
+    """Check one fit; leave ``check.json``, ``curves.json`` and the figures in a folder."""
     with watcher.doing(f"pad {saved.pad}: predicting"):
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
         checked.check.write(folder / "check.json")

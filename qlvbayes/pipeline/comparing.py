@@ -23,11 +23,7 @@ Group = tuple[str, Sequence[Saved]]
 
 
 def saved_pads(out: Path, data: Path | None = None, *, only: Sequence[str] = ()) -> list[Saved]:
-    """Return the fits of the named pads in a folder, by default all; InputError if there are none.
-
-    Where a fit does not state what its tests cover and which fluid is in the pad, both are read
-    from the measurements: from ``data``, or from the file that the fit names, if it exists.
-    """
+    """Return the fits of named pads in a folder, by default all; InputError if there are none."""
     names = only or fitted_pads(out)  # of many pads no others are read
     files = [out / name / "posterior.nc" for name in names]
     studies: dict[Path, Measurements] = {}
@@ -104,13 +100,7 @@ def compare_into(
     seed: int = 0,
     watcher: Watcher | None = None,
 ) -> tuple[Comparison, list[Path]]:
-    """Compare two groups; leave compare.json, .csv, .tex, .txt and a figure in a folder.
-
-    The folder is ``out/compare/B-vs-C`` for groups B and C.
-
-    Returns the comparison and the figures' paths. Raises InputError where the two cannot be
-    compared or nothing can be written.
-    """
+    """Compare two groups; leave compare.json, .csv, .tex, .txt and a figure in a folder."""
     names = first[0], second[0]
     folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
     with (watcher or Watcher()).doing(f"comparing {names[0]} with {names[1]}"):

@@ -63,10 +63,7 @@ class Knowledge:
     clock: float = 0.0  # time on the pad's clock after these tests (s)
 
     def errors(self, rig: Rig) -> ReadingErrors:
-        """Return the reading errors of tests on a rig.
-
-        The peak force is that of the deepest and fastest press.
-        """
+        """Return the reading errors of tests on a rig."""
         press = Design(rig.depth, rig.speed, rig.acceleration, 1.0)
         first = self.belief.explanations[0]
         force = first.forces(np.zeros((1, first.size)), record_of([press], rig, self.clock))
@@ -97,12 +94,7 @@ def design_into(
     seed: int = 0,
     watcher: Watcher | None = None,
 ) -> tuple[Plan, list[Path]]:
-    """Plan the next tests; leave design.json, set_points.csv and a figure in ``out/pad``.
-
-    goals: names of constants, and ``cause``; empty: all that is not known. Returns the plan and the
-    figures' paths. Raises InputError where the folder holds neither a fit nor a diagnosis, a name
-    is not known, or no test fits.
-    """
+    """Plan the next tests; leave design.json, set_points.csv and a figure in ``out/pad``."""
     if not minutes > 0.0:
         raise InputError(f"--minutes is {minutes:g}", remedy="give it above 0")
     folder = out / pad
@@ -176,11 +168,7 @@ def _read_knowledge(
 def probable_alternatives(
     alternatives: Sequence[Alternative], families: Families
 ) -> list[Alternative]:
-    """Return the explanations that count, with probabilities, the most probable first.
-
-    A cause counts by its probability summed over all laws. Of each cause the most probable
-    explanation is kept, then others; those that are kept share the probability of their cause.
-    """
+    """Return the explanations that count, with probabilities, the most probable first."""
     groups: dict[str, list[Alternative]] = {}
     for one in sorted(alternatives, key=lambda one: -one.probability):
         groups.setdefault(cause_of(one.effects, families), []).append(one)

@@ -61,12 +61,7 @@ def diagnose_into(
     watcher: Watcher,
     thresholds: DiagnosisSettings | None = None,
 ) -> Diagnosis:
-    """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and the figures in a folder.
-
-    ``hypotheses.json`` holds draws of the hypotheses that are not ruled out. Where a discrepancy
-    remains that no effect explains, it is in ``discrepancy.csv``. Raises InputError where a
-    setting cannot be used or nothing can be written.
-    """
+    """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and the figures in a folder."""
     with watcher.doing(f"pad {pad.name}") as report:
         report("motion, phases and noise floor")
         experiment = choices.prepare(pad)

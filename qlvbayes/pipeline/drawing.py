@@ -33,10 +33,7 @@ class ReferenceFile:
 
 
 def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
-    """Return the file of references: the one given, else paper_table1.csv in the data's folder.
-
-    None where there is none. Raises InputError where a given file cannot be used.
-    """
+    """Return the file of references: the one given, else paper_table1.csv in the data's folder."""
     if given is not None:
         read_references(given)
         return ReferenceFile(given, required=True)
@@ -45,11 +42,7 @@ def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
 
 
 def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
-    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure.
-
-    Table and figure for print are left out where there are more pads than anyone reads side by
-    side. Returns the figure's path. Raises InputError where the references cannot be used.
-    """
+    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure."""
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
@@ -68,10 +61,7 @@ def draw_constants(out: Path, references: ReferenceFile | None) -> list[Path]:
 
 
 def draw_forces_at_rates(out: Path) -> list[Path]:
-    """Draw the figure forces_at_rates of two checked pads or more in one unit; return its path.
-
-    It is left out where there are more pads than anyone reads side by side.
-    """
+    """Draw the figure forces_at_rates of two checked pads or more in one unit; return its path."""
     files = sorted(out.glob("*/curves.json"))
     if not 2 <= len(files) <= MOST_ON_A_PAGE:
         return []

@@ -25,10 +25,7 @@ class Finished:
         self._folder = out / FINISHED / step
 
     def has(self, pad: str, key: str, folder: Path) -> bool:
-        """Return whether a pad was finished from the same input and all its files are still there.
-
-        key: digest of all that the results depend on; folder: the pad's own.
-        """
+        """Return whether a pad was finished from the same input and all its files are there."""
         try:
             record = json.loads(self._file(pad).read_bytes())
             files: dict[str, str] = record["files"]

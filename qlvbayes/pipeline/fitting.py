@@ -74,11 +74,7 @@ def fit_into(
     settings: Settings,
     watcher: Watcher,
 ) -> FitSummary:
-    """Fit one pad; leave posterior, summary, relaxation, pairs and programme in a folder.
-
-    A killed run continues where it stopped. Raises InputError where a setting cannot be used
-    or nothing can be written.
-    """
+    """Fit one pad; leave posterior, summary, relaxation, pairs and programme in a folder."""
     with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
         experiment = choices.prepare(pad, all_tests=all_tests)
     used = choices if method in SAMPLERS else independent_noise(choices, method)
@@ -119,10 +115,7 @@ def fit_into(
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:
-    """Return what is fitted, the noise floor, and the priors.
-
-    Least squares takes its starts from them, and its noise from the residuals.
-    """
+    """Return what is fitted, the noise floor, and the priors."""
     tests = ", ".join(
         f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
         for trial in experiment.with_role("fit")

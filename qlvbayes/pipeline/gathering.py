@@ -33,11 +33,7 @@ def gather(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Write what an undivided run writes of all its pads; return the pads and the faults.
-
-    Where the parts are of a study, pads whose final fit depends on the verdicts on other pads are
-    fitted first: a part in which nothing is named cannot know that another part names something.
-    """
+    """Write what an undivided run writes of all its pads; return the pads and the faults."""
     watcher = watcher or Watcher()
     run = runs_in(out)
     late: tuple[Fault, ...] = ()

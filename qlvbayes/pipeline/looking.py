@@ -34,15 +34,7 @@ def look_into(
     next_commands: Sequence[str] = (),
     apply: Apply = map,
 ) -> tuple[FirstLook, list[Path]]:
-    """Look at some pads; leave ``look.json`` and a picture ``look_<pad>.png`` of each in a folder.
-
-    bonded: whether specimens are fixed to the platen, by default where the file holds strain and
-    stress; effects: those that the model has already; keep_all_readings, use, leave_out: which
-    readings count, as in `prepare`; files: those that were read, by default the study's own;
-    next_commands: commands to go on with; apply: function that does the work on the pads, by
-    default in this process. Returns the first look and the pictures' paths. Raises
-    InputError where a test cannot be used or nothing can be written.
-    """
+    """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in a folder."""
     fixed = study.units.bonded_default if bonded is None else bonded
     prepared = partial(prepare, keep_all_readings=keep_all_readings, use=use, leave_out=leave_out)
     task = partial(_look_at, prepared=prepared, bonded=fixed, effects=effects)

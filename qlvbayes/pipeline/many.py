@@ -107,15 +107,7 @@ def run_pads(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do one step for all pads, one after the other or in parallel.
-
-    What an earlier run finished from the same input is reported, not done again. A pad that fails,
-    or a `Fault` in its place, does not stop the others. Reports and files do not depend on the
-    engine; None is this process. Pads are taken as they are needed, ``size`` of them as far as that
-    is known. ``watcher`` receives the report of each pad in turn, and how many are done.
-
-    Raises EngineLostError where the connection to a scheduler is lost.
-    """
+    """Do one step for all pads, one after the other or in parallel."""
     watcher = watcher or Watcher()
     pads: list[str] = []
     faults: list[Fault] = []
@@ -168,10 +160,7 @@ def run_step(
 def map_pads(
     engine: Engine | None, task: Callable[[Pad], Answer], pads: Sequence[Pad]
 ) -> list[Answer]:
-    """Return the task's answers for the pads, in order, from an engine or from this process.
-
-    Raises FailedError, which names the pads that failed in the engine.
-    """
+    """Return the task's answers for the pads, in order, from an engine or from this process."""
     if engine is None or len(pads) < 2:
         return list(map(task, pads))
     outcomes = list(run_all(partial(_styled, _own_style(), task), pads, engine))

@@ -249,10 +249,7 @@ def run_finals(
     engine: Engine | None,
     watcher: Watcher,
 ) -> Tally:
-    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
-
-    named: whether a verdict names a law or an effect; otherwise the baseline fits are copied.
-    """
+    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike."""
     if not named:
         names = [study.pads[0].name for study in studies if isinstance(study, Measurements)]
         for name in names:
@@ -352,10 +349,7 @@ def _report_saved_fit_and_check(folder: Path, watcher: Watcher) -> None:
 
 
 def _on_laws(choices: Choices, result: DiagnosisResult) -> Choices:
-    """Return choices with the verdict's base laws, if any; a Prony series keeps its modes.
-
-    Priors and fixed values of a replaced law's constants are dropped.
-    """
+    """Return choices with the verdict's base laws, if any; a Prony series keeps its modes."""
     if result.verdict == "unexplained":
         return choices
     elastic, relaxation = result.base.elastic, result.base.relaxation.partition(":")[0]

@@ -108,11 +108,7 @@ def alone(study: Measurements, pad: Pad) -> Measurements:
 
 
 def named_after(file: Path, study: Measurements) -> Measurements:
-    """Return the study of one file among several, with pad names that no other file has.
-
-    ``B.csv`` with one pad of no name, or called B, gives B; with pads 1 and 2, B-1 and B-2.
-    Raises InputError where such a name cannot be that of a folder.
-    """
+    """Return the study of one file among several, with pad names that no other file has."""
     stem = _stem(file)
     pads = []
     for pad in study.pads:

@@ -38,11 +38,7 @@ class Watcher:
     def overall(
         self, size: int, *, alone: bool
     ) -> AbstractContextManager[Callable[[int, int], None]]:
-        """Begin the work on ``size`` pads; yield a function of the pads done and the pads to do.
-
-        alone: whether this process works on one pad after the other. Otherwise the reports of each
-        pad come together, in the order of the pads, once the pad is done.
-        """
+        """Begin the work on ``size`` pads; yield a function of the pads done and the pads to do."""
         return nullcontext(_ignore)
 
     def starting(self, lines: Sequence[str]) -> None:

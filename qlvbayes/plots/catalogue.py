@@ -148,10 +148,7 @@ def pictures_of(command: str, folder: Path) -> list[Path]:
 
 
 def save_figures(command: str, folder: Path, *computed: Any) -> list[Path]:
-    """Draw and save what a command leaves in the folder of a pad; return the PNG files.
-
-    computed: what the command has computed of the pad.
-    """
+    """Draw and save what a command leaves in the folder of a pad; return the PNG files."""
     # imported here, so that what only lists the figures does not wait for Matplotlib
     from qlvbayes.plots.files import save_figure
 

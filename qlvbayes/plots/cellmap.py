@@ -71,10 +71,7 @@ def draw_cells(
     text: Callable[[_Cell], str],
     fails: Callable[[_Cell], bool],
 ) -> bool:
-    """Draw a square for each test and kind of phase; return whether some have no samples.
-
-    ``text`` returns what is written in a cell, ``fails`` whether structure beyond noise is left.
-    """
+    """Draw a square for each test and kind of phase; return whether some have no samples."""
     by_position = {(cell.test, cell.phase): cell for cell in cells}
     empty = False
     for row, test in enumerate(tests):
@@ -129,11 +126,7 @@ def draw_shaded(
     middle: float = 0.5,
     **look: Any,
 ) -> tuple[Rectangle, str]:
-    """Draw a square at (row, column) with text in it; return it and the colour of the text.
-
-    ``shade`` is a position on the colour scale, 0 to 1; ``middle`` is the share of the row that is
-    above the middle of the text, whose further ``look`` may be given.
-    """
+    """Draw a square at (row, column) with text in it; return it and the colour of the text."""
     row, column = position
     drawn = square(position, facecolor=colormaps[_COLOURS](shade), linewidth=0.0)
     axis.add_patch(drawn)

@@ -108,10 +108,7 @@ def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
-    """Scale the axis: linear, or logarithmic beyond 10 where small values would vanish.
-
-    There are no values where only the baseline model was visited.
-    """
+    """Scale the axis: linear, or logarithmic beyond 10 where small values would vanish."""
     low, high = min(values, default=0.0), max(values, default=0.0)
     gap = "\n" if tight else " "
     name = f"log Bayes factor for being in the model{gap}(natural logarithm, no unit)"

@@ -80,10 +80,7 @@ def save_figure(
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once, not for each file, which takes longer than the drawing.
-
-    No layout engine is left, not even the placeholder: with one, ``savefig`` draws twice.
-    """
+    """Lay the figure out once, not for each file, which takes longer than the drawing."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

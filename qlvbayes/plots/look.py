@@ -217,10 +217,7 @@ def _scale(values: np.ndarray, unit: str, small: float) -> tuple[str, float]:
 
 
 def _readings(panel: Axes, positions: np.ndarray, values: np.ndarray, axis: _Axis) -> None:
-    """Draw dots, or for a dense record a band between the extremes of some hundred bins.
-
-    There is a gap where values (n,) are NaN.
-    """
+    """Draw dots, or for a dense record a band between the extremes of some hundred bins."""
     bins = _BINS * len(axis.phases) if axis.even else _ALL_BINS
     line = "None"
     low, high = float(np.nanmin(values)), float(np.nanmax(values))

@@ -30,10 +30,7 @@ def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
 
 
 def parameter_label(name: str, unit: str = "1") -> str:
-    """Return a constant as an axis shows it, its index low.
-
-    An effect's constant takes two lines.
-    """
+    """Return a constant as an axis shows it, its index low."""
     match = _INDEXED.fullmatch(name)
     if match:
         text = rf"$\mathit{{{match[1]}}}_{{{match[2]}}}$"

@@ -137,10 +137,7 @@ class _Page:
         return figure, grid
 
     def corner(self, *, margin: bool) -> tuple[float, float, float, float]:
-        """Return left, bottom, width and height as shares of the page.
-
-        ``margin`` leaves room for labels of an axis.
-        """
+        """Return left, bottom, width and height as shares of the page."""
         left = self.left + self.first * (1.0 + _GAP) * self.cell + margin * _BARS_LEFT
         bottom = self.height - self.top - self.row * self.deep + margin * _BARS_BELOW
         wide, high = self.width - _RIGHT - left, self.height - 2.0 - bottom
@@ -174,10 +171,7 @@ def _units(fit: Fit | Saved) -> dict[str, str]:
 def _panels(
     figure: Figure, grid: GridSpec, rows: Sequence[str], others: Sequence[str]
 ) -> dict[tuple[str, str], Axes]:
-    """Return axes by the constants below the diagonal (upward, along).
-
-    A pair of equals is on it.
-    """
+    """Return axes by the constants below the diagonal (upward, along)."""
     panels: dict[tuple[str, str], Axes] = {}
     for r, below in enumerate(rows):
         for c, along in enumerate(others[: r + 1]):

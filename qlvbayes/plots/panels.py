@@ -65,11 +65,7 @@ class PanelRow(Generic[_Test]):
         *,
         fontsize: float,
     ) -> None:
-        """Paint every column: ``draw`` draws samples of the test into the column's axes (strip,).
-
-        Repeats are numbered where they end in ``force`` (n,), in the colours of ``palette`` in
-        turn; ``fontsize`` is in points. Readings that were left out are marked.
-        """
+        """Paint every column: ``draw`` draws a test's samples into the column's axes (strip,)."""
         for panels, column in zip(self.axes.T, self.names, strict=True):
             shown = panel_samples(column, self.test.time, self.parts)
             for samples in shown:
@@ -116,11 +112,7 @@ class PhasePanels(Generic[_Test]):
         heights: Sequence[float] = (1.0,),
         **layout: Any,
     ) -> PhasePanels[_Test]:
-        """Return the figure, with empty panels.
-
-        ``width``, ``frame`` (height of the margins) and ``row`` (height of a line of panels) are in
-        mm; ``heights`` are those of the strips of a test, relative to each other.
-        """
+        """Return the figure, with empty panels."""
         ordered = sorted(tests, key=lambda test: by_rate(test.trial.rate))
         parts = [divide(test.time, test.trial.phases) for test in ordered]
         names, tight = columns(parts), narrow(width)
@@ -134,10 +126,7 @@ class PhasePanels(Generic[_Test]):
         return cls(figure, axes, names, tight, rows)
 
     def finish(self, ticks: Sequence[int]) -> None:
-        """Name the columns, and let the panels of a dwell share their times, once all are painted.
-
-        ``ticks`` are the most steps on the force axis of each strip.
-        """
+        """Name the columns, and let panels of a dwell share their times, once all are painted."""
         for k, name in enumerate(self.names):
             self.axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
             if name in DWELLS:
@@ -167,11 +156,7 @@ def _leaders(names: Sequence[str], tight: bool) -> range:
 def _lay_out(
     figure: Figure, count: int, names: Sequence[str], heights: Sequence[float], *, tight: bool
 ) -> np.ndarray:
-    """Return axes (test, strip, column); a test's strips lie one below the other.
-
-    ``heights`` are those of a test's strips, relative to each other. Panels of a strip share their
-    force axis, panels of a column within a test their time axis.
-    """
+    """Return axes (test, strip, column); a test's strips lie one below the other."""
     lines, width = _lines_of(names, tight), len(names) - _stacked(names, tight)
     wide_first = WHOLE in names and lines == 1
     ratios = [_WHOLE_WIDTH if wide_first and k == 0 else 1.0 for k in range(width)]
@@ -192,11 +177,7 @@ def _lay_out(
 
 
 def _name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
-    """Write a test's name above its first panel, from where it runs over the others.
-
-    In one column a title would widen the first panel: blanks keep the room above all panels, and an
-    annotation has the name.
-    """
+    """Write a test's name above its first panel, from where it runs over the others."""
     if not tight:
         row[0].set_title(text, loc="left", **look)
         return
@@ -210,10 +191,7 @@ def _name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
 def _mark_left_out(
     panels: Sequence[Axes], names: Sequence[str], trial: Trial, parts: Sequence[PhaseSamples]
 ) -> None:
-    """Draw a test's left-out readings over its panels, which share their force axis.
-
-    Readings beyond the axis, such as spikes, are drawn at its edge, so that the axis is kept.
-    """
+    """Draw a test's left-out readings over its panels, which share their force axis."""
     bad = trial.left_out
     if bad is None:
         return

@@ -80,10 +80,7 @@ def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
 
 
 def _first_row(time: np.ndarray, phase: Phase) -> int:
-    """Return the index of a phase's first sample.
-
-    In a dwell, a sample taken as the motion stopped does not count.
-    """
+    """Return the index of a phase's first sample."""
     first = int(np.searchsorted(time, phase.start))
     if phase.kind not in DWELLS:
         return first
@@ -151,10 +148,7 @@ def number_repeats(
     *,
     fontsize: float,
 ) -> None:
-    """Number the repeats where each ends in a test's force (n,), as far as there is room.
-
-    ``palette`` has the colours of the repeats in turn; ``fontsize`` is in points.
-    """
+    """Number the repeats where each ends in a test's force (n,), as far as there is room."""
     low, high = axis.get_ylim()
     taken: list[float] = []
     for samples in shown:
@@ -177,10 +171,7 @@ def number_repeats(
 def finish_time(
     axis: Axes, column: str, parts: Sequence[PhaseSamples], *, tight: bool = False
 ) -> None:
-    """Scale and label the time axis of a panel that has been drawn; blank it if nothing was.
-
-    With ``tight`` the label takes two lines.
-    """
+    """Scale and label the time axis of a panel that has been drawn; blank it if nothing was."""
     if column == WHOLE:
         axis.set_xlabel("time (s)")
         return

@@ -91,10 +91,7 @@ def _draw(column: np.ndarray, forecast: Forecast, scale: str) -> None:
 
 
 def _first(forecast: Forecast) -> float:
-    """Return the time (s) until the slope of the prescribed quantity first changes.
-
-    Where it never changes, this is the whole programme.
-    """
+    """Return the time (s) until the slope of the prescribed quantity first changes."""
     slopes = np.diff(forecast.given) / np.maximum(np.diff(forecast.time), 1e-300)
     change = np.abs(np.diff(slopes)) > 1e-3 * np.max(np.abs(slopes))
     ends = np.flatnonzero(change)

@@ -70,10 +70,7 @@ _matplotlib: Any = matplotlib  # the keys of its settings have too many types to
 
 
 def style() -> AbstractContextManager[None]:
-    """Return a context manager for ``STYLE`` and, over it, the settings of ``using``.
-
-    Other settings are restored after it.
-    """
+    """Return a context manager for ``STYLE`` and, over it, the settings of ``using``."""
     return _matplotlib.rc_context({**STYLE, **_own.get()})
 
 
@@ -228,9 +225,6 @@ def percentage(probability: float) -> str:
 
 
 def shortened(name: str, most: int = 40) -> str:
-    """Return a name from a file, cut to fit on the page, and never read as a formula.
-
-    Legends ignore what begins with an underscore, so a space is put before it.
-    """
+    """Return a name from a file, cut to fit on the page, and never read as a formula."""
     text = literal(name if len(name) <= most else f"{name[: most - 1]}…")
     return f" {text}" if text.startswith("_") else text

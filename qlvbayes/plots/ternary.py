@@ -35,11 +35,7 @@ class _Window:
 
 
 def draw_ternary(axis: Axes, shares: np.ndarray, colour: str) -> None:
-    """Draw the regions that hold 50 and 90 % of the draws (n, 3), each row of sum 1.
-
-    Grid lines run parallel to the sides: those of c[1] are labelled below, of c[2] on the right, of
-    c[0] on the left. The small triangle is the whole simplex, with the enlarged part in it.
-    """
+    """Draw the regions that hold 50 and 90 % of the draws (n, 3), each row of sum 1."""
     window = _window(shares)
     axis.set_aspect("equal")
     axis.axis("off")

@@ -165,11 +165,7 @@ _NARROW = 0.05  # log sd below which the grid needs points of its own around the
 
 
 def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) -> float:
-    """Return the probability that independent draws of the free members fall in order.
-
-    It is integrated from the slowest rate up, on a grid of log-rates: p_k(x) = density_k(x) P(all
-    slower rates are below x).
-    """
+    """Return the probability that independent draws of the free members fall in order."""
     fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
     around = [
         np.asarray(x.log_median) + np.asarray(x.log_sd) * np.linspace(-10.0, 10.0, 4001)

@@ -29,10 +29,7 @@ def from_interval(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
 
 
 def to_simplex(y: Array) -> tuple[Array, Array]:
-    """Map (k - 1,) numbers to (k,) positive fractions that sum to one, by stick-breaking.
-
-    All fractions are equal at y = 0; the log-volume is that of the first k - 1 fractions.
-    """
+    """Map (k - 1,) numbers to (k,) positive fractions that sum to one, by stick-breaking."""
     pieces = y.shape[0]
     shifted = y - jnp.log(jnp.arange(pieces, 0, -1.0))
     log_break, log_keep = jax.nn.log_sigmoid(shifted), jax.nn.log_sigmoid(-shifted)

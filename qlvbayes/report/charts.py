@@ -14,11 +14,7 @@ _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 
 def chart_of(pad: PadResults) -> dict | None:
-    """Return the curves that the script draws for one pad; None where there are none.
-
-    Per test the measured force, the last model's mean and 90 % band and, where effects were added,
-    the baseline model's mean, at the same times (s); and time and force of readings left out.
-    """
+    """Return the curves that the script draws for one pad; None where there are none."""
     curves = pad.final.curves
     if curves is None or not curves.tests:
         return None

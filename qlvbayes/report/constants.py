@@ -91,10 +91,7 @@ def constants_words(pad: PadResults) -> str | None:
 
 
 def shifts_of(pad: PadResults) -> Shifts | None:
-    """Return how the constants moved when the named effects came in.
-
-    Return None where nothing was added.
-    """
+    """Return how the constants moved when the named effects came in."""
     if pad.baseline is None or pad.baseline.effects == pad.final.effects:
         return None
     before, after = _parameters(pad.baseline), _parameters(pad.final)

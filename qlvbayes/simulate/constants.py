@@ -69,11 +69,7 @@ _SHARES_ALIKE = 300.0  # Dirichlet concentration of their shares: sds of about 0
 def specimens_of(
     words: Iterable[str], rng: np.random.Generator
 ) -> tuple[dict[str, Constants], dict[str, str]]:
-    """Return constants by name, and the kind of each specimen of several.
-
-    words: names of `SPECIMENS`; `finger:4` is four of a kind, `finger-1` to `finger-4`, each with
-    constants of its own about those of the kind.
-    """
+    """Return constants by name, and the kind of each specimen of several."""
     specimens: dict[str, Constants] = {}
     kinds: dict[str, str] = {}
     for word in words:
@@ -99,11 +95,7 @@ def _another(kind: Constants, rng: np.random.Generator) -> Constants:
 
 
 def draw_constants(rng: np.random.Generator) -> Constants:
-    """Draw random two-mode constants around the paper's pads.
-
-    m 0.2..1.2 N/mm, b 0.3..1.5 1/mm, v1 2..15 1/s, v2 0.05..0.5 1/s, all log-uniform;
-    shares 0.03 + 0.91 Dirichlet(3, 5, 1), so that every mode is there to be seen.
-    """
+    """Draw random two-mode constants around the paper's pads."""
     c0, c1, c2 = 0.03 + 0.91 * rng.dirichlet([3.0, 5.0, 1.0])
     return Constants(
         m=_log_uniform(rng, 0.2, 1.2),

@@ -64,11 +64,7 @@ def record_controlled(
     sample_rate: float = SAMPLE_RATE,
     closed_loop: bool = False,
 ) -> tuple[Record, NDArray[np.bool_]]:
-    """Run one test; return it, and (n,) at which samples the force was prescribed.
-
-    closed_loop: the controller of the force follows the load cell, whose slow errors then are in
-    the true force; else they are in the reading. It never pulls.
-    """
+    """Run one test; return it, and (n,) at which samples the force was prescribed."""
     program = tuple(program)
     still = _ControlledRun(constants, 1.0 / sample_rate, None)
     for step in program:

@@ -58,11 +58,7 @@ def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tup
 
 
 def displacement_under(constants: Constants, time: Array, force: Array) -> Array:
-    """Return the displacement (n,) in mm under a force (n,) in N, linear between times (n,).
-
-    The pad is at rest until the first time; a first force other than 0 is put on at once. Right to
-    1e-9 of the displacement where no step is longer than a fifth of 1/v.
-    """
+    """Return the displacement (n,) in mm under a force (n,) in N, linear between times (n,)."""
     if np.min(force) < 0.0:
         raise InputError("a prescribed force must not be below 0")
     m, b = constants.m, constants.b
@@ -105,12 +101,7 @@ def record_creep(
     max_rows: int | None = None,
     closed_loop: bool = False,
 ) -> Record:
-    """Run one load-controlled test.
-
-    closed_loop: the controller follows the load cell, whose slow errors then are in the true force
-    and in the displacement; else a weight presses, and they are in the reading. With `max_rows`,
-    only rows as a data logger keeps them.
-    """
+    """Run one load-controlled test."""
     time, wanted = prescribed(program, sample_rate)
     errors = noise.draw(time, rng)
     force = wanted
@@ -133,10 +124,7 @@ def creep_study(
     max_rows: int | None = None,
     clocks: Mapping[str, float] | None = None,
 ) -> list[SimulatedTest]:
-    """Simulate a creep test at each load (N) on each pad, with 120 s of rest in between.
-
-    Tests are named 'B-0.5N'. clocks: of each pad (s) when its first one begins; 0 without.
-    """
+    """Simulate a creep test at each load (N) on each pad, with 120 s of rest in between."""
     tests = []
     for pad, constants in pads.items():
         clock = (clocks or {}).get(pad, 0.0)

@@ -30,13 +30,7 @@ def write_csv(
     heading: Sequence[str],
     groups: Mapping[str, str] | None = None,
 ) -> None:
-    """Write tests as one tidy CSV, compressed if the name ends in .gz.
-
-    A column `control` says what was prescribed where that was the force in any test; a column
-    `group` what kind each pad of `groups` is of, where there are such. Each line of `heading`
-    becomes a comment above the columns. Times keep 4 decimals, displacement 3 (1 um), force 5.
-    Written to a temporary name and renamed; the same tests give the same bytes.
-    """
+    """Write tests as one tidy CSV, compressed if the name ends in .gz."""
     path = Path(path)
     comments = [f"# {' '.join(line.split())}" for line in heading]
     tests, groups = list(tests), groups or {}
@@ -73,11 +67,7 @@ def simulate_file(
     loads: Sequence[float] = (),
     groups: Mapping[str, str] | None = None,
 ) -> None:
-    """Simulate a study and write it; `command` is quoted in the file's heading.
-
-    The JSON file ``answer`` gets effects, constants, noise and seed; the heading then has none of
-    them but the noise, nor the command. Each of ``loads`` (N) adds a load-controlled test.
-    """
+    """Simulate a study and write it; `command` is quoted in the file's heading."""
     if loads and effects:
         raise InputError(
             "a load-controlled test is simulated of the plain pad only",

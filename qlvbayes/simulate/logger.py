@@ -17,16 +17,7 @@ _LEAST_ROWS = 8  # a phase
 def thin(
     time: NDArray[np.float64], displacement: NDArray[np.float64], max_rows: int
 ) -> NDArray[np.intp]:
-    """Choose at most `max_rows` samples, the first and last among them; give their indices.
-
-    The record has times (n,) in s, ascending, and displacements in mm as the encoder reads them.
-    Dense where the force changes fast: while the platen moves and just after it starts or stops; in
-    holds the intervals grow like the time since the stop. A few bursts of consecutive samples in
-    each hold distinguish white noise from correlated noise.
-
-    The choice looks at the motion only. Choosing by measured force would prefer samples with large
-    noise and so bias whatever is fitted to them.
-    """
+    """Choose at most `max_rows` samples, the first and last among them; give their indices."""
     if time.size <= max_rows:
         return np.arange(time.size)
     edges = _edges(time, displacement)

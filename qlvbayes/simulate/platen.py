@@ -90,19 +90,13 @@ def paper_protocol(rate: float) -> tuple[Step, ...]:
 
 
 def full_retraction_protocol(rate: float, depth: float = 1.6) -> tuple[Step, ...]:
-    """Press twice to `depth` (mm) at `rate` (mm/s), each time held 10 s and taken back to 0.
-
-    The first way back is at `rate`, but at most 20 mm/s, the second at 1 mm/s; 5 s at rest follow.
-    """
+    """Press twice to `depth` (mm) at `rate` (mm/s), each time held 10 s and taken back to 0."""
     press = Move(depth, rate), Hold(10.0)
     return (*press, Move(0.0, min(rate, 20.0)), Hold(5.0), *press, Move(0.0, 1.0), Hold(5.0))
 
 
 def pull_off_protocol(rate: float, depth: float = 1.6) -> tuple[Step, ...]:
-    """Press to `depth` (mm) at `rate` (mm/s), hold 10 s, draw back at 1 mm/s to `depth` / 4 above.
-
-    That is above the surface; 5 s at rest follow, and all once more.
-    """
+    """Press to `depth` (mm) at `rate` (mm/s), hold 10 s, draw back to `depth` / 4 above the pad."""
     once = Move(depth, rate), Hold(10.0), Move(-0.25 * depth, 1.0), Hold(5.0)
     return (*once, *once)
 

@@ -65,11 +65,7 @@ def record_test(
     sample_rate: float = SAMPLE_RATE,
     max_rows: int | None = None,
 ) -> Record:
-    """Run one test on any material, sampled from the start of the motion.
-
-    With `max_rows`, only the rows that the data logger keeps; the noise is the one of all samples,
-    so that a kept row is what it would be in the full record.
-    """
+    """Run one test on any material, sampled from the start of the motion."""
     if not sample_rate > 0:
         raise InputError(f"the sample rate must be above 0, not {sample_rate} 1/s")
     # A last sample that rounding puts just past the end still belongs to the test.
@@ -91,12 +87,7 @@ def record_study(
     seed: int,
     max_rows: int | None = None,
 ) -> list[SimulatedTest]:
-    """Run every program on every material, in order, with 120 s of rest between tests.
-
-    Test names are 'pad-program'. Each test's random stream comes from the seed and the test's
-    name, so that leaving out a pad or a program leaves the noise of the others as it was.
-    The clock starts at 0 with each pad.
-    """
+    """Run every program on every material, in order, with 120 s of rest between tests."""
     tests = []
     for pad, material in materials.items():
         clock = 0.0

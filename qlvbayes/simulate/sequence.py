@@ -38,11 +38,7 @@ def join_programs(
     return_speed: float | None = RETURN_SPEED,
     acceleration_limit: float = PAPER_ACCELERATION,
 ) -> Sequence:
-    """Join programs with ``pause_s`` (s) between a test's end and the next one's beginning.
-
-    return_speed: at which the platen goes back to zero when a pause begins (mm/s); None leaves it
-    where the test ended. The next program goes on from there.
-    """
+    """Join programs with ``pause_s`` (s) between a test's end and the next one's beginning."""
     if not programs:
         raise InputError("no tests to do", remedy="give at least one program")
     steps: list[Step] = []
@@ -72,15 +68,7 @@ def record_sequence(
     sample_rate: float = SAMPLE_RATE,
     max_rows: int | None = None,
 ) -> list[SimulatedTest]:
-    """Run the programs one after another on one pad; tests are named 'pad-program'.
-
-    The material's equations are solved once along the whole sequence, pauses included, and the
-    tests are cut from it. What is remembered from test to test depends on the material: a pad
-    relaxes on, and an effect that asks for the largest depth so far has that of the whole sequence.
-    With ``continuous`` False every test is run on a rested pad, at the same clock. Each test's
-    random stream comes from the seed and the test's name. For the other arguments see
-    `join_programs` and `record_test`.
-    """
+    """Run the programs one after another on one pad; tests are named 'pad-program'."""
     programs = {name: tuple(program) for name, program in programs.items()}
     whole = join_programs(
         programs, pause_s, return_speed=return_speed, acceleration_limit=acceleration_limit

@@ -14,12 +14,7 @@ _LEAST_SKEW = 1e-3  # skewness of a mean square below which it is taken for norm
 
 
 def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
-    """Return the root mean square, by test and phase, that noise exceeds in 1 % of pads.
-
-    It exceeds one or more of these limits in 1 % of pads. Noise is the floor as measured: white,
-    and correlated over its time. The constants are taken as known; a fit absorbs some of the noise,
-    so that the true error is a little less.
-    """
+    """Return the root mean square, by test and phase, that noise exceeds in 1 % of pads."""
     floor = samples.experiment.floor
     cells = {}
     for k, trial in enumerate(samples.trials):

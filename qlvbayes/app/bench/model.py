@@ -75,10 +75,7 @@ def _known(what: str, name: str, known: Mapping[str, object]) -> None:
 
 
 def constants_of(model: ByHand, space: Space) -> Array:
-    """Return (P,) constants in the order of the hypothesis's names, missing ones at their medians.
-
-    Of shares that sum to one the first is the remainder of the others; rates are put in order.
-    """
+    """Return (P,) constants in the order of a hypothesis's names, absent ones at their medians."""
     own = space.parameters(model.hypothesis)
     constants = own.constants(nothing_added(own, space)[None])[0]
     for leaf in own.leaves:

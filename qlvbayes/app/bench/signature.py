@@ -45,11 +45,7 @@ class AddedEffect:
 def added_effect(
     density: Density, point: Point, hypothesis: Hypothesis, effect: str
 ) -> AddedEffect | None:
-    """Return an additional effect at a point, in the shape that takes most of the residual.
-
-    Return None where the effect has no amplitude that is its own coordinate, or none of its forces
-    is finite.
-    """
+    """Return an additional effect at a point, in the shape that takes most of the residual."""
     space = density.space
     own = space.parameters(hypothesis)
     amplitude = amplitude_of(own, effect)

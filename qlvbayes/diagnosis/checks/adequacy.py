@@ -108,10 +108,7 @@ def combined(worst: float, cells: int, joint: float) -> float:
 def _p_values(
     products: np.ndarray, slopes: int, cells: list[list[int]]
 ) -> tuple[np.ndarray, float]:
-    """Return the p-values of each cell, and of the whole test.
-
-    They follow from the products of the residual, the slopes and the curves.
-    """
+    """Return the p-values of each cell, and of the whole test."""
     J, B = slice(1, 1 + slopes), slice(1 + slopes, None)
     information = products[J, J]
     ridge = 1e-9 * np.maximum(np.diag(information), 1e-3)
@@ -156,11 +153,7 @@ def _with_common(products: np.ndarray, count: int) -> np.ndarray:
 def cell_curves(
     trials: Sequence[Trial], blocks: Blocks, tests: CellTests
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
-    """Return the cells and the smooth curves (M, T, B) that are tried in them.
-
-    A cell is its test, kind of phase and begin (s), with the rows of its curves, which are zero
-    outside of it.
-    """
+    """Return the cells and the smooth curves (M, T, B) that are tried in them."""
     first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
     cells: list[tuple[tuple[str, str, float], list[int]]] = []
     rows: list[np.ndarray] = []
@@ -197,11 +190,7 @@ def _pooled(phases: Sequence[Phase], apart: int) -> list[list[Phase]]:
 def _positions(
     middle: np.ndarray, phases: Sequence[Phase]
 ) -> tuple[NDArray[np.intp], list[np.ndarray]]:
-    """Return the blocks inside a cell, and their positions (-1 to 1) within it.
-
-    The first position is that in the phase; where there are many phases, the second is that of the
-    cycle among all cycles.
-    """
+    """Return the blocks inside a cell, and their positions (-1 to 1) within it."""
     parts = [np.flatnonzero((middle > p.start) & (middle <= p.stop)) for p in phases]
     parts = [part for part in parts if part.size]
     if not parts:

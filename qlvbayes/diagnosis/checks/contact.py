@@ -23,10 +23,7 @@ def is_gap(constant: str) -> bool:
 
 
 def contact_error(experiment: Experiment) -> float | None:
-    """Return the standard error of the contact of all tests together; None if none was measured.
-
-    Tests of one stage share one error; those of other tests are independent.
-    """
+    """Return the standard error of the contact of all tests together; None if none was measured."""
     tests = [trial.test for trial in experiment.trials if trial.test.contact_sd]
     own = {test.contact_stage or str(k): test.contact_sd for k, test in enumerate(tests)}
     sds = np.array([sd for sd in own.values() if sd])
@@ -34,15 +31,7 @@ def contact_error(experiment: Experiment) -> float | None:
 
 
 def contact_notices(experiment: Experiment, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Return a sentence if a contact offset lies beyond the error of the measured contact.
-
-    Parameters
-    ----------
-    experiment
-        The tests of one pad.
-    estimates
-        Constants of the named effects by name, such as ``contact_offset.gap``.
-    """
+    """Return a sentence if a contact offset lies beyond the error of the measured contact."""
     error = contact_error(experiment)
     return tuple(
         f"pad {experiment.pad}: {name.removesuffix('.gap')} of {gap} contradicts the measured "

@@ -52,10 +52,7 @@ def fewest(gains: Array) -> int:
 def decisive(
     density: Density, trials: Sequence[Trial], candidate: Candidate, without: Candidate
 ) -> Decisive | None:
-    """Return the fewest block means that hold half of the evidence for an effect.
-
-    It is None where the log likelihood does not gain by the effect.
-    """
+    """Return the fewest block means that hold half of the evidence for an effect."""
     gains = log_densities(density, candidate) - log_densities(density, without)
     if not gains.sum() > 0.0:
         return None

@@ -65,10 +65,7 @@ class HeldOut:
 
 
 def held_out(density: Density, samples: Samples, candidate: Candidate) -> HeldOut:
-    """Return the errors of a candidate that is refitted with each test left out in turn.
-
-    Each fit starts from the mode on all tests.
-    """
+    """Return the errors of a candidate that is refitted with each test left out in turn."""
     parts = leave_out(density, samples)
     return errors(samples, parts, [predictions(samples, parts, candidate)])
 

@@ -40,11 +40,7 @@ from qlvbayes.io.wording import percent, plain
 def final_decision(
     outcome: SearchOutcome, ranking: Sequence[Ranked]
 ) -> tuple[Decision, tuple[tuple[str, str], ...], tuple[Ranked, ...]]:
-    """Return the decision, the probable effects that are not named with reasons, and the ranking.
-
-    The least certain of them is left out first. The others then have the support that they have
-    without it.
-    """
+    """Return the decision, probable effects not named with reasons, and the ranking."""
     settings = outcome.search.settings
     known = {one.effect: one for one in ranking}
     weights, refused = outcome.weights, dict[str, str]()
@@ -61,10 +57,7 @@ def final_decision(
 
 
 def _decision_after_adequacy(outcome: SearchOutcome, weights: Sequence[Weight]) -> Decision:
-    """Return the decision, which also depends on the structure that its hypothesis leaves.
-
-    Where the nameable hypotheses alone leave nothing that matters, nothing unmodelled is there.
-    """
+    """Return the decision, which also depends on the structure that its hypothesis leaves."""
     settings = outcome.search.settings
     decision = decide(weights, settings)
     if decision.verdict.has_unmodelled:
@@ -80,10 +73,7 @@ def _decision_after_adequacy(outcome: SearchOutcome, weights: Sequence[Weight]) 
 def refusals(
     decision: Decision, known: Mapping[str, Ranked], settings: DiagnosisSettings
 ) -> dict[str, str]:
-    """Return the effects of a decision that must not be named, with the reasons.
-
-    An effect without a certainty stays: no hypothesis without it gives a finite force.
-    """
+    """Return the effects of a decision that must not be named, with the reasons."""
     refused = {}
     for name in decision.tried:
         reason = _against(known[name], settings, alone=name not in decision.group)
@@ -114,11 +104,7 @@ def _against(ranked: Ranked, settings: DiagnosisSettings, *, alone: bool) -> str
 
 
 def _is_adequate(outcome: SearchOutcome, candidate: Candidate) -> bool:
-    """Return whether what a candidate leaves passes as noise or is small.
-
-    Where no dwell shows whether noise is correlated, structure may have been measured as noise.
-    Then the size decides, of all that exceeds the white noise.
-    """
+    """Return whether what a candidate leaves passes as noise or is small."""
     tested, remainder = outcome.adequacy(candidate), outcome.remainder(candidate)
     if not tested.testable:
         return outcome.beyond_white(candidate) <= remainder.tolerance * remainder.peak

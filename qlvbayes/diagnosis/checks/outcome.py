@@ -81,10 +81,7 @@ class SearchOutcome:
 
     @cached_property
     def alike(self) -> tuple[str, ...]:
-        """Effects that follow the largest depth, where only one test loads, and only once.
-
-        Only the elastic law then distinguishes them.
-        """
+        """Effects that follow the largest depth, where only one test loads, and only once."""
         return OF_UNLOADING if loaded_once(self.experiment) else ()
 
     def heldout(self, candidate: Candidate) -> float:
@@ -117,10 +114,7 @@ class SearchOutcome:
         return leave_out(self.search.density, self.samples)
 
     def heldout_of_all(self) -> float | None:
-        """Return the error on tests left out (N) of the probable hypotheses together.
-
-        It is None where only one hypothesis is probable.
-        """
+        """Return the error on tests left out (N) of the probable hypotheses together."""
         some = [self.candidates[k] for k in np.flatnonzero(self.shares >= _TOGETHER)]
         if len(some) < 2:
             return None
@@ -137,10 +131,7 @@ class SearchOutcome:
         return self._predictions[hypothesis]
 
     def residuals(self, candidate: Candidate) -> list[Array]:
-        """Return measured minus predicted force (N) of each test's samples.
-
-        A predicted force that is not finite counts as zero.
-        """
+        """Return measured minus predicted force (N) of each test's samples."""
         hypothesis = candidate.hypothesis
         if hypothesis not in self._residuals:
             residuals = self.samples.residuals(hypothesis, candidate.point.constants)
@@ -269,10 +260,7 @@ class SearchOutcome:
         )
 
     def _half(self, candidate: Candidate, effect: str) -> Decisive | None:
-        """Return in how many readings half of an effect's evidence lies.
-
-        It is None where the hypothesis without the effect was not evaluated.
-        """
+        """Return in how many readings half of an effect's evidence lies."""
         without = self.search.candidates.get(candidate.hypothesis.less(effect))
         if without is None:
             return None

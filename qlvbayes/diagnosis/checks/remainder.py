@@ -121,11 +121,7 @@ def remainder(
     peak: float,
     settings: DiagnosisSettings,
 ) -> Remainder:
-    """Return the size of the structure in residuals, measured minus predicted force (N).
-
-    ``baseline`` holds the residuals of the baseline model, ``tested`` the adequacy of the same
-    model.
-    """
+    """Return the size of the structure in residuals, measured minus predicted force (N)."""
     cells = tuple(_cells(samples, residuals, tested, settings))
     error, noise = rmse(list(residuals)), _noise(samples)
     excess = float(np.sqrt(max(error**2 - noise**2, 0.0)))
@@ -176,12 +172,7 @@ def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.n
 def structured(
     residual: np.ndarray, covariance: np.ndarray, orders: int, level: float
 ) -> tuple[float, float, float]:
-    """Return root mean square, upper bound and mean of a residual's structured part (N).
-
-    The residual (n,) is that of one cell, with covariance (n, n) of its noise (N^2). A combination
-    of curves stands out where its two-sided p-value is below the level, with which the upper bound
-    of its size is exceeded.
-    """
+    """Return root mean square, upper bound and mean of a residual's structured part (N)."""
     positions = np.linspace(-1.0, 1.0, residual.size)
     curves = legendre.legvander(positions, orders - 1).T
     weighted = cho_solve(cho_factor(covariance), curves.T).T

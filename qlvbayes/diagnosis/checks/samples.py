@@ -68,11 +68,7 @@ class Samples:
         return predicted
 
     def left_out(self) -> Iterator[tuple[Mask, int, Mask]]:
-        """Yield the parts that are left out in turn: each test, or each phase of a single test.
-
-        Each part is a mask (n,) of the block means of all tests, the index of its test, and a mask
-        of that test's samples.
-        """
+        """Yield the parts that are left out in turn: each test, or each phase of a single test."""
         real = self.space.real
         if len(self.trials) > 1:
             tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
@@ -114,10 +110,7 @@ class Samples:
 
 
 def _split(rows: Sequence[NDArray[np.intp]], size: int) -> tuple[tuple[NDArray[np.intp], ...], ...]:
-    """Return for each part the indices of its samples of every test, ``size`` at most.
-
-    A part holds no samples of a test that has none left.
-    """
+    """Return for each part the indices of its samples of every test, ``size`` at most."""
     count = max(-(-own.size // size) for own in rows)
     return tuple(
         tuple(np.arange(own.size)[k * size : (k + 1) * size] for own in rows) for k in range(count)
@@ -153,12 +146,6 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
 
 
 def rmse(residuals: Sequence[Array], sds: Sequence[Array] = ()) -> float:
-    r"""Return the root mean square of residuals :math:`r` over all samples (N).
-
-    .. math:: \sqrt{\textstyle \sum_i r_i^2 s_i^{-2} / \sum_i s_i^{-2}}
-
-    where :math:`s` is the relative sd of each sample; no ``sds`` are all alike. A fit that believes
-    some samples less than others is not to be judged by these.
-    """
+    r"""Return the root mean square of residuals :math:`r` over all samples (N)."""
     weights = np.concatenate(sds) ** -2.0 if sds else None
     return float(np.sqrt(np.average(np.concatenate(residuals) ** 2, weights=weights)))

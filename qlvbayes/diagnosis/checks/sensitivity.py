@@ -80,10 +80,7 @@ def _response(
 
 
 def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
-    """Return the effects that these tests cannot show, with the reason.
-
-    Their expected 2 ln(Bayes factor) at a plausible size is below `SEEN` at every shape.
-    """
+    """Return the effects that these tests cannot show, with the reason."""
     return [
         Unseen(
             one.effect,
@@ -97,10 +94,7 @@ def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list
 
 
 def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Unseen]:
-    """Return the effects of a velocity or acceleration that the displacement records do not give.
-
-    They are not searched: the records' error would be fitted instead of the effect.
-    """
+    """Return effects of a velocity or acceleration that displacement records do not give."""
     reasons = {kind.name: kind.unmeasured(protocol) for kind in kinds}
     return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
 

@@ -73,11 +73,7 @@ def strengths(
 def pooled(
     curvature: Array, slope: Array, squares: Array, imitation: Imitation
 ) -> tuple[Array, Array, float]:
-    """Return the deviations (K,) of K strengths, their sds (K,), and the likeliest tau.
-
-    curvature (K, K), slope (K,): A and b; squares (K,): of the force in each part, by which the
-    deviations have the mean zero, whatever the prior of the strength itself is.
-    """
+    """Return the deviations (K,) of K strengths, their sds (K,), and the likeliest tau."""
     apart = null_space(squares[None] / np.max(squares))
     inner, along = apart.T @ (0.5 * (curvature + curvature.T)) @ apart, apart.T @ slope
     _, found = likeliest(inner, along, np.zeros(along.size, dtype=np.intp), imitation.prior)

@@ -28,10 +28,7 @@ from qlvbayes.io.arrays import finite_or_none
 
 
 def supported(outcome: SearchOutcome) -> tuple[Ranked, ...]:
-    """Return the ranking with the support for each probable effect, and with its certainty.
-
-    The support is that in the most probable hypothesis with the effect.
-    """
+    """Return the ranking with the support for each probable effect, and with its certainty."""
     return tuple(
         one
         if one.effect == "none" or one.inclusion < LEAST
@@ -50,10 +47,7 @@ def with_support(outcome: SearchOutcome, ranked: Ranked, index: int) -> Ranked:
 
 
 def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
-    """Return the support for an effect in a hypothesis that has it.
-
-    It is None where the effect adds no force, or the same without it predicts no finite one.
-    """
+    """Return the support for an effect in a hypothesis that has it."""
     search = outcome.search
     having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)
     without = search.without(having, effect)

@@ -65,10 +65,7 @@ class Explanation:
         return (self.constants(STEP * np.eye(self.size)) - self.centre).T / STEP
 
     def directions(self, names: Sequence[str]) -> Array:
-        """Return orthonormal rows (r, F) that span the directions of z in which constants vary.
-
-        Names that the explanation does not have are left out.
-        """
+        """Return orthonormal rows (r, F) that span the directions of z in which constants vary."""
         some = [k for k, own in enumerate(self.names) if _named(own, names)]
         rows = self.gradient[some]
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -108,10 +105,7 @@ class Belief:
 
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """The indices of the explanations of each cause.
-
-        An explanation without a cause is one of its own.
-        """
+        """The indices of the explanations of each cause."""
         indices: dict[str, list[int]] = {}
         for k, one in enumerate(self.explanations):
             indices.setdefault(one.cause or one.words, []).append(k)

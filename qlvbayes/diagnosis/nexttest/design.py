@@ -114,11 +114,7 @@ def _length(value: float, units: UnitSystem) -> str:
 def draw_designs(
     rig: Rig, recovery: RecoveryTime, longest: float, count: int, seed: int
 ) -> list[Design]:
-    """Draw designs evenly over what the rig can do, by a scrambled Sobol sequence.
-
-    Speeds, times and accelerations are drawn evenly in their logarithm. Designs that take longer
-    than ``longest`` (s), with the wait before them, are left out.
-    """
+    """Draw designs evenly over what the rig can do, by a scrambled Sobol sequence."""
     rows = qmc.Sobol(DIMENSIONS, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
     designs = [_design(row, rig, recovery, longest) for row in rows]
     return [one for one in designs if one.wait + one.duration <= longest]
@@ -172,10 +168,7 @@ class RecoveryTime:
         return float(times[enough[0]]) if enough.size else float(times[-1])
 
     def before(self, design: Design, patience: float = 1.0) -> Design:
-        """Return the design with the wait that it asks for after a test like itself.
-
-        The wait is multiplied by ``patience``.
-        """
+        """Return the design with the wait that it asks for after a test like itself."""
         wait = max(patience * self.time(design.duration), LEAST_WAIT)
         return replace(design, wait=wait)
 

@@ -25,10 +25,7 @@ _FRACTIONS = "c["  # prefix of the constants that sum to one
 def explanation_of_draws(
     choices: Choices, names: Sequence[str], draws: Array, depth: float
 ) -> Explanation:
-    """Return the explanation from posterior draws (n, P) of a fit; ``depth`` (mm) is the largest.
-
-    Positive constants are normal in their logarithm; fractions keep their sum of one.
-    """
+    """Return the explanation from draws (n, P) of a fit; ``depth`` (mm) is the largest."""
     model = described_model(choices, depth)
     fields = list(fields_of(model))
     own = [name for field in fields for name in field.names]

@@ -37,11 +37,7 @@ class ReadingErrors:
         return self.floor.expected()
 
     def covariance(self, design: Design, rig: Rig, record: Record, force: Array) -> Array:
-        """Return the covariance (n, n) of the block means of one design (N^2).
-
-        The record is that of this design alone. The noise may grow with the expected block means
-        (B,) of the force (N).
-        """
+        """Return the covariance (n, n) of the block means of one design (N^2)."""
         real = np.asarray(record.blocks.real)
         own = jax.tree.map(lambda x: np.asarray(x)[real], record.blocks)
         own = replace(own, scale=self.floor.scale(force[real]))

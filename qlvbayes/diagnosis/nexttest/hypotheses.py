@@ -29,13 +29,7 @@ def explanation_of_mode(
     words: str,
     cause: str = "",
 ) -> Explanation:
-    """Return the explanation from a hypothesis about one of its modes.
-
-    The covariance (F, F) is Laplace's, at the size (N) of the discrepancy. Where a parameter is at
-    a bound, or the curvature says little of what the tests allow, this normal approximation would
-    expect forces that the tests have ruled out. Its moments are then corrected by importance
-    sampling.
-    """
+    """Return the explanation from a hypothesis about one of its modes."""
     space, own = density.space, point.own
     mean, root = _moments(density, hypothesis, point, covariance, size)
     kept = len(own.names) - len(own.posterior.noise.units)  # the noise's come last and are fixed
@@ -86,10 +80,7 @@ def _moments(
 def _log_density(
     density: Density, hypothesis: Hypothesis, point: Point, theta: Array, size: float
 ) -> Array:
-    """Return the log posterior density (K,) of rows theta (K, F), up to a constant.
-
-    The prior is quadratic about the mode. The density is -inf beyond the bounds.
-    """
+    """Return the log posterior density (K,) of rows theta (K, F), up to a constant."""
     own = point.own
     inside = np.all((theta >= own.lowest) & (theta <= own.highest), axis=1)
     change = point.predicted - density.space.forces(hypothesis, own.constants(own.within(theta)))
@@ -108,10 +99,7 @@ def _effective(log: Array) -> float:
 
 
 def _tempered(log: Array) -> Array:
-    """Return weights (K,) of sum 1, tempered until their effective number is large enough.
-
-    Too few draws would span too few directions (tempered importance sampling).
-    """
+    """Return weights (K,) of sum 1, tempered until their effective number is large enough."""
     for power in (1.0, 0.5, 0.25, 0.1, 0.03, 0.01):
         if _effective(power * log) >= _LEAST_EFFECTIVE:
             break

@@ -99,18 +99,12 @@ class Products:
         return -0.5 * np.linalg.slogdet(left)[1] / _LN2
 
     def sds(self, k: int, gradient: Array) -> Array:
-        """Return sds (T, P) of quantities after the tests.
-
-        gradient (P, F): their slopes along explanation k's parameters.
-        """
+        """Return sds (T, P) of quantities after the tests."""
         spread = np.linalg.solve(self.precisions[k], gradient.T)
         return np.sqrt(np.maximum(np.einsum("pf,tfp->tp", gradient, spread), 0.0))
 
     def evidence(self, i: int, j: int) -> Array:
-        """Return the expected 2 ln(Bayes factor) (T,) of i, if it is right, against j, at least.
-
-        It is d^T (1 + A_j A_j^T)^-1 d, d = f_i - f_j: the part of the difference that j cannot fit.
-        """
+        """Return the expected 2 ln(Bayes factor) (T,) of i, if it is right, against j, at least."""
         taken = self._toward(i, j, j)
         solved = np.linalg.solve(self.precisions[j], taken[..., None])[..., 0]
         return np.maximum(self._apart(i, j) - np.einsum("tf,tf->t", taken, solved), 0.0)
@@ -139,10 +133,7 @@ class Products:
     def bits_for_cause(
         self, probabilities: Array, groups: Sequence[Sequence[int]] | None = None
     ) -> tuple[Array, Array]:
-        """Return bounds from below and above of the bits (T,) about which group is right.
-
-        The probabilities (H,) are those of the explanations, of which each is a group by default.
-        """
+        """Return bounds from below and above of the bits (T,) about which group is right."""
         groups = groups or [[k] for k in range(len(probabilities))]
         shares = np.array([probabilities[list(group)].sum() for group in groups])
         weights = [probabilities[list(g)] / p for g, p in zip(groups, shares, strict=True)]
@@ -179,11 +170,7 @@ def _pairs(
 
 
 def evidence(products: Products, groups: Sequence[Sequence[int]] | None = None) -> Array:
-    """Return the expected 2 ln(Bayes factor) (T,) between the two nearest explanations.
-
-    It is 0 where there is only one group. Only explanations of different groups are compared;
-    ``groups`` as in `Products.bits_for_cause`.
-    """
+    """Return the expected 2 ln(Bayes factor) (T,) between the two nearest explanations."""
     groups = groups or [[k] for k in range(len(products.sizes))]
     pairs = [(i, j) for a in groups for b in groups if a is not b for i in a for j in b]
     if not pairs:

@@ -28,10 +28,7 @@ _MOVING = 1.0 / 3.0  # share of the blocks for all movements: their forces are s
 
 
 def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
-    """Return the record of T tests, each of which begins when it has waited after ``clock`` (s).
-
-    The measured force is 0, as there is none yet.
-    """
+    """Return the record of T tests, each of which begins when it has waited after ``clock`` (s)."""
     motions, nodes, blocks = zip(*(_one(design, rig) for design in designs), strict=True)
     time, displacement, velocity, acceleration = (
         jnp.asarray(np.stack(column)) for column in zip(*motions, strict=True)
@@ -65,10 +62,7 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], JaxArray, Blocks]
 
 
 def _kept(count: Array, rows: int) -> Array:
-    """Return the number of readings of each block where a logger keeps ``rows`` at most.
-
-    The longest blocks lose readings first, down to a common number.
-    """
+    """Return the number of readings of each block where a logger keeps ``rows`` at most."""
     if count.sum() <= rows:
         return count
     ordered = np.sort(count)
@@ -100,10 +94,7 @@ def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
 
 
 def locations_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Locations:
-    """Return the arguments of a discrepancy at the middles (n,) in s of the blocks of a design.
-
-    force (n,): the force (N) there; peak: the largest force (N).
-    """
+    """Return the arguments of a discrepancy at the middles (n,) in s of the blocks of a design."""
     stretches = design.stretches
     starts = np.array([start for _, start, _ in stretches])
     which = np.searchsorted(starts[1:], middle, side="right")

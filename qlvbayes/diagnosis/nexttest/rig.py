@@ -38,10 +38,7 @@ class Rig:
 
     @classmethod
     def from_ranges(cls, covered: Covered) -> Rig:
-        """Return the limits from the ranges that the tests cover.
-
-        The acceleration reaches the fastest rate within half the depth.
-        """
+        """Return the limits from the ranges that the tests cover."""
         return cls(covered.depth, covered.fastest, covered.fastest**2 / covered.depth)
 
     def limited(self, depth: float | None, speed: float | None, acceleration: float | None) -> Rig:

@@ -25,10 +25,7 @@ TOGETHER = 64
 def screen(
     belief: Belief, designs: Sequence[Design], rig: Rig, errors: ReadingErrors, clock: float
 ) -> tuple[Products, NDArray[np.bool_]]:
-    """Return the products of T designs, and a mask (T,) of those that give finite forces.
-
-    clock: time (s) at which the wait before each test begins.
-    """
+    """Return the products of T designs, and a mask (T,) of those that give finite forces."""
     blocks = []
     for first in range(0, len(designs), TOGETHER):
         some = list(designs[first : first + TOGETHER])
@@ -65,10 +62,7 @@ def _products(
 def whitening(
     design: Design, index: int, record: Record, rig: Rig, errors: ReadingErrors, force: Array
 ) -> Whitening:
-    """Return the whitening of a design, which is the test ``index`` of a record.
-
-    force (B,): the expected block means of the force (N).
-    """
+    """Return the whitening of a design, which is the test ``index`` of a record."""
     own = jax.tree.map(lambda x: np.asarray(x)[index], record)
     covariance = errors.covariance(design, rig, own, force)
     return Whitening(np.asarray(own.blocks.real), covariance)

@@ -57,11 +57,7 @@ class Option:
 
 
 def between(low: float, high: float) -> float:
-    """Return the expected bits about the cause from their bounds (`Products.bits_for_cause`).
-
-    For two normal predictions that differ little, the bounds are half and twice the information,
-    which is then a third of the way from the lower to the upper one.
-    """
+    """Return the expected bits about the cause from their bounds (`Products.bits_for_cause`)."""
     return low + (high - low) / 3.0
 
 
@@ -103,11 +99,7 @@ def plan_series(
     count: int = SCREENED,
     report: Callable[[str], None] = lambda text: None,
 ) -> Series:
-    """Return the series of tests with most information within the time there is (minutes).
-
-    Tests are added one by one, each the best given the tests before it. For constants alone, bits
-    per minute count. The pad's clock stands at ``clock`` (s) after the tests that were done.
-    """
+    """Return the series of tests with most information within the time there is (minutes)."""
     report(f"screening {count} tests")
     designs = draw_designs(rig, belief.recovery, 60.0 * minutes, count, seed)
     if not designs:
@@ -141,12 +133,7 @@ class _Plan:
     tests: int
 
     def allowed_first(self, options: Sequence[Option]) -> NDArray[np.bool_]:
-        """Return a mask (T,) of the options that may come first.
-
-        These are all that fit, or only those that leave a share of the time to each other test,
-        whichever leads to the better series: where all bits count, the longest test may leave no
-        time for others with more information.
-        """
+        """Return a mask (T,) of the options that may come first."""
         if not self.goal.cause or self.tests == 1:
             return self.finite
         length = np.array([one.design.minutes for one in options])
@@ -157,10 +144,7 @@ class _Plan:
         return kept[int(np.argmax(totals))]
 
     def extend(self, first: Option) -> tuple[list[Option], Products]:
-        """Return the series that begins with a test, and the products (1,) of all its tests.
-
-        Each further test is the best of those that fit into the rest of the time.
-        """
+        """Return the series that begins with a test, and the products (1,) of all its tests."""
         chosen = [first]
         total = self.products[np.array([list(self.designs).index(first.design)])]
         while len(chosen) < self.tests:
@@ -216,10 +200,7 @@ def _options(
 def _best_first(
     options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
-    """Return the indices of the allowed options, the best first.
-
-    Where all bits count, the shortest of those with nearly the most information comes first.
-    """
+    """Return the indices of the allowed options, the best first."""
     worth = bits if goal.cause else rate
     values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)
     order = np.argsort(-values, kind="stable")[: int(allowed.sum())]

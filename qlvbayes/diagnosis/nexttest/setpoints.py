@@ -23,11 +23,7 @@ def names_of(count: int) -> list[str]:
 
 
 def set_points(designs: Sequence[Design]) -> tuple[Array, Array, list[str]]:
-    """Return times (N,) in s, displacements (N,) in mm, and the name of the test of each.
-
-    The clock starts at the first test's first sample and runs on through the pauses between tests.
-    The way home at a test's end is part of it.
-    """
+    """Return times (N,) in s, displacements (N,) in mm, and the name of the test of each."""
     times, displacements, tests = [], [], []
     begin = 0
     for k, (name, design) in enumerate(zip(names_of(len(designs)), designs, strict=True)):

@@ -32,11 +32,7 @@ _SUGGESTED = 5  # tests
 def suggest(
     experiment: Experiment, density: Density, candidates: Sequence[Candidate]
 ) -> list[Suggestion]:
-    """Return the tests that best separate some candidates, the best first.
-
-    A test is as good as the evidence that it is expected to give between the two nearest
-    candidates. There is none where no test fits into 600 s after the rest that the pad needs.
-    """
+    """Return the tests that best separate some candidates, the best first."""
     rig, belief = Rig.from_tests(experiment), equal_belief(density, candidates)
     designs = draw_designs(rig, belief.recovery, _LONGEST, TOGETHER, 0)
     if not designs:
@@ -49,10 +45,7 @@ def suggest(
 
 
 def equal_belief(density: Density, candidates: Sequence[Candidate]) -> Belief:
-    """Return a belief in which all candidates are equally probable.
-
-    Its order does not depend on that of the candidates.
-    """
+    """Return a belief in which all candidates are equally probable."""
     ordered = sorted(candidates, key=lambda one: described(one.hypothesis))
     return Belief.from_explanations(
         [
@@ -73,10 +66,7 @@ def equal_belief(density: Density, candidates: Sequence[Candidate]) -> Belief:
 def expected_evidence(
     experiment: Experiment, rig: Rig, belief: Belief, designs: Sequence[Design], missed: float
 ) -> np.ndarray:
-    """Return the expected 2 ln(Bayes factor) (T,) between the nearest explanations by each test.
-
-    missed: size (N) of what the explanations leave.
-    """
+    """Return the expected 2 ln(Bayes factor) (T,) between the nearest explanations by each test."""
     scales = experiment.scales
     errors = ReadingErrors(experiment.floor, scales.force, missed)
     return evidence(screen(belief, designs, rig, errors, scales.clock)[0])

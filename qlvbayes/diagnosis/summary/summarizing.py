@@ -174,10 +174,7 @@ def _forms(search: Search, selected: Candidate, decision: Decision) -> dict[str,
 
 
 def _path(search: Search, selected: Candidate) -> tuple[Candidate, ...]:
-    """Return the steps from the baseline to the selected hypothesis.
-
-    The first step takes its laws, and each further step adds the most probable effect that is left.
-    """
+    """Return the steps from the baseline to the selected hypothesis."""
     hypothesis = replace(selected.hypothesis, effects=search.baseline.effects)
     search.evaluate(hypothesis)
     steps = [search.baseline, hypothesis]
@@ -211,10 +208,7 @@ def _suggestions(outcome: SearchOutcome, decision: Decision) -> tuple[Suggestion
 
 
 def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
-    """Return a notice for each effect that is named only after a veto.
-
-    Over all hypotheses such an effect is not as probable.
-    """
+    """Return a notice for each effect that is named only after a veto."""
     return [
         f"pad {outcome.experiment.pad}: {name} is named after other effects were refused "
         f"(probability {percent(decision.inclusion[name])}); over all hypotheses its "

@@ -311,10 +311,7 @@ def _size(d: DiagnosisResult, work: DiagnosisWork) -> str:
 
 
 def _measure(d: DiagnosisResult, work: DiagnosisWork) -> str:
-    """Return the size of the systematic error in the cell where it is largest.
-
-    Where no cell shows any, it is what all samples hold beyond the noise.
-    """
+    """Return the size of the systematic error in the cell where it is largest."""
     rest, unit = d.remainder, d.units.force
     if rest is None:
         return ""

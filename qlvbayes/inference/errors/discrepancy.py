@@ -61,11 +61,7 @@ class Discrepancy:
         prior: DiscrepancyPrior = UNDECIDED,
         scatter: ScatterPrior | None = None,
     ) -> Discrepancy:
-        """Return the discrepancy of features (M, T, B), with the prior's grid of sizes.
-
-        peak: largest force (N); tolerance: share of it beyond which the prior of the size falls;
-        scatter: prior of the scatter between tests, None without any.
-        """
+        """Return the discrepancy of features (M, T, B), with the prior's grid of sizes."""
         densities = 1.0 / (1.0 + prior.shares / max(tolerance, prior.smallest))
         weights = np.concatenate([[prior.none], (1.0 - prior.none) * densities / densities.sum()])
         sizes = peak * np.concatenate([[0.0], prior.shares])
@@ -81,11 +77,7 @@ class Discrepancy:
         prior: DiscrepancyPrior = UNDECIDED,
         scatter: ScatterPrior | None = None,
     ) -> Discrepancy:
-        """Return the discrepancy of block means (T, B) of some trials, under the noise floor.
-
-        tolerance: share of the peak force beyond which the prior of the size falls; scatter: prior
-        of the scatter between tests, None without any. One test alone shows no scatter.
-        """
+        """Return the discrepancy of block means (T, B) of some trials, under the noise floor."""
         peak = experiment.scales.force
         locations = Locations.from_blocks(experiment, trials, blocks, prior)
         values = Features.from_locations(locations)(locations)
@@ -132,12 +124,7 @@ class Discrepancy:
         scatter: Scatter = NONE,
         errors: Array | None = None,
     ) -> Separation:
-        """Return the separation from what the derivatives (F, T, B) of the force can follow.
-
-        lengths (F,): natural lengths of the free parameters; parts: function to the parts (G, T, B)
-        of the force whose scale differs between tests; scatter: of these scales; errors (K, n): of
-        the force at the blocks that count.
-        """
+        """Return the separation from what the derivatives (F, T, B) of the force can follow."""
         slopes = self.whitener.flattened(responses)
         if not len(self.features):
             slopes = np.zeros((0, slopes.shape[1]))
@@ -169,10 +156,7 @@ class Discrepancy:
         return np.asarray(moments - (moments @ rows.T) @ rows)
 
     def covariance(self, size: float, separation: Separation) -> Array:
-        """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2).
-
-        The scatter between tests is part of it.
-        """
+        """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2)."""
         count = self.block_features.shape[1]
         rows = separation.rows
         scaled = separation.scattered(separation.scaled_rows[0])
@@ -262,11 +246,7 @@ class Discrepancy:
     def _descended(
         self, guess: float, loss_at: Callable[[int], tuple[float, Scatter]]
     ) -> tuple[float, Scatter]:
-        """Return the size (N) of the lowest loss, and the scatter with it.
-
-        The loss has one valley over the sizes above zero, which is descended from the size nearest
-        to ``guess`` (N). Size zero is tried separately, as its prior stands apart.
-        """
+        """Return the size (N) of the lowest loss, and the scatter with it."""
         count = self.sizes.size
         at_zero = loss_at(0)
         if count == 1:
@@ -289,12 +269,7 @@ class Discrepancy:
     def weights(
         self, residual: Array, size: float, count: int | None = None
     ) -> tuple[Array, Array]:
-        """Return means and covariance root of the features' coefficients w at a size (N) above 0.
-
-        residual: whitened, (n,) or (R, n); count: M, the number of features used from the first on
-        (all by default). The means are (M,) or (R, M); the root (M, M) gives the covariance root^T
-        root.
-        """
+        """Return mean and covariance root of the features' coefficients w at a size (N) above 0."""
         discrepancy = self._at(size)
         shapes = self.shapes[:count] * discrepancy.root
         precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2

@@ -59,10 +59,7 @@ class DiscrepancyPrior:
         return np.geomspace(self.smallest, self.largest, self.sizes)
 
     def smooth(self, time: Array, depth: Array, rate: Array) -> Array:
-        """Return coordinates (N, 3) in correlation lengths.
-
-        time: since a phase began (s); depth: shares of the largest depth; rate: in 1/s.
-        """
+        """Return coordinates (N, 3) in correlation lengths."""
         return np.stack([np.log(time) / self.time, depth / self.depth, np.log(rate) / self.rate], 1)
 
     def size(self, share: Array) -> Array:

@@ -40,12 +40,7 @@ def rated(space: Space, hypothesis: Hypothesis) -> list[AbstractEffect]:
 def motion_columns(
     space: Space, whitener: Whitener, hypothesis: Hypothesis, constants: Array
 ) -> Array:
-    """Return errors (K, T, B) of the force (N) at constants (P,), largest first.
-
-    They are independent and one standard deviation each; there are none where no effect needs speed
-    or acceleration, or the record was made without errors of its motion. Those that the noise hides
-    are left out.
-    """
+    """Return errors (K, T, B) of the force (N) at constants (P,), largest first."""
     real = space.real
     errors, effects = space.record.errors, rated(space, hypothesis)
     if errors is None or not effects:
@@ -70,10 +65,7 @@ def motion_columns(
 
 
 def _forces(space: Space, elastic: Any, effect: AbstractEffect, constants: Array) -> Any:
-    """Return what an effect adds (T, 1 + E, N) to no force: as recorded, then with each error.
-
-    Zero where it cannot be cut into pieces, or is computed from the material's own laws.
-    """
+    """Return what an effect adds (T, 1 + E, N) to no force: as recorded, then with each error."""
     record, errors = space.record, space.record.errors
     assert errors is not None
     layer, motion = jax.tree.structure(effect, is_leaf=is_prior), record.motion
@@ -98,19 +90,13 @@ def _forces(space: Space, elastic: Any, effect: AbstractEffect, constants: Array
 
 
 def _with_errors(rate: Any, errors: Any, touches: Any) -> Any:
-    """Return a rate (T, N) and, below it, the rate with each error (T, E, N): (T, 1 + E, N).
-
-    It is 0 where the platen does not touch the specimen.
-    """
+    """Return a rate (T, N) and, below it, the rate with each error (T, E, N): (T, 1 + E, N)."""
     every = jnp.concatenate([rate[:, None], rate[:, None] + errors], axis=1)
     return jnp.where(touches, every, 0.0)
 
 
 def _noticed(columns: Array, whitener: Whitener) -> tuple[Array, Array]:
-    """Return the combinations of columns (K, T, B) that the noise does not hide, and their sizes.
-
-    The covariance stays the same but for what is left out; sizes are in sds of the noise.
-    """
+    """Return combinations of columns (K, T, B) that the noise does not hide, and their sizes."""
     if not len(columns):
         return columns, np.zeros(0)
     white = whitener(columns)

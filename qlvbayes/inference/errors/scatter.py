@@ -66,11 +66,7 @@ NONE = Scatter()
 
 
 def scaled_parts(predicted: Array, responses: Array, theta: Array, amplitudes: list[int]) -> Array:
-    """Return the parts of the force whose scale differs between tests, (1 + E, T, B) in N.
-
-    predicted (T, B): the force; responses (F, T, B): its derivatives by theta (F,); amplitudes (E):
-    indices in theta of the effects' amplitudes. The first part is that of the base laws.
-    """
+    """Return the parts of the force whose scale differs between tests, (1 + E, T, B) in N."""
     effects = theta[amplitudes, None, None] * responses[amplitudes]
     return np.concatenate([(predicted - effects.sum(axis=0))[None], effects])
 
@@ -85,11 +81,7 @@ def by_test(parts: Array) -> Array:
 def likeliest(
     curvature: Array, slope: Array, groups: NDArray[np.intp], prior: ScatterPrior
 ) -> tuple[float, Scatter]:
-    """Return the likeliest scatter, and the loss by it over that without scatter.
-
-    curvature (K, K), slope (K,): A and b of the rows of V; groups (K,): which of the G sizes scales
-    each row.
-    """
+    """Return the likeliest scatter, and the loss by it over that without scatter."""
     grid, log_prior = prior.grid
     count = int(groups.max(initial=-1)) + 1
     chosen = np.zeros(count, dtype=np.intp)

@@ -49,11 +49,7 @@ _SMALLEST = 1e-8
 
 
 def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
-    """Return an orthonormal basis (R, n) of the span of slopes (F, n) of the block means.
-
-    lengths (F,): natural lengths of the free parameters, which scale the slopes. Directions that no
-    parameter moves are left out.
-    """
+    """Return an orthonormal basis (R, n) of the span of slopes (F, n) of the block means."""
     _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
     basis: Array = rows[values > _SMALLEST * values.max(initial=0.0)]
     return basis
@@ -231,10 +227,7 @@ class Separated:
         scattered: Array,
         cost: float,
     ) -> Self:
-        """Return the separated discrepancy of Q and Y (R, n) and scaled V (K, n), whitened.
-
-        cost: what the scatter's prior adds to -2 log posterior.
-        """
+        """Return the separated discrepancy of Q and Y (R, n) and scaled V (K, n), whitened."""
         scale = unseparated.size or 1.0  # makes Q and Y of similar size, which saves digits
         rows = np.concatenate([scale * basis, coupled / scale, scattered])
         own, parts = unseparated.parts(rows)

@@ -119,12 +119,7 @@ class Whitener:
 
 
 def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
-    """Return the covariance (N, N) of the noise of one test's block means (N^2).
-
-    Every block mean has at least a millionth of the largest force ``peak`` (N) as its sd, whatever
-    the floor. The error of the motion is half independent from block to block and half common to a
-    movement. The error of moments is independent. That of the test's zero is common to the test.
-    """
+    """Return the covariance (N, N) of the noise of one test's block means (N^2)."""
     first, last, count, weight, scale, extra, timing, zero = map(
         np.asarray,
         (
@@ -154,11 +149,7 @@ def expected_covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> Array
 def averaged_correlation(
     first: np.ndarray, last: np.ndarray, count: np.ndarray, tau: float, smooth: bool = False
 ) -> np.ndarray:
-    """Return the correlation (N, N) of means over ``count`` readings of a unit process.
-
-    first, last (N,): times of the first and last of the evenly spaced readings of each block (s);
-    tau: correlation time (s); smooth: whether the process has a derivative.
-    """
+    """Return the correlation (N, N) of means over ``count`` readings of a unit process."""
     z = rate(tau, smooth)
     mean = regression(last - first, count, z)
     gap = np.maximum(first[None, :] - last[:, None], 0.0)

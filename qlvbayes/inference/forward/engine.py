@@ -134,10 +134,7 @@ class LayerChain:
         motions: Sequence[Leaves],
         structure: PyTreeDef,
     ) -> Sequence[Force]:
-        """Return the forces (T, K, N) of the ``count`` innermost layers over the material.
-
-        motions, structure: the leaves of the motion above them for each group, and its structure.
-        """
+        """Return the forces (T, K, N) of the ``count`` innermost layers over the material."""
         if count == 0:
             return self._material(groups, motions, structure)
         layer, shared = self.layers[count - 1], _shared(motions[0], structure)
@@ -207,12 +204,7 @@ class LayerChain:
         shared: tuple[bool, ...],
         index: NDArray[np.intp],
     ) -> Sequence[Force]:
-        """Return the force (T, K, N) of each group from parts that sets have in common.
-
-        Many modes of fixed rates are dear, and fractions only weight them: of a difference
-        quotient few sets differ in the elastic constants or the motion. index (K,): sets of one
-        number share the parts.
-        """
+        """Return the force (T, K, N) of each group from parts that sets have in common."""
         fractions = np.concatenate([sets.fractions for sets in groups])
         first = np.unique(index, return_index=True)[1]
         piece = parts_of(self.elastic, shared)
@@ -293,10 +285,7 @@ def _by_length(record: Record) -> list[TestGroup]:
 def _equal_sets(
     groups: Sequence[ConstantSets], paths: Sequence[Path], shared: Sequence[bool]
 ) -> NDArray[np.intp]:
-    """Return an index (K,) that is the same for sets of equal elastic constants and motion.
-
-    Motions are compared only where few enough sets of elastic constants differ.
-    """
+    """Return an index (K,) that is the same for sets of equal elastic constants and motion."""
     index = _equal(np.concatenate([sets.elastic for sets in groups]))
     if all(shared) or index.max() >= SETS * (len(groups) - 1):
         return index

@@ -101,11 +101,7 @@ class LayerPlan:
 
 @cache
 def plan_of(layer: Any, elastic: Any, motion_structure: Any) -> LayerPlan | None:
-    """Return the plan of a layer over an elastic law under a motion, each given by its structure.
-
-    The result is None where the layer evaluates the law beneath inside a loop or a derivative of
-    its own, which cannot be cut into pieces.
-    """
+    """Return the plan of a layer over an elastic law under a motion, each by its structure."""
     requests: list[MotionRequest] = []
     answers: list[jax.ShapeDtypeStruct] = []
     any_uses_laws = False
@@ -140,11 +136,7 @@ def _first_request(
     motion: Motion,
     answers: Sequence[Array],
 ) -> list[Array]:
-    """Return the leaves of the first requested motion that is not answered yet, or the force.
-
-    The request, or None, is appended to ``outcomes``, with whether the layer used the material's
-    laws.
-    """
+    """Return the leaves of the first requested motion that is not answered yet, or the force."""
     spectrum = Spectrum(jnp.zeros(3), jnp.zeros(2))
     beneath = _LawBeneath(jax.tree.unflatten(elastic, law), spectrum, answers)
     instance: Layer = jax.tree.unflatten(layer, constants)
@@ -184,16 +176,7 @@ def piece_of(
     shared: tuple[bool, ...],
     new: tuple[bool, ...] = (),
 ) -> Callable[..., Any]:
-    """Return the compiled piece of a layer before its request ``turn``, or after the last answer.
-
-    elastic: None where the layer does not use the laws; shared: which leaves of the motion are the
-    same for all sets, (T, N) instead of (T, K, N); new: as of the request.
-
-    The piece takes the layer's constants (K, P); the elastic law's constants (K, E), fractions
-    (K, L + 1) and rates (K, L), or nothing where the layer does not use them; the leaves of the
-    motion; and the answers so far, (T, K, N) each. It returns the new leaves, or the force
-    (T, K, N).
-    """
+    """Return a layer's compiled piece before its request ``turn``, or after the last answer."""
 
     def one(constants: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
         law, relaxation = None, None
@@ -238,10 +221,7 @@ def _evaluated(
 def whole_of(
     layers: tuple[Any, ...], elastic: Any, motion_structure: Any, shared: tuple[bool, ...]
 ) -> Callable[..., Array]:
-    """Return the compiled force (T, K, N) of a law under layers that cannot be cut into pieces.
-
-    It takes the arguments of `piece_of`, with the constants of each layer and without answers.
-    """
+    """Return the compiled force (T, K, N) of a law under layers that cannot be cut into pieces."""
 
     def one(constants: Sequence[Array], laws: Any, leaves: Sequence[Array]) -> Array:
         values = tuple(
@@ -257,12 +237,7 @@ def whole_of(
 
 @cache
 def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
-    """Return the compiled force (T, K, N) of the material alone.
-
-    It takes the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), and time, depth
-    and sagitta of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the
-    rates (L,); path: which of time, depth and sagitta they share, (T, N) each.
-    """
+    """Return the compiled force (T, K, N) of the material alone."""
 
     def one(
         law: Array, fractions: Array, rates: Array, time: Array, depth: Array, sagitta: Array
@@ -279,10 +254,7 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
 
 @cache
 def parts_of(elastic: Any, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
-    """Return the compiled parts (T, K, L + 1, N) of the material's force (`hereditary_parts`).
-
-    It takes the arguments of `material_of` but the fractions, with rates (L,) that all sets share.
-    """
+    """Return the compiled parts (T, K, L + 1, N) of the material's force (`hereditary_parts`)."""
 
     def one(law: Array, rates: Array, time: Array, depth: Array, sagitta: Array) -> Array:
         return hereditary_parts(jax.tree.unflatten(elastic, list(law)), rates, time, depth, sagitta)
@@ -307,11 +279,7 @@ def _compiled(
     meaning: Sequence[Any],
     options: dict[str, bool] = _QUICKEST,
 ) -> Executables:
-    """Return a function in compiled form.
-
-    parts: structures of the laws and effects in it, None for those that are absent; meaning:
-    whatever else distinguishes it from other functions.
-    """
+    """Return a function in compiled form."""
     options_known = {name: value for name, value in options.items() if name in _known_options()}
     kinds = [part.node_data()[0] for part in parts if part is not None]
     in_package = all(

@@ -95,10 +95,7 @@ class Space:
     def forces(
         self, hypothesis: Hypothesis, constants: Array, record: Record | None = None
     ) -> Array:
-        """Return block means (K, T, B) of the force (N) at constants (K, P).
-
-        record: another record than the space's own. One of the same shape needs no compilation.
-        """
+        """Return block means (K, T, B) of the force (N) at constants (K, P)."""
         record = record or self.record
         sets = self._sets(hypothesis, constants, self._fixed(record))
         return self._engine.forces(self._chain(hypothesis)[0], sets, record)
@@ -110,10 +107,7 @@ class Space:
         return self._rates[id(record)][1]
 
     def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
-        """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,).
-
-        number: index of the parameter in theta.
-        """
+        """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,)."""
         added = theta.copy()
         added[number] += size
         constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
@@ -122,10 +116,7 @@ class Space:
 
     @cached_property
     def curve_grids(self) -> tuple[Array, Array]:
-        """Return the depths (mm) and times (s) at which curves of laws are compared, (40,) each.
-
-        They cover what the tests cover.
-        """
+        """Return the depths (mm) and times (s) at which curves of laws are compared, (40,) each."""
         motion = self.record.motion
         time = np.asarray(motion.time)
         steps = np.diff(time, axis=-1)
@@ -133,11 +124,7 @@ class Space:
         return np.linspace(0.0, depth, _GRID), np.geomspace(least, float(time.max()), _GRID)
 
     def indices_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
-        """Return the indices in theta of a hypothesis's elastic law or relaxation.
-
-        part: ``elastic`` or ``relaxation``. With the relaxation come the effects that act on it
-        alone.
-        """
+        """Return the indices in theta of a hypothesis's elastic law or relaxation."""
         elastic = self.draws("elastic", hypothesis.elastic).shape[1]
         if part == "elastic":
             return list(range(elastic))
@@ -156,11 +143,7 @@ class Space:
         return np.concatenate(parts, axis=1)
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
-        """Return the curves (K, 40) of a law at constants (K, P).
-
-        part: ``elastic`` for the force (N) over depth, ``relaxation`` for the relaxation function
-        over time, at `curve_grids`.
-        """
+        """Return the curves (K, 40) of a law at constants (K, P)."""
         if part == "elastic":
             law = _emptied(self.elastic[hypothesis.elastic])
             columns = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
@@ -175,10 +158,7 @@ class Space:
         return frozenset(n for n, k in every.items() if k.spectrum is not AbstractEffect.spectrum)
 
     def _chain(self, hypothesis: Hypothesis) -> tuple[LayerChain, list[slice]]:
-        """Return the chain of layers, and the columns of the constants that each layer takes.
-
-        Effects that act on the relaxation alone are left out.
-        """
+        """Return the chain of layers, and the columns of the constants that each layer takes."""
         if hypothesis not in self._chains:
             parameters = self.parameters(hypothesis)
             model: Model = _emptied(parameters.posterior.model)
@@ -282,10 +262,7 @@ def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> Ja
 
 @partial(jax.jit, static_argnums=0)
 def _spectrum(filling: Any, columns: tuple[JaxArray | Array, ...]) -> tuple[JaxArray, JaxArray]:
-    """Return fractions (K, L + 1) and rates (K, L) of a relaxation and the effects on it.
-
-    The arguments are plain arrays: flattening modules at every call would cost as much as a force.
-    """
+    """Return fractions (K, L + 1) and rates (K, L) of a relaxation and the effects on it."""
 
     def one(columns: tuple[Any, ...]) -> tuple[JaxArray, JaxArray]:
         pairs = zip(filling, columns, strict=True)

@@ -43,10 +43,7 @@ class Answers:
         pad_from: str | None = None,
         columns: str | None = None,
     ) -> Answers:
-        """Return answers from the words of the command line.
-
-        An InputError names one that is invalid.
-        """
+        """Return answers from the words of the command line."""
         if sign is not None:
             check_known("sign", sign, SIGNS)
         if area is not None and not area > 0.0:

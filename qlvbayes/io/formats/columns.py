@@ -108,11 +108,7 @@ class NamedColumn:
 
 @lru_cache  # each layout asks for the same cells
 def split_header(cell: str) -> tuple[str, str]:
-    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N', 'Weg / mm' or 'Zeit in s'.
-
-    A quotient of two units is no name over its unit: 'Speed mm/s' has none. Nor has FORCE_MN, which
-    may be a thousandth of N or a million.
-    """
+    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Weg / mm' or 'Zeit in s'."""
     if len(cell) > _LONGEST or (cell.isupper() and _EITHER.search(cell)):
         return cell.strip(), ""
     for pattern in _WITH_UNIT:
@@ -159,11 +155,7 @@ def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
 
 
 def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
-    """Return the columns of time, displacement or strain, and force or stress; None if missing.
-
-    Displacement and force precede strain and stress, and either pair precedes a mixture. A quantity
-    that no column is named after is that of the one column in a unit of it, whatever its name.
-    """
+    """Return the columns of time, displacement or strain, and force or stress; None if missing."""
     by_quantity = quantities(columns)
     for either in QUANTITIES:
         if not set(either) & set(by_quantity):
@@ -176,10 +168,7 @@ def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
 
 
 def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str, NamedColumn]:
-    """Return the only column with a unit of one of the quantities; empty where there are more.
-
-    The units of a strain are those of other shares too, such as humidity.
-    """
+    """Return the only column with a unit of one of the quantities; empty where there are more."""
     kinds = [quantity for quantity in either if quantity != "strain"]
     named = [c for c in columns if c.name and c.unit and not _TIMES_TEN.search(c.name)]
     alike = [(kind, column) for kind in kinds for column in named if unit_of(column.unit, kind)]
@@ -200,11 +189,7 @@ def sheared_instead(
 
 
 def that_moved(squeezed: Recording, sheared: Recording, file: Path) -> Recording:
-    """Return which of two recordings of one test moved: by gap and normal force, or in shear.
-
-    The change of the gap over the gap is compared with the change of the strain. An InputError is
-    raised where neither is clearly the larger.
-    """
+    """Return which of two recordings of one test moved: by gap and normal force, or in shear."""
     unit = unit_of(sheared.way.unit, "strain")
     gap, strain = squeezed.way.values, sheared.way.values
     narrowed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
@@ -253,10 +238,7 @@ def refuse_unknown_unit(
 def side_by_side(
     columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
 ) -> list[dict[str, NamedColumn]]:
-    """Return the picked columns of each test: several where their names are repeated in groups.
-
-    The tests may have one column of time together.
-    """
+    """Return the picked columns of each test: several where their names are repeated in groups."""
     alike = {key: [c for c in columns if c.name == one.name] for key, one in picked.items()}
     clocks, *others = (len(same) for same in alike.values())
     tests = others[0]
@@ -266,10 +248,7 @@ def side_by_side(
 
 
 def titles_of(tests: Sequence[dict[str, NamedColumn]], above: Sequence[str]) -> list[str]:
-    """Return a name for each of several tests side by side, from the row above or its number.
-
-    A test alone has no name.
-    """
+    """Return a name for each of several tests side by side, from the row above or its number."""
     if len(tests) == 1:
         return [""]
     first = [min(column.index for column in picked.values()) for picked in tests]
@@ -308,11 +287,7 @@ def chosen(
 def on_clock(
     picked: dict[str, NamedColumn], clocks: Sequence[int], file: Path
 ) -> dict[str, NamedColumn]:
-    """Return the columns with the unit s for a time written as hh:mm:ss, whose values are in s.
-
-    ``clocks`` are the positions of columns so written. An InputError is raised where the unit says
-    so and the values do not.
-    """
+    """Return the columns with the unit s for a time written as hh:mm:ss, whose values are in s."""
     written = next(iter(picked)) == "time" and 0 in clocks
     unit = re.sub(r"[.,]\w+$", "", picked["time"].unit.lower())
     if written:

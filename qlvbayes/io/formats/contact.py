@@ -44,11 +44,7 @@ class Signs:
 
 
 def find_signs(way: Floats, load: Floats) -> Signs:
-    """Return the signs from the data alone: the force moves mostly to the pressed side.
-
-    The sign is in doubt where the specimen is pressed as far as it is pulled, or where the largest
-    force is at the starting point.
-    """
+    """Return the signs from the data alone: the force moves mostly to the pressed side."""
     start = force_at_start(way, load)
     up, down = float(load.max()) - start, start - float(load.min())
     sign = 1 if up >= down else -1
@@ -202,10 +198,7 @@ def onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> tuple[Onset, ...]:
 
 
 def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
-    """Return mean and sd of the point of contact over the forms with which force may begin.
-
-    Each is weighted by its likelihood, with the point integrated out.
-    """
+    """Return mean and sd of the point of contact over the forms with which force may begin."""
     points, sds, heights = np.array([(o.position, o.sd, o.height) for o in found]).T
     likely = heights - heights.max() > -UNLIKELY
     weights = np.exp(heights[likely] - heights.max()) * sds[likely]
@@ -265,11 +258,7 @@ def _reach(d: Floats, points: Floats) -> Floats:
 def _solved(
     rise: Floats, further: Floats, f: Floats, power: float, reach: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return least squared errors (points,), and a and b of x^p and x^(p+1).
-
-    a is not negative, and b is such that the force does not fall again; where the best fit is
-    otherwise, the best fit with b = 0 is taken.
-    """
+    """Return least squared errors (points,), and a and b of x^p and x^(p+1)."""
     count = f.shape[-1]
     y = f - f.mean(axis=-1, keepdims=True)
     first, second = rise.sum(axis=1), further.sum(axis=1)

@@ -142,15 +142,7 @@ def convert(
     *,
     without_faulty: bool = False,
 ) -> Conversion:
-    """Read machine files and convert them to tidy tests.
-
-    With ``without_faulty``, files that cannot be used are left out and reported, as long as one can
-    be used.
-
-    Raises UnsureError where neither the file nor ``answers`` state a sign, the contact, a unit or
-    the area. Raises InputError where a file is of no known layout, damaged, or holds no usable
-    test.
-    """
+    """Read machine files and convert them to tidy tests."""
     if answers.columns is not None:
         kinds = (stated_columns(answers.columns),)
     pads = pads_of(files, answers.pads)  # None: one a test
@@ -343,10 +335,7 @@ def _dead_rows(recording: Recording) -> str:
 
 
 def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, int]]:
-    """Return the recordings without means of specimens, if there are others.
-
-    The rows left out are counted.
-    """
+    """Return the recordings without means of specimens, if there are others."""
     means = [recording for recording in recordings if is_mean(recording.name)]
     if len(means) in (0, len(recordings)):
         return list(recordings), {}
@@ -513,10 +502,7 @@ def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
 def _with_area(
     file: Path, way: Unit, load: Unit, values: Floats, area: float | None
 ) -> tuple[Unit, Unit, Floats]:
-    """Return stress with strain, or force with displacement.
-
-    The area converts where a file mixes.
-    """
+    """Return stress with strain, or force with displacement."""
     strained, stressed = way.quantity == "strain", load.quantity == "stress"
     if strained == stressed:
         return way, load, values

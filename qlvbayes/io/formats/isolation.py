@@ -41,11 +41,7 @@ class ApartError(Exception):
 
 
 def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[Any, np.ndarray]]:
-    """Return the arrays of a file, each with what its reader says of it.
-
-    ``kind`` is a key of ``_READERS``; ``limit`` is the processor time in s. An ApartError is raised
-    where the file could not be read in that time, or at all.
-    """
+    """Return the arrays of a file, each with what its reader says of it."""
     if _is_cut(path):
         raise ApartError("it ends before what it says it holds")
     if limit is None:

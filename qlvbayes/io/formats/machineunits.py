@@ -118,11 +118,7 @@ for _name in _KNOWN:
 
 
 def unit_of(text: str, quantity: str) -> Unit | None:
-    """Return the unit that a text means for a quantity, or None: '(µN)' is uN for a force.
-
-    Capitals count only where two units differ by nothing else. The prefix of a thousandth is never
-    taken for that of a million: Mm is unknown, and so is mpa, which may be either.
-    """
+    """Return the unit that a text means for a quantity, or None: '(µN)' is uN for a force."""
     plain = re.sub("[µμ]", "u", text.strip(" ()[]'\".")).replace("²", "2")
     if ":" in plain:
         plain = re.sub(r"[.,]\w+$", "", plain)  # hh:mm:ss.fff
@@ -135,11 +131,7 @@ def unit_of(text: str, quantity: str) -> Unit | None:
 
 
 def _may_mean(written: str, name: str) -> bool:
-    """Return whether a text that differs from a unit in capitals may stand for it.
-
-    In capitals throughout, MM is mm, as no other unit is spelled so, but MPA is MPa alone. In small
-    letters throughout, mpa may be either of two.
-    """
+    """Return whether a text that differs from a unit in capitals may stand for it."""
     if name not in _PREFIXED or not (written.isupper() or written.islower()):
         return name not in _PREFIXED or written[:1] == name[:1]
     several = len(_BY_LOWER[name.lower()]) > 1
@@ -151,10 +143,7 @@ CLOCKS = ("hh:mm:ss", "h:mm:ss", "h:m:s", "hms")
 
 
 def named_units(text: str) -> tuple[str, str, str]:
-    """Return ``s,mm,N`` as units of time, displacement (or strain) and force (or stress).
-
-    An InputError is raised where one is unknown.
-    """
+    """Return ``s,mm,N`` as units of time, displacement (or strain) and force (or stress)."""
     parts = [part.strip() for part in text.split(",")]
     remedy = "write for example s,mm,N or s,%,kPa: of time, displacement or strain, force or stress"
     if len(parts) != 3:

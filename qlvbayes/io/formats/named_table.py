@@ -103,12 +103,7 @@ def _may_name(cells: Sequence[str]) -> bool:
 
 
 def _header(lines: Lines, *, blanks: bool) -> tuple[int, int, list[NamedColumn]] | None:
-    """Return the line of the names, the first line below names and units, and the columns.
-
-    Numbers directly below known names are rows without units. A row with a name of a tidy file is
-    none of a machine: its columns of pads and tests would be lost. Where ``blanks`` separate the
-    cells, which no tidy file has, only those columns count.
-    """
+    """Return the line of the names, the first line below names and units, and the columns."""
     rows = list(lines.cells())
     for number, names in rows:
         if not _may_name(names):

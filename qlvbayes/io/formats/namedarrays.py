@@ -62,10 +62,7 @@ def from_arrays(arrays: Sequence[NamedArray], file: Path, name: str = "") -> Rec
 
 
 def needed(module: str, package: str, file: Path, install: str = "") -> Any:
-    """Return a package that only some files need; an InputError says how to install it.
-
-    ``install`` is what pip is given, where that is not the package alone.
-    """
+    """Return a package that only some files need; an InputError says how to install it."""
     try:
         return import_module(module)
     except ImportError as error:

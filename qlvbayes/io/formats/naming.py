@@ -33,10 +33,7 @@ separator, before the first separator, or the whole name."""
 
 
 def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str] | None:
-    """Return a pad's name for each file: one for all, one for each, or the default.
-
-    Return None for another number of names, which are those of the tests.
-    """
+    """Return a pad's name for each file: one for all, one for each, or the default."""
     names = [_pad_name(name) for name in given] or [DEFAULT_PAD]
     if len(names) == 1:
         return names * len(files)
@@ -44,10 +41,7 @@ def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str] | None:
 
 
 def pads_of_tests(named: Sequence[str], files: Sequence[Path], given: Sequence[str]) -> list[str]:
-    """Return a pad's name for each test, from the tests' names in the files.
-
-    An InputError is raised where there is another number of tests.
-    """
+    """Return a pad's name for each test, from the tests' names in the files."""
     if len(given) != len(named):
         called = ", ".join(named)[:200]
         raise InputError(
@@ -76,10 +70,7 @@ def pattern_of(text: str) -> re.Pattern[str]:
 
 
 def pad_in(name: str, pattern: re.Pattern[str]) -> str:
-    """Return the pad's name in a test's: the pattern's first group, or its whole match.
-
-    An InputError is raised where the pattern matches nothing.
-    """
+    """Return the pad's name in a test's: the pattern's first group, or its whole match."""
     match = pattern.search(name)
     pad = (match[1] if match and match.re.groups else match and match[0]) or ""
     if not pad:
@@ -91,11 +82,7 @@ def pad_in(name: str, pattern: re.Pattern[str]) -> str:
 
 
 def suggested_pattern(names: Sequence[str]) -> str:
-    """Return a pattern that divides tests by their names among several pads.
-
-    That is what precedes the last number, or the last or the first separator; where no such part
-    is in several names, each test is a pad of its own. It is empty where the names cannot be used.
-    """
+    """Return a pattern that divides tests by their names among several pads."""
     divided: dict[str, int] = {}
     for text in _PATTERNS:
         pattern = pattern_of(text)
@@ -106,11 +93,7 @@ def suggested_pattern(names: Sequence[str]) -> str:
 
 
 def is_mean(name: str) -> bool:
-    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'.
-
-    'Vitesse moyenne' and 'mean speed' are names of a test. A word that means medium too must stand
-    alone or with words of specimens.
-    """
+    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'."""
     plain = plain_name(name)
     if _MEAN.search(plain) is None or _CONDITION.search(plain):
         return False
@@ -120,10 +103,7 @@ def is_mean(name: str) -> bool:
 
 
 def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> list[str]:
-    """Return a unique name for each test, from (pad, its name in the file, file).
-
-    An InputError is raised where --test gives another number of names, or two tests have one name.
-    """
+    """Return a unique name for each test, from (pad, its name in the file, file)."""
     if given:
         if len(given) != len(named):
             called = ", ".join(name or file.stem for _, name, file in named)

@@ -26,10 +26,7 @@ _NEAR = 0.5  # share of its marks that a layout must show to be reported as the 
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first bytes of a file, unzipped.
-
-    An InputError is raised where it cannot be read.
-    """
+    """Return the first bytes of a file, unzipped."""
     try:
         with path.open("rb") as stream:
             zipped = stream.read(2) == b"\x1f\x8b"
@@ -55,10 +52,7 @@ def head_of(path: Path) -> bytes:
 def matching(
     head: bytes, kinds: Sequence[type[AbstractFormat]]
 ) -> tuple[list[type[AbstractFormat]], type[AbstractFormat] | None, Sight]:
-    """Return the formats whose marks are all there, the nearest other one, and what it shows.
-
-    A general format counts only where no other one fits.
-    """
+    """Return the formats whose marks are all there, the nearest other one, and what it shows."""
     sights = {kind: kind.sniff(head) for kind in kinds}
     fitting = [kind for kind, sight in sights.items() if sight.whole]
     whole = [kind for kind in fitting if not kind.general] or fitting
@@ -68,12 +62,7 @@ def matching(
 
 
 def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[AbstractFormat]:
-    """Return the one format of a file.
-
-    Raises UnsureError where the file is a table of numbers, and its names and units do not show
-    which is which. Raises InputError where no format fits, with the nearest and what it lacks; or
-    several do.
-    """
+    """Return the one format of a file."""
     head = head_of(path)
     if not head.strip(b"\0 \t\r\n"):
         raise InputError("the file is empty", file=path, remedy="export the measurements again")

@@ -57,11 +57,7 @@ class RosField:
 
 
 def meaning(name: str) -> RosField | None:
-    """Return what the path of a field means, or None if it is neither force nor displacement.
-
-    Messages of ROS have metres and newtons; a joint's position may be metres or radians, and a
-    plain number (``std_msgs``) has the quantity and the unit that its topic is named after.
-    """
+    """Return what the path of a field means, or None if it is neither force nor displacement."""
     if _FORCE.fullmatch(name):
         return RosField("force", "N")
     if _POINT.fullmatch(name):
@@ -79,11 +75,7 @@ def meaning(name: str) -> RosField | None:
 def recording_of(
     channels: Sequence[RosChannel], path: Path, origin: float, dropped: dict[str, int] | None = None
 ) -> Recording:
-    """Return the test of a log: its force, and the displacement at the force's stamps.
-
-    Of all forces and of all positions the one that changes most is taken. ``origin`` is the date of
-    the stamps' zero (s since 1970); ``dropped`` counts rows that were no messages.
-    """
+    """Return the test of a log: its force, and the displacement at the force's stamps."""
     load, of_load = _chosen(channels, "force", path)
     way, of_way = _chosen(channels, "displacement", path)
     dropped = dict(dropped or {})

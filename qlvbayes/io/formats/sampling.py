@@ -97,10 +97,7 @@ def rising(
 def on_one_clock(
     time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int]
 ) -> tuple[Floats, slice]:
-    """Return displacement at the force's times, and the rows of the force that it covers.
-
-    The displacement is interpolated, as it is smooth, so that the force keeps its noise.
-    """
+    """Return displacement at the force's times, and the rows of the force that it covers."""
     if (np.diff(time) <= 0).any() or (np.diff(load_time) <= 0).any():
         raise ClockError("one of the two clocks does not rise")
     inside = np.flatnonzero((load_time >= time[0]) & (load_time <= time[-1]))

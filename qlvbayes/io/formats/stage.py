@@ -64,11 +64,7 @@ class StageContact:
 
 
 def stage_contacts(approaches: Sequence[Approach]) -> list[StageContact]:
-    """Return the contacts on which files agree, that of the most files first.
-
-    Files whose contacts differ beyond their errors lie on different stages: the stage or the pad
-    was moved, or the zero set anew. The result does not depend on the files' order.
-    """
+    """Return the contacts on which files agree, that of the most files first."""
 
     def slow_first(k: int) -> tuple[float, float, float]:
         contact = approaches[k].contact
@@ -132,11 +128,7 @@ def _line(positions: Floats, sds: Floats, speeds: Floats) -> _Line:
 
 
 def _joint(approaches: Sequence[Approach], members: Sequence[int]) -> StageContact:
-    """Return what the files of one stage show together.
-
-    Where they scatter by more than their errors, the error is that much larger. What the choice of
-    the fitted share of the force changes is common to all and does not average out.
-    """
+    """Return what the files of one stage show together."""
     known = [approaches[k] for k in members]
     contacts = [one.contact for one in known]
     forces = np.array([contact.force for contact in contacts])

@@ -30,10 +30,7 @@ _SHOWN = 200  # characters of the file's own names that an error shows
 
 
 def named_columns(text: str) -> tuple[str, str, str]:
-    """Return ``t,x,F`` as the columns of time, displacement (or strain) and force (or stress).
-
-    An InputError is raised where they are not three different ones.
-    """
+    """Return ``t,x,F`` as the columns of time, displacement (or strain) and force (or stress)."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != len(_QUANTITIES) or len({*parts, ""}) != len(parts) + 1:
         raise InputError(
@@ -45,10 +42,7 @@ def named_columns(text: str) -> tuple[str, str, str]:
 
 
 def stated_columns(stated: Sequence[str]) -> type[AbstractFormat]:
-    """Return the layout of a text table with these columns of time, displacement and force.
-
-    They are names as the file writes them, with or without their unit, or numbers from 1.
-    """
+    """Return the layout of a text table with these columns of time, displacement and force."""
 
     class StatedColumns(AbstractFormat):
         """Table with or without a row of names, its cells separated by any one mark or blanks."""
@@ -148,10 +142,7 @@ def _by_number(lines: Lines, stated: Sequence[str]) -> _Table | None:
 
 
 def _names_above(lines: Lines, first: int, width: int, indices: Sequence[int]) -> list[list[str]]:
-    """Return the row of names, and that of units, directly above a first row of numbers.
-
-    They have as many cells, and no number in those at the indices.
-    """
+    """Return the row of names, and that of units, directly above a first row of numbers."""
     separator = separator_of(lines.texts[first])
     above = [cells_of(text, separator) for text in lines.texts[max(first - 2, 0) : first]]
     wide = [row for row in above if len(row) == width]
@@ -187,10 +178,7 @@ def _named(name: str, cells: Sequence[str], columns: Sequence[NamedColumn]) -> N
 
 
 def columns_in(head: bytes) -> list[str]:
-    """Return the names, or else the numbers, of a table's columns; empty where there is none.
-
-    ``head`` is the beginning of a file; its table begins with the first row of three numbers.
-    """
+    """Return the names, or else the numbers, of a table's columns; empty where there is none."""
     lines = Lines.from_bytes(with_tabs(decoded(head).encode())[0])
     for number, cells in lines.cells():
         if len(cells) < len(_QUANTITIES) or not are_numbers(cells, range(len(_QUANTITIES))):
@@ -203,10 +191,7 @@ def columns_in(head: bytes) -> list[str]:
 
 
 def _without(lines: Lines, stated: Sequence[str], file: Path) -> InputError:
-    """Return the error of a file that lacks the stated columns, with the names that it has.
-
-    An InputError is raised where the cells are there and are no numbers.
-    """
+    """Return the error of a file that lacks the stated columns, with the names that it has."""
     if all(name.isdecimal() and int(name) for name in stated):
         refuse_cells(lines, [int(number) - 1 for number in stated], file)
     widest = max((cells for _, cells in lines.cells()), key=len, default=[])

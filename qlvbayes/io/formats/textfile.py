@@ -80,11 +80,7 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 
 def with_tabs(data: bytes) -> tuple[bytes, bool]:
-    """Return a text with tabs where blanks separate its numbers, and whether they do.
-
-    Marks of comments at the beginning of lines are left out, also where nothing else changes. Names
-    above the numbers keep their units: 'time [s]  force [N]' are two cells.
-    """
+    """Return a text with tabs where blanks separate its numbers, and whether they do."""
     data = _COMMENT.sub(b"", data)
     lines = Lines.from_bytes(data)
     for number, line in enumerate(lines.texts):
@@ -105,10 +101,7 @@ def with_tabs(data: bytes) -> tuple[bytes, bool]:
 
 
 def separator_of(line: str) -> str:
-    """Return the tab, semicolon, bar or comma that separates three cells or more of a line.
-
-    A comma comes last, as it is also in 'Kraft, N' and in decimals.
-    """
+    """Return the tab, semicolon, bar or comma that separates three cells or more of a line."""
     several = (mark for mark in _MARKS if line.count(mark) >= _LEAST_MARKS)
     return next(several, max(_MARKS, key=line.count))
 
@@ -137,10 +130,7 @@ class Lines:
 
 
 def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
-    """Return rows in parts, cut where the line of names is repeated, each with its first line.
-
-    ``first`` is the line, from 0, at which the rows begin.
-    """
+    """Return rows in parts, cut where the line of names is repeated, each with its first line."""
     mark = b"\n" + names.encode() + b"\n"
     *before, last = (b"\n" + rows).split(mark)
     parts = [*(part + b"\n" for part in before), last]
@@ -165,10 +155,7 @@ def with_header(
 
 
 def refuse_cells(lines: Lines, indices: Sequence[int], file: Path) -> None:
-    """Raise InputError where a cell at one of the indices has a digit and is no number.
-
-    The first line is taken that has digits in all the cells.
-    """
+    """Raise InputError where a cell at one of the indices has a digit and is no number."""
     for number, cells in lines.cells():
         used = [cells[index] for index in indices if index < len(cells)]
         if len(used) < len(indices) or not all(re.search(r"\d", cell) for cell in used):

@@ -63,16 +63,7 @@ def read_rows(
     *,
     sparse: bool = False,
 ) -> NumericRows:
-    """Return columns at the given indices of lines of numbers; other lines are counted.
-
-    Only cells at these indices are judged: text in others is no fault. The decimal mark is found
-    from the numbers; a last line that is cut off is dropped. ``line`` is the number of the block's
-    first line in the file. ``sparse`` is true where each channel has rows of its own, so that empty
-    cells are no fault.
-
-    Raises InputError where no line holds numbers at all the indices, the decimal mark is ambiguous,
-    or more than 2 % of the lines between the first and the last one cannot be used.
-    """
+    """Return columns at the given indices of lines of numbers; other lines are counted."""
     dropped: dict[str, int] = {}
     block = _with_plain_numbers(_whole(block, separator, indices, dropped))
     block = _without_footer(block, separator, indices, dropped)
@@ -116,10 +107,7 @@ def refuse_split_numbers(rows: bytes, separator: str, names: int, file: Path, li
 def _without_footer(
     block: bytes, separator: str, indices: Sequence[int], dropped: dict[str, int]
 ) -> bytes:
-    """Return the block without a summary below it: some rows of numbers after a text or a gap.
-
-    A mean, or the row of the largest force, is none of the test's readings.
-    """
+    """Return the block without a summary below it: some rows of numbers after a text or a gap."""
     if block.count(b"\n") < _FEWEST:
         return block
     *above, last = block.rstrip(b"\n").rsplit(b"\n", _FOOTER)
@@ -251,11 +239,7 @@ class _Lines:
         return InputError(what, file=file, line=at, remedy=_EXPORT)
 
     def fault(self, file: Path, line: int | None, *, sparse: bool) -> InputError | None:
-        """Return the error of a block that loses more than 2 % of its rows; None otherwise.
-
-        Lines before the first row and after the last one are no rows. Empty cells count where more
-        than a few follow one another, and so leave a gap.
-        """
+        """Return the error of a block that loses more than 2 % of its rows; None otherwise."""
         first, last = self.positions[0], self.positions[-1]
         within = {
             why: [position for position in lost if first < position < last]
@@ -284,10 +268,7 @@ class _Lines:
 
 
 def _fault(cells: Sequence[str], used: Sequence[str], width: int, *, short: bool) -> str | None:
-    """Return why a line is no row; None where it is one.
-
-    ``width`` is the number of cells of the rows above; ``short`` is true where cells are lacking.
-    """
+    """Return why a line is no row; None where it is one."""
     if not all(map(is_like_number, used)):
         judged = cells if short else used  # a title in a cell of its own
         known = all(is_missing(c) or is_like_number(c) for c in judged)
@@ -309,11 +290,7 @@ def _longest_stretch(positions: Sequence[int]) -> list[int]:
 
 
 def _whole(block: bytes, separator: str, indices: Sequence[int], dropped: dict[str, int]) -> bytes:
-    """Return the block without a last line that is cut off.
-
-    Such a line has no line end, no cell beyond those that are used, and is shorter than the one
-    above.
-    """
+    """Return the block without a last line that is cut off."""
     block = block.rstrip(b" \t")
     if not block or block.endswith(b"\n"):
         return block

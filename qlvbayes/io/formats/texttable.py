@@ -50,10 +50,7 @@ _DATES = (
 
 
 def in_cells(cells: Sequence[str]) -> list[NamedColumn]:
-    """Return columns whose units follow their names, in one row.
-
-    pandas writes a name that is repeated with a number, as 'Force (N).1'.
-    """
+    """Return columns whose units follow their names, in one row."""
     names = [_COPY.sub("", cell) for cell in cells]
     plain = [name if name in cells else cell for name, cell in zip(names, cells, strict=True)]
     return [NamedColumn(index, *split_header(cell)) for index, cell in enumerate(plain)]
@@ -73,11 +70,7 @@ def tables_in_two_rows(
     find: Callable[[Lines], int | None],
     find_title: Callable[[Lines, int], tuple[str, str]],
 ) -> tuple[Recording, ...]:
-    """Return the tests below a row of names and a row of units.
-
-    ``find`` returns the line of the names; given that line, ``find_title`` returns the test's name
-    and date.
-    """
+    """Return the tests below a row of names and a row of units."""
     data, lines, first = with_header(path, find, "no row of units", "export the raw data again")
     separator = separator_of(lines.texts[first])
     names, units = (cells_of(text, separator) for text in lines.texts[first : first + 2])
@@ -104,10 +97,7 @@ def table(
     name: str = "",
     began: float | None = None,
 ) -> Recording:
-    """Read the columns of time, displacement and force from rows of text.
-
-    ``line`` is the line of the names and ``first`` that of the first row, from 0.
-    """
+    """Read the columns of time, displacement and force from rows of text."""
     picked = chosen(columns, file, line + 1)
     return _of_larger_motion(columns, picked, rows, separator, file, first, name, began)
 
@@ -124,10 +114,7 @@ def adjacent_tests(
     began: float | None = None,
     above: Sequence[str] = (),
 ) -> list[Recording]:
-    """Return the tests that stand side by side in rows of text, mostly one.
-
-    ``above`` are the cells above the names, which may name the tests. Otherwise as ``table``.
-    """
+    """Return the tests that stand side by side in rows of text, mostly one."""
     tests = side_by_side(columns, chosen(columns, file, line + 1))
     return [
         _of_larger_motion(
@@ -141,11 +128,7 @@ def adjacent_tests(
 def by_specimen(
     columns: Sequence[NamedColumn], rows: bytes, separator: str, first: int
 ) -> tuple[Sequence[NamedColumn], list[tuple[str, int, bytes]]]:
-    """Return the other columns, and rows cut where a column of specimens or tests changes.
-
-    Each part has its specimen's name and its first line, from 0. Without such a column, or with one
-    that never changes or changes more often than tests do, there is one part without a name.
-    """
+    """Return the other columns, and rows cut where a column of specimens or tests changes."""
     whole = [("", first, rows)]
     column = next((c for c in columns if _SPECIMEN.fullmatch(plain_name(c.name))), None)
     if column is None:
@@ -178,11 +161,7 @@ def tables(
     name: str = "",
     began: float | None = None,
 ) -> tuple[Recording, ...]:
-    """Return the tests below a line of names, mostly one.
-
-    ``line`` is the line of the names and ``first`` that of the first row, from 0. Where the names
-    are repeated, a further test begins if time falls there; if not, the rows go on.
-    """
+    """Return the tests below a line of names, mostly one."""
     names = lines.texts[line]
     separator = separator_of(names)
     above = cells_of(lines.texts[line - 1], separator) if line else []
@@ -260,11 +239,7 @@ def _of_larger_motion(
 def refuse_other_header(
     rows: bytes, columns: Sequence[NamedColumn], separator: str, file: Path, first: int
 ) -> None:
-    """Raise InputError where names or units appear among rows that are not those of the columns.
-
-    To read on would give the rows below them wrong units, or another order. ``first`` is the line
-    of the first row, from 0.
-    """
+    """Raise InputError where names or units appear among rows that are not those of the columns."""
     for found in _LETTERS.finditer(rows):
         line = rows[found.start() : rows.find(b"\n", found.start())].decode("utf-8", "replace")
         cells = cells_of(line, separator)
@@ -292,10 +267,7 @@ def _agree(found: Sequence[NamedColumn], columns: Sequence[NamedColumn]) -> bool
 
 
 def seconds_of(text: str) -> float | None:
-    """Return a date as seconds since 1970 on the machine's own clock, or None where it is unclear.
-
-    Days precede months where a slash separates them and no AM or PM is written.
-    """
+    """Return a date as seconds since 1970 on the machine's clock, or None where it is unclear."""
     for form in _DATES:
         try:
             return datetime.strptime(text.strip(), form).replace(tzinfo=UTC).timestamp()

@@ -19,11 +19,7 @@ _FINEST = 1e-10  # last digit written over the largest value, far below any sens
 
 
 def write_tidy(conversion: Conversion, path: Path) -> None:
-    """Write all tests, with the findings as comments above them; whole or not at all.
-
-    An InputError is raised where the name is no .csv or .csv.gz, an OSError where it cannot be
-    written.
-    """
+    """Write all tests, with the findings as comments above them; whole or not at all."""
     if not path.name.lower().endswith((".csv", ".csv.gz")):
         remedy = "give a name that ends in .csv or .csv.gz"
         raise InputError("this is no name of a CSV file", file=path, remedy=remedy)

@@ -103,12 +103,7 @@ class Zero:
 
 
 def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | UnsureError]:
-    """Return the zero of each recording, or the question that has to be asked for it.
-
-    Recordings of one stage have one contact, estimated together. One that begins in contact takes
-    that of the others on its stage where two or more of them agree, or else that of the file's
-    recording before. Contacts that differ from those of most others are reported.
-    """
+    """Return the zero of each recording, or the question that has to be asked for it."""
     results: list[Zero | UnsureError] = []
     before: dict[tuple[object, ...], Zero] = {}
     contacts = {stage: _contacts(shown, stage) for stage in {one.stage for one in shown}}
@@ -171,11 +166,7 @@ def _zero(
 
 
 def _stated(one: OrientedRecording, written: float) -> Zero:
-    """Return the zero that the user states, with the sign that it has in the file.
-
-    It lies within the travel; of a test that begins with a force it may lie before the first row,
-    by as much as the test travels.
-    """
+    """Return the zero that the user states, with the sign that it has in the file."""
     position, length = one.signs.way * written, one.units.displacement
     low, high = float(one.way.min()), float(one.way.max())
     before = (_NEAR if one.begins_without_force else 1.0) * (high - low)
@@ -208,10 +199,7 @@ def _agreed(contacts: Sequence[StageContact]) -> StageContact | None:
 
 
 def _may_take(one: OrientedRecording, agreed: StageContact) -> bool:
-    """Return whether a test without an approach of its own may have the contact of others.
-
-    One that begins without force cannot have been touched before its first row.
-    """
+    """Return whether a test without an approach of its own may have the contact of others."""
     if not one.begins_without_force:
         return True
     return float(one.way[0]) - APART * agreed.sd <= agreed.position < float(one.way.max())

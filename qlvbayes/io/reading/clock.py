@@ -15,11 +15,7 @@ LARGEST_SHARE = 0.02  # share of a test's readings that may be bad; with more it
 
 
 def slipped(time: Floats) -> NDArray[np.intp] | None:
-    """Return which stamps (k,) must go so that time increases, or None.
-
-    At most 2 % of the stamps may go, each between stamps that increase evenly; otherwise the result
-    is None.
-    """
+    """Return which stamps (k,) must go so that time increases, or None."""
     falls = np.flatnonzero(np.diff(time) <= 0.0) + 1
     if falls.size > LARGEST_SHARE * time.size:
         return None

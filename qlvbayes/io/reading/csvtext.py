@@ -44,11 +44,7 @@ def digest(path: Path) -> str:
 
 @contextmanager
 def unchanged(path: Path) -> Generator[None, None, None]:
-    """Refuse a file that is being written: any fault found in it may be half a row.
-
-    Raises InputError where size or time of change differ at the end; this replaces any other
-    InputError.
-    """
+    """Refuse a file that is being written: any fault found in it may be half a row."""
     before = _state(path)
     try:
         yield
@@ -160,10 +156,7 @@ def _check_head(path: Path, data: bytes) -> None:
 
 
 def _last_line_end(data: bytes) -> int:
-    r"""Return the length up to the last line end.
-
-    A final \r may be half of \r\n and does not count.
-    """
+    r"""Return the length up to the last line end."""
     return data.rfind(b"\n") + 1 or data.rfind(b"\r", 0, len(data) - 1) + 1
 
 

@@ -41,13 +41,7 @@ class NoReading:
 
 
 def no_readings(values: Floats, *, coded: bool = True) -> NoReading:
-    """Return the rows whose number is not finite, too large to be measured, or a code.
-
-    A number that loggers use as a code is taken for one where it lies off all other readings by
-    more than they span: a displacement of -999 um on the way from 0 to -1200 um is a reading. A
-    number that more than half of the rows have is no code. ``coded`` is false for a clock, which
-    has no such codes.
-    """
+    """Return the rows whose number is not finite, too large to be measured, or a code."""
     lost = ~(np.abs(values) < LARGEST)  # true of what is not finite too
     codes = set(values[lost & np.isfinite(values)].tolist())
     for code in _far_away(values[~lost]) if coded else ():
@@ -75,10 +69,7 @@ def _far_away(values: Floats) -> list[float]:
 
 
 def out_of_range(time: Floats, channels: dict[str, Floats]) -> str | None:
-    """Return what no rig measures, as text; None where all numbers can be used.
-
-    ``channels`` are readings by name, none of them missing.
-    """
+    """Return what no rig measures, as text; None where all numbers can be used."""
     if not SHORTEST <= float(time[-1] - time[0]) <= LARGEST:
         return f"the test lasts {float(time[-1] - time[0]):.3g} s"
     for name, values in channels.items():

@@ -85,13 +85,7 @@ class Table:
 
 
 def read_table(path: Path, dialect: Dialect) -> Table:
-    """Read all rows, in the file's order, converted to the units of `Columns`.
-
-    Peak memory is that of the numbers (8 bytes each) and of a few blocks more.
-
-    Raises InputError where a row is short or long, or a number is not one; the error names the
-    first such line of its block.
-    """
+    """Read all rows, in the file's order, converted to the units of `Columns`."""
     reader = _Reader(path, dialect)
     line = 1
     for block in blocks(path):

@@ -68,11 +68,7 @@ class Checker:
         loaded: bool = False,
         used: NDArray[np.bool_],
     ) -> None:
-        """Raise InputError unless the test can be used.
-
-        ``loaded`` is true where force is prescribed, which may then stay constant from the first
-        row on; ``used`` (n,) is true where the force is used.
-        """
+        """Raise InputError unless the test can be used."""
         self._time(rows, readings["time"])
         if (size := len(readings["time"])) < LEAST_SAMPLES:
             what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
@@ -120,10 +116,7 @@ class Checker:
         self.fail(rows, index, f"{name} restarts {where}", remedy)
 
     def _signs(self, rows: Rows, displacement: Floats, force: Floats) -> None:
-        """Refuse a pad whose force or displacement is clearly of the wrong sign.
-
-        Strain and stress that are both negative may be a specimen sheared the other way.
-        """
+        """Refuse a pad whose force or displacement is clearly of the wrong sign."""
         wrong = wrong_signs(displacement, force)
         if wrong and not (self.columns.units.dimensionless and len(wrong) > 1):
             names = " and ".join(self._name(key) for key in wrong)
@@ -132,12 +125,7 @@ class Checker:
 
 
 def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:
-    """Return which of displacement and force decrease in the first loading, if that is clear.
-
-    Pressing a pad makes both increase. The sign is clear where the stroke is more than 5 % of the
-    largest displacement, force follows displacement over the stroke with a correlation beyond 0.8,
-    and the force is of one sign within a fifth of its peak. A record in doubt passes.
-    """
+    """Return which of displacement and force decrease in the first loading, if that is clear."""
     away = np.abs(displacement - displacement[0])
     end = int(np.argmax(away >= 0.95 * away.max())) + 1
     d, f = displacement[:end], force[:end]

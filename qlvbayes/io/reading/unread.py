@@ -14,11 +14,7 @@ _LEAST = 10  # rows that the rest must have
 
 
 def unread_rows(time: Floats, way: Floats, load: Floats) -> int:
-    """Return how many rows at the beginning hold no reading: both channels are exactly zero.
-
-    From such a row the displacement jumps to where the platen stands, by more and more quickly than
-    it moves in all of the rest, and the force does not answer. A record that starts at zero stays.
-    """
+    """Return how many rows at the beginning hold no reading: both channels are exactly zero."""
     zero = (way == 0.0) & (load == 0.0)
     if not zero[0] or zero.all():
         return 0

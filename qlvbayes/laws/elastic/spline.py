@@ -79,10 +79,7 @@ class Spline(AbstractElastic):
 
     @property
     def _first(self) -> Array:
-        """Return the (8,) stiffness (N/mm) at which each piece begins.
-
-        The pieces are the one below zero depth, those between knots, and the one beyond them.
-        """
+        """Return the (8,) stiffness (N/mm) at which each piece begins."""
         k = [self.k0, self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
         return jnp.stack([jnp.asarray(number) for number in k])
 

@@ -14,12 +14,7 @@ _TERMS = 13
 
 
 def moments(decay: Array, count: int) -> list[Array]:
-    """Return the moments M_0, M_1, ..., ``count`` of them, each of the shape of ``decay``.
-
-    ``decay`` is zero or more. Near zero the last moment comes from its series, M_n = n! sum_k
-    (-a)^k / (n + 1 + k)!, and the others from it, by M_{n-1} = (1 - a M_n)/n. Elsewhere each comes
-    from the one before. One exponential and one division serve all of them.
-    """
+    """Return the moments M_0, M_1, ..., ``count`` of them, each of the shape of ``decay``."""
     near = decay < _NEAR
     close = jnp.where(near, decay, 0.0)
     last = jnp.full_like(close, 1.0 / (count + _TERMS))
@@ -36,10 +31,7 @@ def moments(decay: Array, count: int) -> list[Array]:
 
 
 def quadratic_force_step(f0: Array, fm: Array, f1: Array, decay: Array) -> Array:
-    """Return the integral of e^{-decay (1 - s)} dF/ds over s in (0, 1), F quadratic in s.
-
-    F passes through ``f0``, ``fm`` and ``f1`` (N) at the beginning, the middle and the end.
-    """
+    """Return the integral of e^{-decay (1 - s)} dF/ds over s in (0, 1), F quadratic in s."""
     slope = 4.0 * fm - 3.0 * f0 - f1
     curvature = 4.0 * (f0 + f1 - 2.0 * fm)
     zeroth, first = moments(decay, 2)

@@ -69,18 +69,12 @@ class AbstractRelaxation(eqx.Module):
 
 
 def decades_of(scales: Scales) -> int:
-    """Return over how many decades of time relaxation may extend.
-
-    They go from a tenth of the sampling interval to ten times the longest phase, rounded up.
-    """
+    """Return over how many decades of time relaxation may extend."""
     return math.ceil(math.log10(scales.longest / scales.shortest) - 1e-9) + 2
 
 
 def middle_of(scales: Scales) -> tuple[float, float]:
-    """Return the logarithm of the middle of the measurable times (s), and the sd of its prior.
-
-    The measurable range (the shortest interval to the longest phase) lies inside two sds.
-    """
+    """Return the logarithm of the middle of the measurable times (s), and the sd of its prior."""
     middle = 0.5 * math.log(scales.shortest * scales.longest)
     return middle, max(math.log(scales.longest / scales.shortest) / 4.0, 1.0)
 
@@ -92,10 +86,7 @@ def shared_out(lasting: Array, weights: Array) -> Array:
 
 
 def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator[str]:
-    """Yield a sentence for each time below the sampling interval or beyond the longest phase.
-
-    The constants of ``relaxation`` must be numbers.
-    """
+    """Yield a sentence for each time below the sampling interval or beyond the longest phase."""
     for name, time in relaxation.times().items():
         value = float(np.asarray(time))
         if value < scales.shortest:

@@ -86,10 +86,7 @@ class StretchedExponential(AbstractRelaxation):
 
 
 def _nodes(beta: Array) -> tuple[Array, Array]:
-    """Return (k,) logarithms of rate times tau, from the slowest, and the weights of the nodes.
-
-    d ln(rate)/dx goes from min((1 - beta)/beta, 1), in which the density's decay is even, to 1.
-    """
+    """Return (k,) logarithms of rate times tau, from the slowest, and the weights of the nodes."""
     slope = jnp.minimum((1.0 - beta) / beta, 1.0)
     decay = (1.0 - beta) * beta ** (beta / (1.0 - beta))
     lowest = -(1.0 - beta) / beta * jnp.log(_CUT / decay) / slope

@@ -68,10 +68,7 @@ class Channels:
         return departure > max(_BENT * self._flicker(run), _SHARPLY * self.typical_departure)
 
     def force_contradicted(self, run: Run) -> bool:
-        """Return whether no motion of the platen explains the force readings of a run.
-
-        An inertial force needs no way. Contact does to be lost: a force of exactly 0.
-        """
+        """Return whether no motion of the platen explains the force readings of a run."""
         lost = not self.force[slice(*run)].any()
         if not lost and self.bends(run):
             return False
@@ -97,10 +94,7 @@ class Channels:
         return bool(returns and self.speed(run) > _IMPOSSIBLE * self.fastest)
 
     def row_contradicted(self, run: Run, own_fastest: float) -> bool:
-        """Return whether both channels read 0 although the platen cannot have moved that far.
-
-        own_fastest: largest speed that the test's other readings show.
-        """
+        """Return whether both channels read 0 although the platen cannot have moved that far."""
         inside = slice(*run)
         nothing = not self.displacement[inside].any() and not self.force[inside].any()
         return nothing and self.speed(run) > _IMPOSSIBLE * own_fastest
@@ -119,10 +113,7 @@ class Channels:
         )
 
     def force_change(self, run: Run, before: int, after: int) -> float:
-        """Return how far the force in a run deviates from the line between its two sides.
-
-        That is as it begins, as it ends or in most of it, whichever is more.
-        """
+        """Return how far the force in a run deviates from the line between its two sides."""
         inside = slice(*run)
         line = np.interp(self.time[inside], self.time[[before, after]], self.force[[before, after]])
         off = np.abs(self.force[inside] - line)

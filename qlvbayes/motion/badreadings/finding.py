@@ -30,14 +30,7 @@ KEEP = "--keep-all-readings"
 def sound_tests(
     tests: Sequence[Test], *, keep_all: bool = False, limited: bool = True
 ) -> list[tuple[Test, BadReadings | None]]:
-    """Return each test without its bad readings, and the bad readings (None if there are none).
-
-    A force that the user leaves out is neither looked at nor counted. keep_all: only slips of the
-    clock are looked for, which nothing can be made of; limited: whether too many are refused.
-
-    Raises InputError where more than 2 % of a test's readings are bad, or its clock slipped and all
-    are to be kept.
-    """
+    """Return each test without its bad readings, and the bad readings (None if there are none)."""
     clocks = [slipped(test.time) for test in tests]
     ticking = [
         np.delete(np.arange(test.time.size), [] if slips is None else slips)

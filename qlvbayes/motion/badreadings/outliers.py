@@ -90,11 +90,7 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
 
 
 def outlying_runs(time: Array, signal: Array, scale: ChangeScale) -> list[Run]:
-    """Return the runs [first, stop) of outlying readings; no two of them touch.
-
-    Without the detected ones others may stand out: the search repeats until none does. What is
-    left about a run must be smooth: else it rings, or the signal leaps there for a reason.
-    """
+    """Return the runs [first, stop) of outlying readings; no two of them touch."""
     mask = np.zeros(signal.size, dtype=bool)
     sound = np.arange(signal.size)
     for _ in range(_PASSES):
@@ -183,11 +179,7 @@ def _median(values: Array) -> Array:
 
 
 def _of_equal_gaps(gaps: Array, off: Array) -> Array:
-    """Return the median distance of readings with similar intervals to their neighbours.
-
-    Slow noise differs little between readings near in time, and much between distant ones: as a
-    random walk does at the most, which is reckoned with.
-    """
+    """Return the median distance of readings with similar intervals to their neighbours."""
     order = np.argsort(gaps, kind="stable")
     root = np.sqrt(gaps[order])
     scales = np.empty_like(off)
@@ -242,10 +234,7 @@ def _beyond(signal: Array, scale: ChangeScale, run: Run) -> bool:
 
 
 def _confirmed(signal: Array, scale: ChangeScale, mask: NDArray[np.bool_]) -> list[Run]:
-    """Return the runs of masked readings that the nearest sound ones do not confirm as sound.
-
-    A sound reading between two bad ones lies far from both.
-    """
+    """Return the runs of masked readings that the nearest sound ones do not confirm as sound."""
     confirmed: list[Run] = []
     for first, stop in runs_of(mask):
         if first == 0 or stop == signal.size:

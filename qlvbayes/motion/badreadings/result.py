@@ -82,10 +82,7 @@ class BadReadings:
 
     @property
     def drawn(self) -> list[tuple[int, Bad]]:
-        """Index in ``time`` of each reading that figures show, with its run.
-
-        These are all bad ones, and so many evenly spaced ones of each excluded run.
-        """
+        """Index in ``time`` of each reading that figures show, with its run."""
         shown, begin = [], 0
         for run in self.runs:
             size = run.stop - run.first

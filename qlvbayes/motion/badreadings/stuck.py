@@ -44,11 +44,7 @@ def clipped_force(own: Channels) -> list[Bad]:
 
 
 def stuck_displacement(own: Channels) -> list[Bad]:
-    """Return runs in which the displacement stays constant and then jumps to catch up.
-
-    The force goes on meanwhile and does not jump along. A platen that rests is no such run, nor
-    the stairs of a coarse encoder, whose steps are as large as any nearby.
-    """
+    """Return runs in which the displacement stays constant and then jumps to catch up."""
     changes = np.abs(np.diff(own.displacement))
     stuck = []
     for first, stop in equal_runs(own.displacement, 3):
@@ -94,11 +90,7 @@ def _went_on(own: Channels, run: Run) -> bool:
 
 
 def _improbable(own: Channels) -> list[Run]:
-    """Return runs of one value, away from zero, that noise as around them would not produce.
-
-    Noise below a step of the force lets values stand wherever the force is level. Out of contact
-    the force is that of the test's begin where the load cell was not zeroed.
-    """
+    """Return runs of one value, away from zero, that noise as around them would not produce."""
     force, scale = own.force, own.of_force
     away = np.minimum(np.abs(force), np.abs(force - force[0])) > _NEAR_ZERO * scale.span
     rarest = np.log(_CHANCE / force.size) / np.log(0.5 / _AROUND)

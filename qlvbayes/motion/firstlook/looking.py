@@ -37,11 +37,7 @@ _DEAD = 6.0  # times the noise, below which a test's force has not answered
 
 
 def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
-    """Describe a pad's tests, and which parts of the model they can show.
-
-    bonded: whether the specimen is fixed to the platen, which then can show no adhesion; effects:
-    those that a model has already: with adhesion a specimen may pull.
-    """
+    """Describe a pad's tests, and which parts of the model they can show."""
     floor, falls = experiment.floor, experiment.falls
     tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
     return PadSeen(
@@ -153,11 +149,7 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
 
 
 def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
-    """Return where the force begins to rise; None if no approach shows it.
-
-    A test that begins beyond the file's zero under a force begins in contact: its force rises where
-    the platen begins to move.
-    """
+    """Return where the force begins to rise; None if no approach shows it."""
     if _loaded(_first_ramp(trial) or trial.phases[0]):
         return None
     contact = find_contact(trial.test.displacement, trial.test.force)
@@ -170,10 +162,7 @@ def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
 
 
 def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
-    """Return the force before contact if it is clearly not zero; else None.
-
-    Before the first movement, or before the file's zero; a specimen that is fixed has no contact.
-    """
+    """Return the force before contact if it is clearly not zero; else None."""
     test = trial.test
     first = _first_ramp(trial)
     if experiment.units.dimensionless or _loaded(first or trial.phases[0]):

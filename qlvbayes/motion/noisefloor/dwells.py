@@ -148,19 +148,13 @@ def pressed(test: MeasuredTest, among: NDArray[np.bool_]) -> NDArray[np.intp] | 
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
-    """Return the first reading of a dwell after contact is regained; 0 if it was not lost.
-
-    Until then it reads zero; a trend with a kink would be taken for noise.
-    """
+    """Return the first reading of a dwell after contact is regained; 0 if it was not lost."""
     free = np.flatnonzero(force[inside] < _CONTACT * np.abs(force).max(initial=0.0))
     return 0 if free.size == 0 or free[-1] == inside.size - 1 else int(free[-1]) + 1
 
 
 def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
-    """Return whether readings repeat and show no noise: out of contact or clipped.
-
-    A digitised force repeats itself too; it is silent only at zero or at the end of its range.
-    """
+    """Return whether readings repeat and show no noise: out of contact or clipped."""
     there = force[inside]
     if not np.mean(np.diff(there) == 0.0) > 0.5:
         return False
@@ -180,12 +174,7 @@ def dwell_of(test: MeasuredTest, inside: NDArray[np.intp]) -> Dwell:
 
 
 def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the readings that are used, and which of them begin a run that is averaged.
-
-    Single readings at gaps of many sizes, where they are densest, show the white noise and short
-    memories alike; means over a quarter of the way to the next show the long ones. Early runs are
-    short, as the trend is steep there.
-    """
+    """Return the readings that are used, and which of them begin a run that is averaged."""
     n = time.size
     if n <= _BURST + _SPREAD:
         return np.arange(n), np.arange(n)
@@ -207,12 +196,7 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def trend(dwell: Dwell, ratio: float) -> Array:
-    """Return an orthonormal basis (k, p) of everything but the noise, as means over the runs.
-
-    The dwell's own curve, or any combination of a polynomial and exp(-t/T_j), the T_j a factor
-    ``ratio`` apart, from a few thousandths of the length of the dwell to all of it, or farther
-    apart where there are few readings.
-    """
+    """Return an orthonormal basis (k, p) of everything but the noise, as means over the runs."""
     curve = dwell.mean(_relaxing(dwell, ratio)) if dwell.curve is None else dwell.curve
     q, r, _ = qr(curve / run_scale(dwell)[:, None], mode="economic", pivoting=True)
     size = np.abs(np.diag(r))

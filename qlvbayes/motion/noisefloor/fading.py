@@ -48,11 +48,7 @@ _MEDIAN = 0.6744897501960817
 def with_fading_sd(
     tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
 ) -> tuple[list[Test], tuple[str, ...]]:
-    """Return tests with an sd of each reading where the noise decays, and a sentence on each.
-
-    A measured ``force_sd`` is never replaced. Where any test's noise dies away, those whose noise
-    does not have their own sd all along, so that both kinds are weighted alike.
-    """
+    """Return tests with an sd of each reading where the noise decays, and a sentence on each."""
     sds = [None if test.force_sd is not None else _levels(test, cut) for test, cut in
            zip(tests, phases, strict=True)]  # fmt: skip
     fades = [sd is not None and falls(*sd) for sd in sds]
@@ -113,10 +109,7 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
 
 
 def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
-    """Return a falling sd (n,) of each reading, from windows about each, so that steps stay steps.
-
-    A median of windows side by side lies between both levels where the noise ends at once.
-    """
+    """Return a falling sd (n,) of each reading, from windows about each; steps stay steps."""
     e, index = _deviations(test, phases)
     half = _WINDOW // 2
     whole = slice(half, -half)  # windows beyond the ends would repeat single readings

@@ -72,10 +72,7 @@ class NoiseFloor:
         return float(np.exp(min(spread, np.log(_MOST))))
 
     def draws(self, count: int) -> list[NoiseFloor]:
-        """Return equally likely noise floors given the dwells (the same at every call).
-
-        Without dwells nothing is known of the uncertainty: all are this one.
-        """
+        """Return equally likely noise floors given the dwells (the same at every call)."""
         if self.dwells is None:
             return [self] * count
         return [self._like(one) for one in self.dwells.draw(count)]
@@ -88,13 +85,7 @@ class NoiseFloor:
         return [self._like(one) for one in draws], weights
 
     def likely(self) -> tuple[list[NoiseFloor], Array]:
-        """Return floors with weights of sum 1, without the twentieth that has the most slow noise.
-
-        Noise slower than the trend of a dwell is next to free. A mean of variances that counted it
-        would be a mean of that alone. Where readings have measured sds it is this floor alone:
-        these weight the white part only, so that what is open of the correlated part, which was
-        found in readings divided by their sds, is of no known size.
-        """
+        """Return floors with weights of sum 1, without the twentieth with the most slow noise."""
         if self.weighted_by_sds:
             return [self], np.ones(1)
         floors, weights = self.weighted(_SPREAD)
@@ -104,10 +95,7 @@ class NoiseFloor:
         return [floors[k] for k in order], kept
 
     def expected(self) -> NoiseFloor:
-        """Return the floor whose variances are the means over those of ``likely``.
-
-        Its correlation time is the mean weighted by the correlated variance. Nothing of it is open.
-        """
+        """Return the floor whose variances are the means over those of ``likely``."""
         floors, weights = self.likely()
         white, ou, tau = np.array([(one.white**2, one.ou**2, one.tau) for one in floors]).T
         correlated = float(weights @ ou)

@@ -54,22 +54,7 @@ _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 def measure(
     tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
 ) -> NoiseFloor:
-    """Return the noise seen in the holds and recoveries of the tests, pooled.
-
-    In each dwell the force is a smooth trend plus noise. The noise parameters maximise the
-    restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
-    correlation time. Up to 12 dwells enter: single readings of a run, means over all others. The
-    correlated part is reported only if it raises the log-likelihood by more than 2, noise that
-    grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
-    noise is taken as proportional to it, and the sds returned hold at its root mean square.
-
-    Without any usable dwell the noise of equal cycles is what does not repeat from one to the next.
-    Without these it is measured about smooth curves of single strokes, and what these do not show
-    is taken from the prior; whether structure is noise is then not testable. Noise below 3e-4 of
-    the peak force and the rounding of the encoder, which makes at most ``of_a_step`` of force, is
-    taken as that much: the motion between the readings is not known any better. Readings of force
-    far beyond those before and after them are no noise: a few would make a floor of their own size.
-    """
+    """Return the noise seen in the holds and recoveries of the tests, pooled."""
     tests = [_without_outliers(test) for test in tests]
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
@@ -118,10 +103,7 @@ def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
 def _without_dwells(
     tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
 ) -> NoiseFloor:
-    """Measure the noise about smooth curves of strokes, with the prior where these leave it open.
-
-    That is correlated noise as large as the white one, with a dwell's memory were it a whole test.
-    """
+    """Measure the noise about smooth curves of strokes, with a prior where these leave it open."""
     length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
     strokes = find_strokes(tests, phases)
     if strokes:
@@ -163,11 +145,7 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
 
 
 def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0.0) -> NoiseFloor:
-    """Return white sd, correlated sd, its time and the growth, by restricted maximum likelihood.
-
-    peak: largest force; 0 where sds were measured, so that growth is not looked for; quickest (s):
-    time of the shortest movement; length (s): of a test without dwells, whose strokes these are.
-    """
+    """Return white sd, correlated sd, its time and the growth, by restricted maximum likelihood."""
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
     # a memory that less than half of the dwells are long enough to show may be one's relaxation
@@ -205,12 +183,7 @@ def _pool(dwells: list[Dwell]) -> Pool:
 
 
 def _fitted(pool: Pool, memory: float, typical: float, quickest: float) -> Dwells:
-    """Return the more likely of both kinds of correlated noise at its mode, with the other one.
-
-    memory, typical (s): the longest correlation time, and the length of a dwell.
-    Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
-    than the quickest movement, of which the record would show little otherwise.
-    """
+    """Return the more likely of both kinds of correlated noise at its mode, with the other one."""
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
     most = max(memory, 2.0 * shortest)

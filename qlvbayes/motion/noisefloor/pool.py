@@ -87,10 +87,7 @@ class Pool:
         )
 
     def likelihood(self, log_ratio: float, log_tau: float, smooth: bool) -> tuple[float, float]:
-        """Return the restricted log-likelihood (up to a constant) and the best white variance.
-
-        log_ratio: of the correlated variance to the white one; smooth: see ``NoiseFloor``.
-        """
+        """Return the restricted log-likelihood (up to a constant) and the best white variance."""
         ratio, tau = np.exp(log_ratio), np.exp(log_tau)
         decay = rate(tau, smooth)
         shrink = np.sqrt(np.real(decay * tau * variance(self.length, self.count, decay)))
@@ -143,11 +140,7 @@ def _precision(x: Array) -> tuple[Array, float]:
 
 
 def _smooth_precision(x: Array) -> tuple[Array, float]:
-    """Return means (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope.
-
-    A second-order low-pass (Butterworth's) of white noise: over a gap the state moves by A = e^-x
-    [[cos x + sin x, 2^(1/2) sin x], [-2^(1/2) sin x, cos x - sin x]] and gains W = 1 - A A^T.
-    """
+    """Return means (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope."""
     x = np.clip(x, _NEAREST_SMOOTH, 300.0)
     decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
     off_diagonal = np.sqrt(2.0) * sine

@@ -59,10 +59,7 @@ class Dwells:
         return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
 
     def draw(self, count: int) -> list[NoiseConstants]:
-        """Return equally likely noises, the same at every call.
-
-        The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
-        """
+        """Return equally likely noises, the same at every call."""
         few = round(self._share * count)
         others = self.other._own(few) if self.other and few else []
         return [*self._own(count - few), *others]
@@ -141,10 +138,7 @@ class Dwells:
         return points, variances, weights / weights.sum()
 
     def _proposed(self) -> tuple[Array, Array]:
-        """Return points (n, 2) about the mode and all over the prior, and their density.
-
-        Those of the prior are within the bounds, however little room these leave.
-        """
+        """Return points (n, 2) about the mode and all over the prior, and their density."""
         from scipy.stats import qmc, truncnorm
 
         mode, root = np.array([self.ratio, self.tau]), self._spread()
@@ -175,10 +169,7 @@ class Dwells:
         )
 
     def _spread(self) -> Array:
-        """Square root (2, 2) of the covariance at the mode; wide in directions left open.
-
-        Bounds count as what they say: a range is a uniform distribution, with its own variance.
-        """
+        """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
         mode, ranges = np.array([self.ratio, self.tau]), self.bounds[1] - self.bounds[0]
         room = np.minimum(_STEP, 0.5 * ranges)
         mode = np.clip(mode, self.bounds[0] + room, self.bounds[1] - room)

@@ -44,13 +44,7 @@ HIDDEN = by_name(
 
 
 def effect_class(name: str) -> type[Effect]:
-    """Return the class of the effect with this name.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the class of the effect with this name."""
     if name not in HIDDEN:
         raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(HIDDEN)}")
     return HIDDEN[name]

@@ -39,28 +39,7 @@ def draw_effect(
     constants: Constants | None = None,
     protocol: Protocol | None = None,
 ) -> Effect:
-    """Draw an effect whose largest contribution to the force in a study is `size` of the peak.
-
-    The contribution is measured in trial runs of six tests with the effect and without. Where
-    an effect cannot be that large, such as a fast extra mode at slow rates, it is as large as it
-    sensibly gets. Signs are random where both are physical.
-
-    Parameters
-    ----------
-    kind : name of a listed effect, or the class of any
-    rng : source of all randomness
-    pad_peak_force : N, largest force of the pad in the study
-    depth, top_speed : of the study, mm and mm/s
-    size : share of the peak force
-    constants : of the pad; without, a pad like the paper's B of the same peak force
-    protocol : of the tests; without, the paper's, or two full retractions for the effects that
-        show on the way back only (softening and adhesion)
-
-    Raises
-    ------
-    InputError
-        Unknown name, or a number that is not above 0.
-    """
+    """Draw an effect whose largest contribution to the force in a study is `size` of the peak."""
     cls = effect_class(kind) if isinstance(kind, str) else kind
     if not min(pad_peak_force, depth, top_speed, size) > 0 or not size < 1:
         raise InputError("peak force, depth, speed and size must be above 0, and size below 1")
@@ -77,11 +56,7 @@ def draw_effect_in(
     size: float,
     rates: Sequence[float] = (),
 ) -> Effect:
-    """Draw an effect whose largest contribution to these tests of this pad is `size` of the peak.
-
-    As `draw_effect`, but of any pad in any motions (with their clocks); `rates` (1/s) are those
-    that an extra relaxation mode keeps away from.
-    """
+    """Draw an effect whose largest contribution to these tests is `size` of the peak."""
     times = tuple(_moments(motion) for motion in motions)
     forces = tuple(pad.force(p, t) for p, t in zip(motions, times, strict=True))
     peak = max(float(f.max()) for f in forces)
@@ -166,10 +141,7 @@ def _moments(platen: Motion) -> Array:
 def _sized(
     build: Callable[[float], Effect], recipe: Recipe, trial: _DrawnTests, size: float
 ) -> float:
-    """Value of the size parameter that gives the share `size`, or the cap if none does.
-
-    Regula falsi in the logarithms, starting from proportionality.
-    """
+    """Value of the size parameter that gives the share `size`, or the cap if none does."""
     value = recipe.guess
     share = trial.share(build(value))
     before: tuple[float, float] | None = None

@@ -52,11 +52,7 @@ class Mesh:
         return np.append(values[:, 0], values[-1, -1])[cell]
 
     def follow(self, rate: Array, target: Array, start: float) -> Array:
-        """Solve y' = rate (target - y), y(0) = start, by collocation of order 5 in every cell.
-
-        The equation is linear, so every cell maps its start to its nodes by y = p + g y_start:
-        all p and g at once, and then one pass over the cells.
-        """
+        """Solve y' = rate (target - y), y(0) = start, by collocation of order 5 in every cell."""
         z = self.steps[:, None] * rate[:, 1:]
         matrix = np.eye(3) + _RADAU * z[:, None, :]
         right = np.ones((z.shape[0], 3, 2))

@@ -70,13 +70,7 @@ class HiddenPad:
     settled: float = 1e-10
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N) at ascending `times` (s); continuous from the right where it jumps.
-
-        Raises
-        ------
-        InputError
-            The times are not ascending or leave the program.
-        """
+        """Force (N) at ascending `times` (s); continuous from the right where it jumps."""
         check_times(platen, times)
         late = sum(effect.late() for effect in self._nested)
         seen = np.clip(times - late, 0.0, platen.duration)
@@ -109,11 +103,7 @@ class HiddenPad:
         return np.unique(np.concatenate(levels))
 
     def _settled(self, platen: Motion, breaks: Array, seen: Array) -> tuple[Path, Array, Mesh]:
-        """Path and contact force, on a mesh that has the times `seen` among its edges.
-
-        Where contact ends is known in advance only for a stiff frame. Otherwise, and where the
-        history of the force counts, two rounds on a coarse mesh find it.
-        """
+        """Path and contact force, on a mesh that has the times `seen` among its edges."""
         guess: tuple[Array, Array] = (np.zeros(1), np.zeros(1))
         if any(effect.remembers for effect in self._nested):
             for _ in range(_SEARCHES):

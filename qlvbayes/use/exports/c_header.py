@@ -66,10 +66,7 @@ def functions_of(pad: ExportedPad) -> list[ElasticFunction]:
 
 
 def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
-    """Return what a template says of the layers: ``pieces`` is empty of a pad without effects.
-
-    Such a pad has contact only, whose header is written by hand, with slopes for Newton's method.
-    """
+    """Return what a template says of the layers: ``pieces`` is empty of a pad without effects."""
     pieces = pad.pieces if pad.effects else ()
     return {
         "loose": not pad.choices.bonded,

@@ -22,16 +22,7 @@ def error_files(
     forces: Mapping[str, Floats],
     constants: Mapping[str, float | list[float]],
 ) -> dict[str, bytes]:
-    """Return the content of ``pad_B_error.txt`` and ``pad_B_error.json``.
-
-    Parameters
-    ----------
-    forces
-        Force (n,) of each of the simulator's contacts, by a name for readers. The pad's own model,
-        which the C header, the FMU and MuJoCo's plugin contain, is listed with them.
-    constants
-        Constants of the contact, by their names with units.
-    """
+    """Return the content of ``pad_B_error.txt`` and ``pad_B_error.json``."""
     every = {**forces, _MODEL: pressed.force}
     errors = {name: pressed.errors(force) for name, force in every.items()}
     whole = {name: pressed.miss(force) for name, force in every.items()}

@@ -121,10 +121,7 @@ class Expressions:
     def from_program(
         self, program: core.ClosedJaxpr, inputs: Sequence[Expression]
     ) -> list[Expression]:
-        """Return all elements of the program's results, in order, from scalar inputs.
-
-        Raises TranslationError naming an instruction that has no expression.
-        """
+        """Return all elements of the program's results, in order, from scalar inputs."""
         rest = iter(inputs)
         shapes = [variable.aval.shape for variable in program.jaxpr.invars]
         arrays = [_array([next(rest) for _ in range(math.prod(x))], x) for x in shapes]

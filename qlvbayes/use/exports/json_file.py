@@ -44,11 +44,7 @@ class JsonFile(AbstractTarget):
 
 
 def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
-    """Return the constants of each draw.
-
-    They are the elastic constants by name, the shares c and rates v (1/s) of
-    g = c_0 + sum c e^-vt, and by name the constants of effects that are not in the relaxation.
-    """
+    """Return the constants of each draw."""
     elastic = type(pad.elastic).units
     effects = [name for piece in pad.pieces for name in piece.columns]
     columns = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))

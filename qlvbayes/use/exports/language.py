@@ -84,10 +84,7 @@ class Language(ABC):
 
     @abstractmethod
     def step(self, below: str, name: str | None, location: str, line: list[str]) -> str:
-        """Return a statement with which the layer beneath goes along a line.
-
-        Its force gets the name.
-        """
+        """Return a statement with which the layer beneath goes along a line."""
 
     @abstractmethod
     def layer(self, piece: ExportedLayer, below: str, begin: list[str], step: list[str]) -> str:

@@ -131,11 +131,7 @@ _STEP_OF_MODE = ("start", "stop", "at_start", "at_stop", "decay", "left")
 
 
 def elastic_functions(law: AbstractElastic) -> list[ElasticFunction]:
-    """Return the elastic force, the stiffness, the step of a relaxing mode and the step's slope.
-
-    The slope is that along the step's end, which Newton's method needs. Raises TranslationError
-    where the law does what no expression does.
-    """
+    """Return the elastic force, the stiffness, the step of a relaxing mode and the step's slope."""
     make = Expressions({})
     names = tuple(type(law).units)
     constants = [make.named("constant_of", name) for name in names]
@@ -174,10 +170,7 @@ def elastic_functions(law: AbstractElastic) -> list[ElasticFunction]:
 
 
 def exported_layers(model: Model) -> tuple[tuple[ExportedLayer, ...], dict[str, str]]:
-    """Return the layers that can be written out, innermost first, and why others cannot.
-
-    An effect that acts on the relaxation alone is in the spectrum already, and is neither.
-    """
+    """Return the layers that can be written out, innermost first, and why others cannot."""
     lost = without_steps(model)
     pieces: list[ExportedLayer] = []
     for layer in model.law.layers:
@@ -197,18 +190,12 @@ def in_spectrum(layer: Layer, model: Model) -> bool:
 
 
 def changed(effect: AbstractEffect, model: Model) -> Any:
-    """Return what an effect makes of the relaxation's fractions and rates.
-
-    Return None where it does more.
-    """
+    """Return what an effect makes of the relaxation's fractions and rates."""
     return jax.eval_shape(lambda law: effect.spectrum(*law.spectrum()), model.relaxation)
 
 
 def piece_of(layer: Layer) -> ExportedLayer:
-    """Return a layer's begin and step as expressions.
-
-    Raises TranslationError where they cannot be written as expressions.
-    """
+    """Return a layer's begin and step as expressions."""
     make = Expressions(_CALLS)
     if not isinstance(layer, AbstractEffect):
         return _contact(make)

@@ -43,11 +43,7 @@ class Moduli:
 
 
 def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
-    """Return E: K(0) of stress over strain, or K(0) height/area of force over displacement.
-
-    Uniaxial and at small strain. Raises InputError where the specimen's shape is wanted, or the law
-    has no stiffness at first contact.
-    """
+    """Return E: K(0) of stress over strain, or K(0) height/area of force over displacement."""
     stiffness = pad.stiffness(0.0)
     if stiffness == 0.0:
         raise InputError(

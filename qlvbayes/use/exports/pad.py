@@ -137,11 +137,7 @@ class ExportedPad:
 def read_pad(
     out: Path, name: str, *, draws: int, date: str, data: Path | None = None
 ) -> ExportedPad:
-    """Return the pad of that name from a folder of results, with a table of so many draws.
-
-    data: the file of its tests, where it is not the one that the results name. Raises InputError
-    where the folder has no fit of it, or a fit that cannot be read.
-    """
+    """Return the pad of that name from a folder of results, with a table of so many draws."""
     file = _file_of(out, name)
     saved = load(file)
     model = described_model(saved.choices)
@@ -179,10 +175,7 @@ def read_pad(
 
 
 def identifier(name: str, others: Iterable[str]) -> str:
-    """Return the name in letters and digits, distinct from that of every other pad.
-
-    Upper and lower case count as the same, for constants of C are in upper case.
-    """
+    """Return the name in letters and digits, distinct from that of every other pad."""
     stem = _word_characters(name)
     alike = [other for other in others if _word_characters(other).lower() == stem.lower()]
     if len(stem) <= _LONGEST and set(alike) <= {name}:
@@ -211,10 +204,7 @@ def _columns(saved: Saved, names: list[str]) -> np.ndarray:
 
 
 def _closest(values: np.ndarray) -> int:
-    """Return the draw closest to the medians, in standard deviations.
-
-    A real draw keeps sum c = 1.
-    """
+    """Return the draw closest to the medians, in standard deviations."""
     spread = np.std(values, axis=0)
     off = (values - np.median(values, axis=0)) / np.where(spread > 0.0, spread, 1.0)
     return int(np.argmin(np.sum(off**2, axis=1)))

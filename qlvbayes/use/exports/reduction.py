@@ -110,12 +110,7 @@ class Miss:
 
 
 def pressing(pad: ExportedPad) -> Pressing:
-    """Return the force of the middle draw, effects and all, along the pad's tests.
-
-    Where their file is not at hand: along ramps to the tested depth at the tested rates, each held
-    as long as was tested. Raises InputError where the pad has no displacement and force, or its
-    tested range is unknown.
-    """
+    """Return the force of the middle draw, effects and all, along the pad's tests."""
     if pad.units.dimensionless:
         raise InputError(
             f"pad {pad.name} has strain and stress, not displacement and force",
@@ -194,10 +189,7 @@ def _averages(model: Model, record: Record) -> Array:
 
 
 def fitted(columns: Sequence[Floats], pressed: Pressing) -> Floats:
-    """Return the factors, none below zero, that bring the columns closest to the model's force.
-
-    In the mean square, every phase of every test counting alike.
-    """
+    """Return the factors, none below zero, that bring the columns closest to the model's force."""
     root = np.sqrt(pressed.weight)
     sizes = np.array([float(np.max(np.abs(column))) for column in columns])
     matrix = np.stack([root * x / size for x, size in zip(columns, sizes, strict=True)], axis=-1)
@@ -211,11 +203,7 @@ def closest(
     low: Sequence[float] | float = 0.0,
     high: Sequence[float] | float = np.inf,
 ) -> list[float]:
-    """Return a law's constants, between two bounds, that bring it closest to the model's force.
-
-    law: force of depth, speed and the constants; start: where the search begins. In the mean
-    square, every phase of every test counting alike.
-    """
+    """Return a law's constants, between two bounds, that bring it closest to the model's force."""
     root = np.sqrt(pressed.weight)
     begin = np.maximum(start, low)
 
@@ -228,10 +216,7 @@ def closest(
 
 
 def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
-    """Return all tests of a pad as the fit saw them; else None, and why.
-
-    Raises InputError where the user names a file that is not that of the fit.
-    """
+    """Return all tests of a pad as the fit saw them; else None, and why."""
     if pad.data is None:
         if not pad.source:
             return None, "the results do not say which file was fitted"

@@ -85,10 +85,7 @@ class Hypotheses(Result, frozen=True, kw_only=True):
 def drawn_hypotheses(
     diagnosis: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
 ) -> Hypotheses:
-    """Return draws of every hypothesis in ``diagnosis.result.alternatives``, under ``choices``.
-
-    draws: of all together; a hypothesis has its share of them, and one at least.
-    """
+    """Return draws of every hypothesis in ``diagnosis.result.alternatives``, under ``choices``."""
     work, rng = diagnosis.work, np.random.default_rng(seed)
     seen = {
         (one.hypothesis.base, tuple(work.search.added(one.hypothesis))): one

@@ -22,11 +22,7 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 
 
 def read_table(path: Path, units: UnitSystem) -> Program:
-    """Read columns time_s and displacement_mm, or time_s and force_N, or other units of them.
-
-    Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises
-    InputError with file and line.
-    """
+    """Read columns time_s and displacement_mm, or time_s and force_N, or other units of them."""
     lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
     if not lines:
         raise InputError("the file is empty", file=path, remedy="write time_s,displacement_mm")
@@ -74,10 +70,7 @@ def read_table(path: Path, units: UnitSystem) -> Program:
 
 
 def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows between which it goes straight, as a rig's set-points do.
-
-    All where it does not.
-    """
+    """Return the rows between which it goes straight, as a rig's set-points do."""
     size = float(np.max(np.abs(value)))
     width = time[2:] - time[:-2]
     share = (time[1:-1] - time[:-2]) / np.where(width > 0.0, width, 1.0)

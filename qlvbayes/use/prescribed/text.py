@@ -27,14 +27,7 @@ _FORMS = (
 
 
 def parse(text: str, units: UnitSystem) -> Program:
-    """Read phrases, separated by commas; every program begins at zero, at rest.
-
-    ramp VALUE at SPEED, ramp VALUE in TIME: to that value, not by it; hold TIME; sine AMPLITUDE
-    FREQUENCY NUMBER cycles, about where it is; force is a ramp of the force. Values in mm (um, nm,
-    m; strain) prescribe the displacement, in N (mN, ...; kPa, ...) the force; all of one kind.
-
-    Raises InputError naming the word that is not understood, and what is.
-    """
+    """Read phrases, separated by commas; every program begins at zero, at rest."""
     phrases = [phrase.strip() for phrase in re.split(r"[,;\n]", text) if phrase.strip()]
     if not phrases:
         raise InputError("the program is empty", remedy=f"write {_FORMS}")
