@@ -11,7 +11,6 @@ from .constants import (
     draw_constants,
     specimens_of,
 )
-from .control import Press, hold_and_recover, press_and_pause, record_controlled
 from .creep import Load, creep_protocol, creep_study, displacement_under, prescribed, record_creep
 from .files import simulate_file, write_csv
 from .hidden import _KINDS as _EFFECTS
@@ -48,7 +47,6 @@ from .rig import (
     simulate_test,
 )
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
-from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
     "ENCODER_STEP",
@@ -70,9 +68,7 @@ __all__ = [
     "Noise",
     "Pad",
     "Platen",
-    "Press",
     "Record",
-    "Sequence",
     "SimulatedTest",
     "Step",
     "creep_protocol",
@@ -85,16 +81,11 @@ __all__ = [
     "elastic_force",
     "encode",
     "full_retraction_protocol",
-    "hold_and_recover",
-    "join_programs",
     "paper_protocol",
     "parse_effect",
     "prescribed",
-    "press_and_pause",
     "pull_off_protocol",
-    "record_controlled",
     "record_creep",
-    "record_sequence",
     "record_study",
     "record_test",
     "simulate_file",

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.controlled import Press, hold_and_recover, press_and_pause, record_controlled
 from support.posteriors import from_truth
 
 from qlvbayes import InputError
@@ -24,12 +25,8 @@ from qlvbayes.simulate import (
     Hold,
     Load,
     Move,
-    Press,
     draw_constants,
     full_retraction_protocol,
-    hold_and_recover,
-    press_and_pause,
-    record_controlled,
     simulate_test,
 )
 

@@ -7,6 +7,7 @@ from functools import cache
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.sequences import join_programs, record_sequence
 
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting import compiled
@@ -32,9 +33,7 @@ from qlvbayes.simulate import (
     Platen,
     draw_effect,
     full_retraction_protocol,
-    join_programs,
     paper_protocol,
-    record_sequence,
 )
 
 SLOW = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(3.0, 0.05))

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.controlled import press_and_pause, record_controlled
 from support.endtoend import call, one_line
 from support.hidden_pads import FEW
 
@@ -32,8 +33,6 @@ from qlvbayes.simulate import (
     TABLE_1,
     Hold,
     Move,
-    press_and_pause,
-    record_controlled,
     simulate_test,
 )
 

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
-
-from .constants import Constants
-from .creep import Load, runge_kutta
-from .platen import Hold, Move
-from .rig import SAMPLE_RATE, Record
-from .sensors import Noise, encode
+from qlvbayes.simulate.constants import Constants
+from qlvbayes.simulate.creep import Load, runge_kutta
+from qlvbayes.simulate.platen import Hold, Move
+from qlvbayes.simulate.rig import SAMPLE_RATE, Record
+from qlvbayes.simulate.sensors import Noise, encode
 
 Array = NDArray[np.float64]
 
