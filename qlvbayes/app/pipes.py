@@ -86,10 +86,7 @@ class Process:
 
 
 class Parent:
-    """Connection of a process to the server that started it.
-
-    Standard output becomes standard error, so that nothing printed is taken for an answer.
-    """
+    """Connection of a process to the server that started it."""
 
     def __init__(self) -> None:
         self._in: BinaryIO = os.fdopen(os.dup(0), "rb")

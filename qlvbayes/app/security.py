@@ -72,10 +72,7 @@ class Address:
 
 
 class RequestFilter:
-    """Filter of requests: those with the token and from the server's own page pass.
-
-    It adds the server's headers to every answer.
-    """
+    """Filter of requests: those with the token and from the server's own page pass."""
 
     def __init__(self, app: ASGIApp, *, token: str, address: Address) -> None:
         self.app = app

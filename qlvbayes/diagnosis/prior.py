@@ -14,11 +14,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 @dataclass(frozen=True)
 class Families:
-    """The families of the effects that a search may add.
-
-    A family is a candidate effect with its other forms; all are reported under the candidate's
-    name.
-    """
+    """The families of the effects that a search may add."""
 
     # name of the family of every effect; a candidate effect's family has its own name
     family_of: dict[str, str]

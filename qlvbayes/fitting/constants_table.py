@@ -30,10 +30,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """A constant of one pad: median, 90 % interval, and the reference value if there is one.
-
-    A fixed constant has an interval of zero width.
-    """
+    """A constant of one pad: median, 90 % interval, and the reference value if there is one."""
 
     pad: str
     parameter: str

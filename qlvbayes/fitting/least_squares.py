@@ -38,10 +38,7 @@ class NormalApproximation:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """The optima of several starts, best first: thetas (D,) with their sums of squares.
-
-    The sums are divided by the square of the largest measured force.
-    """
+    """The optima of several starts, best first: thetas (D,) with their sums of squares."""
 
     thetas: tuple[np.ndarray, ...]
     costs: tuple[float, ...]

@@ -24,10 +24,7 @@ _NEIGHBOURS = 0.1  # share of the draws that shape a kernel
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mixture of equally weighted t kernels at ``centres`` (K, D) with ``roots`` (K, D, D).
-
-    A root is the lower Cholesky factor of its kernel's scale matrix.
-    """
+    """A mixture of equally weighted t kernels at ``centres`` (K, D) with ``roots`` (K, D, D)."""
 
     centres: np.ndarray
     roots: np.ndarray

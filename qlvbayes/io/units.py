@@ -185,10 +185,7 @@ def _decades(unit: str, other: str) -> int:
 
 @dataclass(frozen=True)
 class Scale:
-    """Exact ratio of two units: one of the column's units is up/down of another one.
-
-    Dividing by 1000 rounds once where multiplying by 0.001 would round twice.
-    """
+    """Exact ratio of two units: one of the column's units is up/down of another one."""
 
     up: int = 1
     down: int = 1

@@ -68,11 +68,7 @@ class Blocks(eqx.Module):
 
 
 class RateErrors(eqx.Module):
-    """Errors of a motion's velocity and acceleration, (E, N) each, on the grid of a record.
-
-    Each row is one standard deviation of an error that is independent of the other rows'
-    (`patherrors`); rows of zeros pad them.
-    """
+    """Errors of a motion's velocity and acceleration, (E, N) each, on the grid of a record."""
 
     velocity: Array
     acceleration: Array

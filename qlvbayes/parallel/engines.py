@@ -54,10 +54,7 @@ class Engine(Protocol):
 
 
 class Processes:
-    """Spawned interpreters, never forked ones, because JAX has threads.
-
-    They end with this process, however it ends.
-    """
+    """Spawned interpreters, never forked ones, because JAX has threads."""
 
     shares_disk = True
 

@@ -16,10 +16,7 @@ from qlvbayes.motion.firstlook import FirstLook
 
 
 class Watcher:
-    """Receiver of a report on each step of a study; this class ignores all of them.
-
-    Override the methods that you want to see. No return value changes the results.
-    """
+    """Receiver of a report on each step of a study; this class ignores all of them."""
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """Begin something that takes a while; yield a function that receives details."""

@@ -22,10 +22,7 @@ _DEPENDENT = 1e-9  # of the largest singular value, below which others span a di
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A model with the posterior distribution of its constants after the tests that were done.
-
-    Its F free parameters z are independent and standard normal.
-    """
+    """A model with the posterior distribution of its constants after the tests that were done."""
 
     words: str  # its laws and effects in words
     probability: float

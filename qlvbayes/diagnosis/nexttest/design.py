@@ -148,11 +148,7 @@ def _between(low: float, high: float, share: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class RecoveryTime:
-    r"""The time for which a pad must rest after a test until the force of it has died away.
-
-    After a press of duration D, the share of the force that is still there after a rest t is the
-    sum over all relaxation modes of c (1 - e^{-v D}) e^{-v t}.
-    """
+    r"""The time for which a pad must rest after a test until the force of it has died away."""
 
     # fractions c (L,) and rates v (L,) in 1/s of every explanation
     spectra: tuple[tuple[Array, Array], ...]

@@ -79,11 +79,7 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
 
 
 class _OutlyingReadings:
-    """The readings of each channel of a test that are outlying within that channel alone.
-
-    Where the user leaves out the force, a straight line takes its place between the readings
-    before and after; the force itself is looked at without these.
-    """
+    """The readings of each channel of a test that are outlying within that channel alone."""
 
     def __init__(self, test: Test, ticking: NDArray[np.intp]) -> None:
         self.ticking = ticking  # of the readings whose clock ticks

@@ -26,11 +26,7 @@ _FIRST_CELL = 1e-6  # share of a stretch
 
 @dataclass(frozen=True)
 class Mesh:
-    """Cells between ascending `edges` (s), each with its start and the three nodes of Radau IIA.
-
-    Values at the nodes have shape (cells, 4). The start of a cell and the end of the one before
-    are the same moment seen from the right and from the left.
-    """
+    """Cells between ascending `edges` (s), each with its start and the three nodes of Radau IIA."""
 
     edges: Array
 
