@@ -11,9 +11,8 @@ from jaxtyping import Array
 
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.motion.record import Blocks, Record
+from qlvbayes.motion.record import Record
 
 
 @jax.jit
@@ -99,16 +98,6 @@ def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
 def predictions(posterior: Posterior, constants: Array) -> Array:
     """Return block means (W, T, B) predicted by constants (W, P), without noise."""
     return jax.vmap(lambda x: posterior.predict_with(posterior.with_constants(x)[0]))(constants)
-
-
-@jax.jit
-def noise_draws(noise: AbstractNoise, blocks: Blocks, keys: Array) -> Array:
-    """Return realisations (W, T, B) of one noise model, with a random key each."""
-
-    def one(key: Array) -> Array:
-        return jax.vmap(noise.draw)(jax.random.split(key, blocks.force.shape[0]), blocks)
-
-    return jax.vmap(one)(keys)
 
 
 def in_batches(

@@ -87,17 +87,6 @@ class Record(eqx.Module):
         """Return the block means (B,) of a force (N,) on the grid."""
         return 0.5 * (force[self.nodes[:, 0]] + force[self.nodes[:, 1]])
 
-    def rate_sds(self) -> tuple[Array, Array]:
-        """Return the sds (B,) of each block's mean velocity (mm/s) and acceleration (mm/s2)."""
-        if self.errors is None:
-            none = held(np.zeros(self.nodes.shape[0]))
-            return none, none
-
-        def sd(rows: Array) -> Array:
-            return jnp.sqrt(jnp.sum(jax.vmap(self.average)(rows) ** 2, axis=0))
-
-        return sd(self.errors.velocity), sd(self.errors.acceleration)
-
 
 def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     """Stack records along a leading axis; the last grid point and masked blocks pad them."""

@@ -19,7 +19,7 @@ from qlvbayes.motion.grid import grid_times, path_at
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.past import EarlierMotion
 from qlvbayes.motion.patherrors import path_errors
-from qlvbayes.motion.phases import MOVING, Phase, find_phases
+from qlvbayes.motion.phases import MOVING, Phase
 from qlvbayes.motion.record import Blocks, RateErrors, Record, held, padded_size
 from qlvbayes.motion.timing import off_kinks, timing_sd
 from qlvbayes.motion.trajectory import Trajectory
@@ -168,14 +168,6 @@ def _rate_errors(test: Test, trajectory: Trajectory, grid: np.ndarray) -> RateEr
     read = np.isin(test.time, trajectory.read_times(test.time))
     found = path_errors(test.time[read], test.displacement[read], trajectory, grid)
     return RateErrors(held(found.velocity), held(found.acceleration))
-
-
-def planned_record(
-    trajectory: Trajectory, time: np.ndarray, *, start: float, blocks: bool = True
-) -> Record:
-    """Return the record of a test that is not done yet, with zero force; see ``reduce_test``."""
-    test = Test("", "", time, trajectory.displacement(time), np.zeros_like(time))
-    return reduce_test(test, trajectory, find_phases(trajectory), start=start, blocks=blocks)
 
 
 def _grid(

@@ -1,6 +1,7 @@
 """What errors of the motion make of the force of inertia, drags and ringing."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.motions import constant_jerk, read, sampled
@@ -85,7 +86,11 @@ def test_the_force_of_a_mass_is_off_by_the_mass_times_the_error_of_the_accelerat
     space, whitener
 ):
     columns, _ = columns_of(space, whitener, "inertia", inertia__mass=MASS)
-    _, sds = jax.vmap(lambda record: record.rate_sds())(space.record)
+    sds = jax.vmap(
+        lambda record: jnp.sqrt(
+            jnp.sum(jax.vmap(record.average)(record.errors.acceleration) ** 2, axis=0)
+        )
+    )(space.record)
     stated = np.sqrt(np.sum(columns**2, axis=0))
     expected = MASS * np.where(space.real, np.asarray(sds), 0.0)
     np.testing.assert_allclose(stated, expected, atol=0.3 * NOISE)

@@ -11,15 +11,17 @@ import numpy as np
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space, in_natural_amplitude
+from qlvbayes.io.data import Test
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.noise import AbstractNoise, Correlated
+from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.record import Record, batch
-from qlvbayes.motion.reduction import planned_record
+from qlvbayes.motion.reduction import reduce_test
 from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.priors.natural import in_quadratic_coordinates
@@ -96,7 +98,9 @@ def _path(rate: float, back: float) -> Trajectory:
 
 
 def _record(path: Trajectory, start: float) -> Record:
-    return planned_record(path, _times(path), start=start, blocks=False)
+    time = _times(path)
+    test = Test("", "", time, path.displacement(time), np.zeros_like(time))
+    return reduce_test(test, path, find_phases(path), start=start, blocks=False)
 
 
 def _times(path: Trajectory) -> np.ndarray:

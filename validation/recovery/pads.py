@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.whitening import Whitener
@@ -144,12 +143,17 @@ class Pads:
         )
         record, peak = self.space.record, bench().scales.force
         key = jax.random.key(int(rng.integers(2**31)))
-        errors = np.asarray(compiled.noise_draws(noise, record.blocks, key[None])[0])
+        keys = jax.random.split(key, record.blocks.force.shape[0])
+        errors = np.asarray(
+            jax.jit(jax.vmap(type(noise).draw, (None, 0, 0)))(noise, keys, record.blocks)
+        )
         forces = self.space.forces(self.own.hypothesis, constants)[0] + errors
         floor = NoiseFloor(float(noise.white), float(noise.ou), float(noise.tau))
         whitener = Whitener.from_floor(floor, record.blocks, peak)
         none = Discrepancy.none(whitener, peak)
-        return Density(self.space.with_forces(forces), whitener, none)
+        measured = eqx.tree_at(lambda r: r.blocks.force, record, jnp.asarray(forces))
+        space = replace(self.space, record=measured, _cache={}, _chains={})
+        return Density(space, whitener, none)
 
     def _sampled(self, density: Density, rng: np.random.Generator) -> ImportanceSample:
         """Sample from clouds about the modes and between slices; every amplitude counts."""

@@ -67,11 +67,6 @@ class Space:
         laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
         return replace(self, effects=effects, _cache={}, _chains={}, _draws=laws)
 
-    def with_forces(self, forces: Array) -> Space:
-        """Return the space about other block means (T, B) of the force (N)."""
-        record = eqx.tree_at(lambda r: r.blocks.force, self.record, jnp.asarray(forces))
-        return replace(self, record=record, _cache={}, _chains={})
-
     @cached_property
     def real(self) -> NDArray[np.bool_]:
         """Return a mask (T, B) of the blocks that are not padding."""

@@ -21,7 +21,6 @@ from qlvbayes.io.units import (
 
 LABELS = ("pad", "fluid", "test", "role", "control", "use", "contact_stage")
 _OTHER_NAMES = {"group": "fluid"}
-_OPTIONAL = ("force_sd", "stress_sd", "start", "rate", "contact_sd")
 # The longer name first: force_sd_N is not force in 'sd_N'.
 _QUANTITIES = sorted(SUFFIXES, key=len, reverse=True)
 _COUNTERPART = {
