@@ -384,7 +384,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
-    taken = {*d.tried, *d.group, "none", *(one.effect for one in d.not_identifiable)}
+    taken = {*d.tried, *d.effects, *d.group, "none", *(one.effect for one in d.not_identifiable)}
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []
