@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= results
+FULL ?=# 1 for the published sizes of `make validate`
 RECORDS ?=# folders of CSV files that `make validate` fits beside simulated pads
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
@@ -32,23 +33,22 @@ check: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/run.py
 
+# the sizes of a run of two hours, and with FULL=1 those that docs/reliability.md publishes
+size = $(if $(FULL),$(2),$(1))
+
 validate: $(VENV)/installed-dev
 	$(PYTEST) -m slow
-	$(BIN)/python validation/quoted.py
 	$(BIN)/python validation/exported.py data/hidden.csv -o docs/exports.md
-	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
-	$(BIN)/python validation/ranks.py --fits 200 --broken jacobian --noise correlated
-	$(BIN)/python validation/ranks.py --fits 200 --broken noise --noise correlated
-	$(BIN)/python validation/ranks.py --fits 200 -o docs/validation.md
-	$(BIN)/python validation/endurance.py kills --count 50
-	$(BIN)/python validation/endurance.py inputs --count 100000
-	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
-	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
-	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
-	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
-	$(BIN)/python validation/design_error.py --pads 24 --seed 1 -o docs/design_error.md
-	-$(BIN)/qlvbayes benchmark --studies 200 --seed 518 --jobs 2 -o build/validation/benchmark
-	$(BIN)/python validation/rig.py build/validation/benchmark --commit $$(git rev-parse --short HEAD)
+	$(BIN)/python validation/coverage.py --fits $(call size,40,80)
+	$(BIN)/python validation/ranks.py --seed 2 --fits $(call size,40,200) --broken-fits $(call size,40,100)
+	$(BIN)/python validation/pairs.py --pairs $(call size,20,40)
+	$(BIN)/python validation/adequacy.py --pads $(call size,40,300)
+	$(BIN)/python validation/budget.py $(RECORDS) --pads $(call size,6,54)
+	$(BIN)/python validation/modes.py --pads $(call size,2,40) --sets $(call size,3,10)
+	$(BIN)/python validation/endurance.py kills --count $(call size,10,50)
+	$(BIN)/python validation/endurance.py inputs --count $(call size,1000,6500)
+	$(BIN)/python validation/wide.py repeated --again --paper --seed 518 --studies $(call size,18,200) --note "the present version"
+	$(BIN)/python validation/reliability.py
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py

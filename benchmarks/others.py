@@ -356,7 +356,7 @@ def section(share=1.0):
     """Markdown: samplers with a picture of them, least squares, evidences."""
     runs = measured(SAMPLERS, share)
     speeds = rates(runs)
-    draw(speeds, ROOT / "docs" / "pictures" / "samplers.png")
+    draw(speeds, ROOT / "benchmarks" / "samplers.png")
     samplers = "\n".join(
         f"| {name} | {one['ess'][1]:.0f} | {one['again_s']:.1f} | "
         f"{speeds[name][0]:.1f} | {speeds[name][1]:.1f} |"
@@ -379,7 +379,7 @@ is compiled*: in a process that has compiled nothing before.
 |---|---:|---:|---:|---:|
 {samplers}
 
-![Effective samples a second of each sampler](pictures/samplers.png)
+![Effective samples a second of each sampler](samplers.png)
 
 {_least_squares(share)}
 

@@ -1,4 +1,4 @@
-"""Run all benchmarks, or some sections, and write docs/performance.md: `make bench`.
+"""Run all benchmarks, or some sections, and write benchmarks/results.md: `make bench`.
 
 Sections that are not run stay as they are on the page.
 """
@@ -44,7 +44,7 @@ def main():
     print(PAGE)
 
 
-PAGE = Path("docs/performance.md")
+PAGE = Path("benchmarks/results.md")
 HEADING = """# Performance
 
 Measured by `make bench`, section by section. Times are medians; a ratio compares two things

@@ -1,55 +1,67 @@
-"""Are adequacy p-values uniform on right models, whatever the noise? Writes a page.
+"""Are adequacy p-values uniform on right models, whatever the noise?
 
-Interrupted, it goes on where it was: finished pads lie in build/validation.
+Pads with nothing hidden are read with noise of eight kinds and fitted with the right model
+(`adequacy_pads`). Interrupted, it goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
-from pathlib import Path
+from collections.abc import Sequence
+from functools import cache, partial
 
+import numpy as np
 from adequacy_pads import KINDS, Bench
-from adequacy_page import write
-from coverage import progress
-from page import Origin
+from results import JOBS, Origin, Table, finished
+from scipy.stats import binomtest, kstest
 
-from qlvbayes.evaluation.store import Store, code_digest
-
-ROOT = Path(__file__).resolve().parents[1]
+LEVELS = (0.01, 0.05, 0.95, 0.99)
+"""Of p-values, whose tails are counted."""
+COLUMNS = (
+    "noise", "pads", "KS", "below 0.01", "below 0.05", "above 0.95", "above 0.99",
+    "alarms of `check`",
+)  # fmt: skip
 
 
 def main() -> None:
-    options = _options()
-    command = shlex.join([".venv/bin/python", "validation/adequacy.py", *sys.argv[1:]])
-    origin = Origin.now(command, ROOT)
-    folder = ROOT / "build" / "validation" / code_digest()
-    results = {kind: _of_kind(kind, options, folder) for kind in options.kinds.split(",")}
-    write(options.output, results, origin)
-    print(options.output)
-
-
-def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pads", type=int, default=300, help="empty pads of each kind of noise")
     parser.add_argument("--seed", type=int, default=1, help="decides all pads and their noise")
-    parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of noise, by letter")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "adequacy.md")
-    return parser.parse_args()
+    parser.add_argument("--jobs", type=int, default=JOBS)
+    options = parser.parse_args()
+    origin, rows = Origin.now(), []
+    for letter, kind in KINDS.items():
+        pads = options.pads if kind.noisy else min(options.pads, kind.pads)
+        name, study = f"adequacy-{letter}-seed{options.seed}", partial(run, letter, options.seed)
+        rows.append(row(letter, finished(name, study, range(pads), options.jobs)))
+    Table(origin, options.pads, COLUMNS, rows).write("adequacy")
 
 
-def _of_kind(kind: str, options: argparse.Namespace, folder: Path) -> list[dict]:
-    """Test the pads that are not on disk yet."""
-    store = Store(folder / f"adequacy-{kind}-seed{options.seed}.jsonl")
-    pads = options.pads if KINDS[kind].noisy else min(options.pads, KINDS[kind].pads)
-    missing = [index for index in range(pads) if index not in store.cases]
-    if missing:
-        bench = Bench(kind, options.seed)
-        with progress() as bar:
-            for index in bar.track(missing, description=KINDS[kind].words):
-                store.add(bench.run(index))
-    return store.first(pads)
+def run(letter: str, seed: int, index: int) -> dict:
+    """Return one pad's p-values."""
+    return _bench(letter, seed).run(index)
+
+
+@cache
+def _bench(letter: str, seed: int) -> Bench:
+    return Bench(letter, seed)
+
+
+def row(letter: str, pads: Sequence[dict]) -> list[str]:
+    """Return the row of a kind of noise."""
+    ps = np.array([pad["p"] for pad in pads])
+    tails = [_share(int(np.sum(ps < x if x < 0.5 else ps > x)), ps.size) for x in LEVELS]
+    alarms = sum(pad["alarm"] for pad in pads)
+    most = binomtest(alarms, ps.size, alternative="less").proportion_ci().high
+    return [
+        f"({letter}) {KINDS[letter].words}", str(ps.size), f"{kstest(ps, 'uniform').pvalue:.2g}",
+        *tails, f"{alarms / ps.size:.1%} (at most {most:.1%})",
+    ]  # fmt: skip
+
+
+def _share(count: int, size: int) -> str:
+    bounds = binomtest(count, size).proportion_ci()
+    return f"{count / size:.1%} ({bounds.low:.1%} to {bounds.high:.1%})"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Does what is fitted follow the readings? Three checks of records and simulated pads; a page.
+"""Does what is fitted follow the readings? Three checks of records and simulated pads.
 
 (a) The root mean square of what a fit leaves of the block means is at most 1.05 times that of least
 squares of the same model on the same block means: of the plain model, and of the answer's.
@@ -7,14 +7,13 @@ lowers the error on tests left out by more than its standard error (paired, over
 counted).
 
 Every CSV file of the folders given counts by its folder's name, pads of the wide population by what
-is hidden. Interrupted, the same command goes on where it was; `--finished` writes what there is.
+is hidden. Interrupted, the same command goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,54 +21,54 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from budget_page import budget_page
-from page import Origin
-from starts import around
+from blind.case import THRESHOLDS
+from blind.counting import Case
+from blind.population import Population
+from blind.study import make_study
+from numpy.typing import NDArray
+from results import JOBS, Origin, Table, finished
 
-from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.evaluation.case import THRESHOLDS
-from qlvbayes.evaluation.counting import Case
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.store import Store, run_missing, store_path
-from qlvbayes.evaluation.study import make_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior, separated_start
 from qlvbayes.fitting.optimum import least_squares_points
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode, rough_mode
 from qlvbayes.io.data import Pad, read_measurements
-from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.parallel.engines import opened_engine
 
-ROOT = Path(__file__).resolve().parents[1]
+_FAR = 0.2  # of a number's natural length, one sd, by which starts near a fit lie off it
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule
 _ROUNDING = 1e-3  # share by which an error may rise from step to step
 
+Array = NDArray[np.float64]
 Make = Callable[[], Pad]
+
+
+MOST = 1.05
+"""Times what least squares leaves."""
+_FITS = ("plain", "answer", "fit")
+COLUMNS = (
+    "kind", "pads", "plain", "most", "answer", "most", "fit", "most", "rises", "most", "lowers",
+    "failed",
+)  # fmt: skip
 
 
 def main() -> None:
     options = _options()
+    origin = Origin.now()
     pads = dict(_recorded(options.folders)) | dict(_simulated(options.seed, options.pads))
-    store = Store(store_path(ROOT / "build" / "validation", "budget"), "budget")
-    if not options.finished:
-        check = partial(_checked, pads, options.bonded.split(","))
-        with opened_engine(options.jobs) as engine, counting("pads") as report:
-            run_missing(check, store, pads, report, engine)
-    found = [store.cases[name] for name in pads if name in store.cases]
-    command = shlex.join([".venv/bin/python", "validation/budget.py", *sys.argv[1:]])
-    origin = Origin.now(command, ROOT)
-    write_whole(options.output, budget_page(found, len(pads), origin).encode())
-    write_json(options.output.with_suffix(".json"), {"schema": 1, "cases": found})
-    print(options.output)
+    check = partial(_checked, pads, options.bonded.split(","))
+    found = finished("budget", check, list(pads), options.jobs)
+    Table(origin, len(found), COLUMNS, rows(found), [_worst(found)]).write("budget")
 
 
 def _options() -> argparse.Namespace:
@@ -80,10 +79,40 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--bonded", default="adhesive_shear", help="files whose specimens are fixed to the platen"
     )
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--finished", action="store_true", help="write the page, run nothing")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "budget.md")
+    parser.add_argument("--jobs", type=int, default=JOBS, help="processes")
     return parser.parse_args()
+
+
+def rows(found: Sequence[Case]) -> list[list[str]]:
+    """Return a row for each kind of pad, and one for all."""
+    kinds = list(dict.fromkeys(case["kind"] for case in found))
+    groups = [(kind, [case for case in found if case["kind"] == kind]) for kind in kinds]
+    return [_row(kind, some) for kind, some in [*groups, ("all", found)]]
+
+
+def _row(kind: str, every: Sequence[Case]) -> list[str]:
+    some = [case for case in every if "error" not in case]
+    cells = [kind, str(len(every))]
+    for key in _FITS:
+        ratios = [case[key]["ratio"] for case in some]
+        cells += [str(sum(ratio > MOST for ratio in ratios)), f"{max(ratios, default=1.0):.2f}"]
+    rising = [max(case["rises"]) for case in some if case["rises"]]
+    cells += [str(len(rising)), f"{max(rising, default=1.0):.2f}"]
+    tested = [one for case in some for one in case["lowered"] if one["error_N2"] is not None]
+    lowers = sum(one["fall_N2"] > one["error_N2"] for one in tested)
+    return [*cells, f"{lowers} of {len(tested)}", str(len(every) - len(some))]
+
+
+def _worst(found: Sequence[Case]) -> str:
+    """Return a sentence with the pad whose answer leaves most, and those that failed."""
+    failed = [f"{case['index']} failed ({case['error']})." for case in found if "error" in case]
+    sound = [case for case in found if "error" not in case]
+    if not sound:
+        return " ".join(failed)
+    most = max(sound, key=lambda case: float(case["answer"]["ratio"]))
+    named = " + ".join(most["effects"]) or "nothing"
+    worst = f"The answer that leaves most is that of {most['index']} ({most['verdict']}: {named})."
+    return " ".join([worst, *failed])
 
 
 def _recorded(folders: Sequence[Path]) -> list[tuple[str, Make]]:
@@ -116,7 +145,7 @@ def _made(population: Population, index: int) -> Pad:
 
 def _checked(pads: dict[str, Make], bonded: Sequence[str], name: str) -> Case:
     """All three checks of one pad."""
-    found: Case = {"plan": "budget", "index": name, "kind": name.split("/")[0]}
+    found: Case = {"index": name, "kind": name.split("/")[0]}
     try:
         pad = pads[name]()
         fixed = pad.units.bonded_default or name.split("/")[1] in bonded
@@ -181,6 +210,21 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     starts += [rough.point.theta] if rough else []
     modes = [find_mode(white, hypothesis, start) for start in starts]
     return min([rms, *(_rms(density, mode.point) for mode in modes if mode)])
+
+
+def around(
+    space: Space, hypothesis: Hypothesis, theta: Array, *, redrawn: int, moved: int, seed: int = 0
+) -> list[Array]:
+    """Return theta (F,), some with the relaxation drawn anew, and some with all moved."""
+    own = space.parameters(hypothesis)
+    found = [own.within(theta)]
+    relaxing = space.indices_of(hypothesis, "relaxation")
+    for drawn in space.draws_of(hypothesis, "relaxation")[:redrawn]:
+        start = found[0].copy()
+        start[relaxing] = drawn
+        found.append(start)
+    steps = np.random.default_rng(seed).standard_normal((moved, own.size))
+    return found + list(own.within(theta + _FAR * own.length * steps))
 
 
 def _rms(density: Density, point: Point) -> float:

@@ -95,8 +95,3 @@ def predicted(fits: Sequence[dict], phase: str) -> tuple[float, float] | None:
 def converged(fits: Sequence[dict]) -> float:
     """Share of fits whose sampling nothing speaks against."""
     return float(np.mean([fit["converged"] for fit in fits]))
-
-
-def seconds(fits: Sequence[dict]) -> float:
-    """Median wall time of a fit."""
-    return float(np.median([fit["seconds"] for fit in fits]))

@@ -1,33 +1,34 @@
 """Learn how often an effect with such evidence is there, from registered blind studies.
 
-`certainty.py RUN RUN ... -o docs/certainty.md` reads docs/wide_RUN.json, learns the weights of
-`qlvbayes/diagnosis/certainty.py`, writes them with their provenance to certainty.json next to it,
-and a page with what they are worth on studies that they were not learnt from.
+`certainty.py RUN RUN ...` reads the studies of runs in validation/results, learns the weights of
+`qlvbayes/diagnosis/certainty.py`, and writes them with their provenance to certainty.json next to
+it. What they are worth on studies that they were not learnt from is in docs/reliability.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from blind.counting import Case, has_failed, true_names
+from msgspec import structs
 from numpy.typing import NDArray
-from page import Origin
+from results import share
+from runs import read_cases
 from scipy.stats import beta
 
 import qlvbayes.diagnosis.certainty as package
-from qlvbayes.diagnosis.certainty import FEATURES, LEAST, features
+from qlvbayes.diagnosis.certainty import LEAST, features
 from qlvbayes.diagnosis.result import Support
-from qlvbayes.evaluation.counting import Case, true_names
-from qlvbayes.io.files import write_json, write_whole
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.io.files import write_json
 
-ROOT = Path(__file__).resolve().parents[1]
 Array = NDArray[np.float64]
 
 FOLDS = 10
@@ -36,40 +37,6 @@ EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 """Of the bins of certainty: fifths, the last one halved where names are given."""
 _RIDGE = 1.0  # penalty on a weight of a standardised feature: as one more study each way
 _STEPS = 50  # of Newton's method, which ends in under ten
-
-_HEAD = """# Validation: does certainty keep its word?
-
-The posterior over hypotheses takes what is missing to be one of them. `certainty` in
-`diagnosis.json` corrects it by what happened in {studies} registered blind studies ({runs}), in
-which {names} effects had a probability of {least:.0%} or more: it is a logistic regression on
-{count} features of a diagnosis that is finished ({features}).
-A name counts as right by the rules of the count of those runs. Here each study's names have the
-certainty that the other nine tenths of the studies give.
-
-| | |
-|---|---|
-| command | `{command}` |
-| date, commit | {date}, {commit} |
-| machine | {machine} |
-
-| certainty | names | there | 95 % bounds | mean certainty |
-|---|---|---|---|---|
-{table}
-
-Mean log loss of a name, in nats: **{loss:.3f}**; of the posterior probability itself
-{stated:.3f}, of one share for all {share:.3f}. An effect with a feature outside of the range seen
-in the studies has no certainty.
-
-An earlier certainty was learnt on the runs [bounds](wide_bounds.md) and [beam](wide_beam.md), from
-four features that the answer alone has. On the run *support*, from which none of it was learnt, it
-kept its word: of 87 names with a certainty of 0.9 or more 82 were there, of 26 between 0.8 and 0.9
-23, of 75 between 0.6 and 0.8 49, of 81 between 0.4 and 0.6 31, of 95 between 0.2 and 0.4 31, and of
-45 below 7. Its mean log loss there was 0.515, and 1.999 of the probability itself.
-
-| feature | lowest | highest | weight |
-|---|---|---|---|
-{weights}
-"""
 
 
 @dataclass(frozen=True)
@@ -84,20 +51,9 @@ class Name:
     there: bool
 
 
-def runs_asked_for(description: str | None, page: str) -> tuple[dict[str, list[Case]], Path]:
-    """Return the studies of each run on the command line that could be seen, and the output."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / page)
-    options = parser.parse_args()
-    return {run: seen_cases(run) for run in options.runs}, options.output
-
-
-def seen_cases(run: str) -> list[Case]:
-    """Return the published studies of a run that could be seen and were diagnosed."""
-    text = (ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8")
-    cases = json.loads(text)["cases"]
-    return [case for case in cases if case.get("seen") and case.get("stages")]
+def diagnosed(run: str) -> list[Case]:
+    """Return the studies of a run that could be seen and in which the program did not stop."""
+    return [case for case in read_cases(run) if case["seen"] and not has_failed(case)]
 
 
 def names_of(run: str, cases: Sequence[Case]) -> Iterator[Name]:
@@ -108,8 +64,14 @@ def names_of(run: str, cases: Sequence[Case]) -> Iterator[Name]:
             factor, support = case["log_bayes_factors"].get(effect), case["support"].get(effect)
             if stated < LEAST or factor is None or support is None:
                 continue
-            x = features(factor, Support(**support))
+            x = features(factor, stored_support(support))
             yield Name(run, case["index"], effect, x, stated, effect in there)
+
+
+def stored_support(support: Mapping[str, Any]) -> Support:
+    """Return the support of a stored study; what earlier versions measured besides is left out."""
+    known = {field.name for field in structs.fields(Support)}
+    return Support(**{"heldout": None} | {k: v for k, v in support.items() if k in known})
 
 
 def learnt(x: Array, there: Array) -> Array:
@@ -176,49 +138,58 @@ def _bounds(right: int, count: int) -> str:
     return f"{low:.0%} to {high:.0%}"
 
 
-def rows(certainties: Array, there: Array) -> list[str]:
+def rows(certainties: Array, there: Array) -> list[list[str]]:
     """Return the rows of the table of bins: names, those there with bounds, mean certainty."""
     return [
-        f"| {low:.1f} to {high:.1f} | {count} | {right} ({right / count:.0%}) | "
-        f"{_bounds(right, count)} | {mean:.2f} |"
-        for low, high, count, right, mean in bins(certainties, there)
+        [f"{low:.1f} to {high:.1f}", str(n), share(right, n), _bounds(right, n), f"{mean:.2f}"]
+        for low, high, n, right, mean in bins(certainties, there)
     ]
 
 
-def page(names: Sequence[Name], weights: Array, command: str) -> str:
-    """The page."""
-    x, there = columns(names)
-    found = left_out(names)
-    runs = list(dict.fromkeys(name.run for name in names))
-    origin = Origin.now(command, ROOT)
-    about = zip(FEATURES, x.min(axis=0), x.max(axis=0), weights[1:], strict=True)
-    return _HEAD.format(
-        studies=len({(name.run, name.study) for name in names}),
-        runs=", ".join(f"[{run}](wide_{run}.md)" for run in runs),
-        names=len(names),
-        least=LEAST,
-        count=len(FEATURES),
-        features=", ".join(f"`{name}`" for name in FEATURES),
-        command=command,
-        date=origin.date,
-        commit=origin.commit,
-        machine=origin.machine,
-        table="\n".join(rows(found, there)),
-        loss=loss(found, there),
-        stated=loss(np.array([name.stated for name in names]), there),
-        share=loss(np.full(len(names), there.mean()), there),
-        weights="\n".join(f"| {n} | {a:.2f} | {b:.2f} | {w:.2f} |" for n, a, b, w in about),
-    )
+def confirmed(case: Case, certainty: Mapping[str, float]) -> Case:
+    """Return a case with the names of the present rule: by probability and certainty alone.
+
+    What a name that is taken back explained is then explained by nothing. `certainty` is that of
+    each effect that is likely.
+    """
+    settings = DiagnosisSettings()
+    likely = [one for one, p in case["probabilities"].items() if p >= settings.named]
+    kept = [
+        one for one in likely if one != "none" and certainty.get(one, 1.0) >= settings.confirmed
+    ]
+    named = [name for name in case["effects"] if name not in case["group"]]
+    if set(kept) == set(named):
+        return case
+    sound = case["verdict"] in ("adequate", "missing_effect") and set(named) <= set(kept)
+    verdict = "missing_effect" if sound else "partly_explained" if kept else "unexplained"
+    return case | {"verdict": verdict, "effects": kept, "group": []}
+
+
+def confirmed_cases(run: str) -> list[Case]:
+    """Return the diagnosed studies of a run by that rule, each by the certainty of the others."""
+    cases = diagnosed(run)
+    names = list(names_of(run, cases))
+    own: dict[int, dict[str, float]] = {}
+    for name, value in zip(names, left_out(names).tolist(), strict=True):
+        own.setdefault(name.study, {})[name.effect] = value
+    return [confirmed(case, own.get(case["index"], {})) for case in cases]
 
 
 def main() -> int:
-    """Learn, write the weights and the page."""
-    runs, output = runs_asked_for(__doc__, "certainty.md")
-    names = [name for run, cases in runs.items() for name in names_of(run, cases)]
+    """Learn, and write the weights."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
+    runs = parser.parse_args().runs
+    write_json(Path(str(package.__file__)).with_suffix(".json"), weights_of(runs))
+    return 0
+
+
+def weights_of(runs: Sequence[str]) -> dict[str, Any]:
+    """Return what certainty.json holds when it is learnt on these runs."""
+    names = [name for run in runs for name in names_of(run, diagnosed(run))]
     x, there = columns(names)
-    weights = learnt(x, there)
-    known = {
-        "weights": weights.tolist(),
+    return {
+        "weights": learnt(x, there).tolist(),
         "low": x.min(axis=0).tolist(),
         "high": x.max(axis=0).tolist(),
         "names": len(names),
@@ -226,9 +197,6 @@ def main() -> int:
         "runs": list(runs),
         "bins": [row[:4] for row in bins(left_out(names), there)],
     }
-    write_json(Path(str(package.__file__)).with_suffix(".json"), known)
-    write_whole(output, page(names, weights, shlex.join(sys.argv)).encode())
-    return 0
 
 
 if __name__ == "__main__":

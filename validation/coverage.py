@@ -1,93 +1,77 @@
-"""Count how often the 90 % credible intervals hold the truth, on simulated pads; write a page.
+"""Count how often the 90 % credible intervals of `fit` hold the truth, on simulated pads.
 
-Interrupted, it goes on where it was: finished fits lie in build/validation.
+Interrupted, it goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import shlex
-import sys
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from functools import partial
+from math import sqrt
 
-from page import Origin, write_page
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from calibration import HIGH, LOW, alarms, calibrations, converged, predicted
+from results import JOBS, Origin, Table, finished
 from simulated_fits import Setting, run
 
-from qlvbayes.evaluation.store import Store, code_digest
-
-ROOT = Path(__file__).resolve().parents[1]
-MAIN = (Setting("white", 500), Setting("correlated", 500))
-SIDE = (Setting("correlated", None), Setting("correlated", 500, (20.0,)))
+KINDS = (Setting("white", 500), Setting("correlated", 500))
+COLUMNS = ("pads with", "constant", "in 90 %", "z mean", "z sd", "width")
+_PHASES = ("ramp", "hold", "unload", "recovery")
 
 
 def main() -> None:
-    options = _options()
-    origin = Origin.now(f".venv/bin/python {shlex.join([_name(), *sys.argv[1:]])}", ROOT)
-    plan = dict.fromkeys(MAIN, options.fits) | dict.fromkeys(SIDE, options.side_fits)
-    plan = {setting: count for setting, count in plan.items() if count > 0}
-    folder = ROOT / "build" / "validation" / code_digest()
-    results = _all_fits(plan, options.seed, folder)
-    write_page(options.output, results, origin)
-    print(options.output)
-
-
-def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=200, help="pads of each kind of noise")
-    parser.add_argument(
-        "--side-fits", type=int, default=60, help="pads with 1 kHz records, and with one test"
-    )
     parser.add_argument("--seed", type=int, default=1, help="decides all pads and their noise")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "validation.md")
-    return parser.parse_args()
+    parser.add_argument("--jobs", type=int, default=JOBS)
+    options = parser.parse_args()
+    origin = Origin.now()
+    results = {
+        setting: finished(
+            f"coverage-{setting.name}-seed{options.seed}",
+            partial(run, setting, options.seed),
+            range(options.fits),
+            options.jobs,
+        )
+        for setting in KINDS
+    }
+    table(results, origin).write("coverage")
 
 
-def _name() -> str:
-    return os.path.relpath(sys.argv[0], ROOT)
-
-
-def _all_fits(plan: dict[Setting, int], seed: int, folder: Path) -> dict[Setting, list[dict]]:
-    """Fit what is not on disk yet; the longest part of the run."""
-    store = {setting: Store(folder / f"{setting.name}-seed{seed}.jsonl") for setting in plan}
-    missing = [
-        (setting, index)
-        for setting, count in plan.items()
-        for index in range(count)
-        if index not in store[setting].cases
+def table(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> Table:
+    """Return the shares of all constants, with what is outside of the range that is asked for."""
+    size = min(map(len, results.values()))
+    rows = [
+        [
+            setting.noise, row.name, f"{row.inside:.1%} ± {row.error:.1%}", f"{row.z_mean:+.2f}",
+            f"{row.z_sd:.2f}", f"{row.width:.1%}",
+        ]
+        for setting, fits in results.items()
+        for row in calibrations(fits)
+    ]  # fmt: skip
+    off = [
+        f"{row.name} {row.inside:.1%} ({setting.noise})"
+        for setting, fits in results.items()
+        for row in calibrations(fits)
+        if not row.name.startswith("noise.") and not row.within
     ]
-    with progress() as bar:
-        task = bar.add_task("", total=len(missing))
-        for setting, index in missing:
-            bar.update(task, description=setting.describe())
-            store[setting].add(run(setting, seed, index))
-            bar.advance(task)
-    return {setting: store[setting].first(count) for setting, count in plan.items()}
+    error = sqrt(0.9 * 0.1 / size)
+    asked = f"Asked for is {LOW:.0%} to {HIGH:.0%} of every constant of the pad; "
+    asked += f"of {size} pads a share of 90 % is known to ± {error:.1%} (one sd). "
+    verdict = f"Outside of it are {', '.join(off)}." if off else "All are within it."
+    notes = [f"- {_facts(setting, fits)}" for setting, fits in results.items()]
+    return Table(origin, size, COLUMNS, rows, [asked + verdict, "", *notes])
 
 
-def progress() -> Progress:
-    """A bar on stderr; silent where that is no terminal."""
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("fits,"),
-        TimeElapsedColumn(),
-        TextColumn("gone,"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        disable=not console.is_terminal,
+def _facts(setting: Setting, fits: Sequence[dict]) -> str:
+    """Return a line with what else was found with one kind of noise."""
+    found, shares = alarms(fits), {phase: predicted(fits, phase) for phase in _PHASES}
+    seen = [f"{phase} {s[0]:.1%} ± {s[1]:.1%}" for phase, s in shares.items() if s]
+    return (
+        f"*{setting.noise}*: {setting.describe()}; {len(fits)} pads, {converged(fits):.0%} of the "
+        f"fits converged; false alarms of `check` in {found.alarmed} of {found.studies} pads "
+        f"({found.failing} of {found.cells} cells); samples of tests that were not fitted inside "
+        f"the 90 % interval: {', '.join(seen) or '-'}."
     )
 
 

@@ -6,7 +6,6 @@ refusal, is right; any other exception, more than five seconds of CPU, or the de
 is counted as a failure and its input is kept in build/endurance. `endurance.py kills --count 50`
 kills `fit`, `study` and a run of two processes with SIGKILL at random moments, up to four times in
 a row, runs the same command again, and compares all that is left with what a calm run leaves.
-Both print their counts.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import json
 import os
 import random
 import select
-import shlex
 import shutil
 import signal
 import subprocess
@@ -35,11 +33,10 @@ from types import FrameType
 import h5py
 import numpy as np
 from mutations import mutated
-from page import Origin
+from results import ROOT, Origin, Table
 
 from qlvbayes.pipeline.finished import digest_of
 
-ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "endurance"
 SLOW_S = 5.0
 """Of CPU time: a damaged file of a few hundred kilobytes that takes longer is a failure."""
@@ -139,7 +136,7 @@ def is_right(outcome: str) -> bool:
     return all(part in _RIGHT for part in outcome.split(", "))
 
 
-def results(start: int, stop: int) -> Iterator[dict]:
+def attempts(start: int, stop: int) -> Iterator[dict]:
     """Run a worker over inputs; where it dies or hangs, say so and go on behind that input."""
     while start < stop:
         command = [sys.executable, __file__, "work", str(start), str(stop)]
@@ -170,27 +167,33 @@ def _lines(pipe: int) -> Iterator[bytes]:
         yield from lines
 
 
-def run_inputs(first: int, count: int) -> None:
-    """Try so many inputs and print the counts; keep what failed.
+INPUTS = ("damaged files", "refused in one line", "read", "ended otherwise", "slowest, s of CPU")
+KILLS = ("command", "kills", "runs that ended after them", "runs that left the same files")
 
-    Where it is stopped (SIGTERM, Ctrl-C) it prints those of the inputs tried until then.
+
+def run_inputs(first: int, count: int, origin: Origin) -> None:
+    """Try so many inputs and keep their counts, and the files that failed.
+
+    Where it is stopped (SIGTERM, Ctrl-C) it keeps those of the inputs tried until then.
     """
     counts: Counter[str] = Counter()
     slowest = 0.0
     files = seeds()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with suppress(KeyboardInterrupt):
-        for result in results(first, first + count):
+        for result in attempts(first, first + count):
             counts[result["outcome"]] += 1
             slowest = max(slowest, result["s"])
             if not is_right(result["outcome"]):
                 _keep_failed(result, files)
             if sys.stderr.isatty():
                 print(f"\r{counts.total()} of {count}", end="", file=sys.stderr)
+    refused = sum(n for outcome, n in counts.items() if outcome.startswith("refused"))
     wrong = sum(n for outcome, n in counts.items() if not is_right(outcome))
-    report = {"first": first, "count": counts.total(), "wrong": wrong, "slowest_s": slowest,
-              "outcomes": dict(counts.most_common())}  # fmt: skip
-    print(json.dumps(report, indent=1))
+    tried = counts.total(), refused, counts.total() - refused - wrong, wrong
+    Table(origin, counts.total(), INPUTS, [[*map(str, tried), f"{slowest:.1f}"]]).write(
+        "endurance_inputs"
+    )
 
 
 def _keep_failed(result: dict, files: list[tuple[str, bytes]]) -> None:
@@ -252,9 +255,9 @@ def small_file(path: Path, pads: int) -> None:
     path.write_text("\n".join([head, *kept[::3]]) + "\n", encoding="utf-8")
 
 
-def run_kills(count: int, seed: int, commands: Sequence[str]) -> None:
+def run_kills(count: int, seed: int, commands: Sequence[str], origin: Origin) -> None:
     """Kill commands at random moments, run them again, and compare all files with a calm run's."""
-    found = {}
+    rows = []
     with TemporaryDirectory() as base:
         os.environ["QLVBAYES_CACHE"] = str(Path(base) / "cache")  # what a kill leaves in it counts
         for name in commands:
@@ -263,9 +266,9 @@ def run_kills(count: int, seed: int, commands: Sequence[str]) -> None:
             folder.mkdir()
             small_file(folder / "pads.csv", pads)
             number = round(count * share)
-            found[name] = _killed(folder, words, number, random.Random(seed))
-            print(json.dumps({name: found[name]}), flush=True)
-    print(json.dumps({"seed": seed, "outcomes": found}, indent=1))
+            found = _killed(folder, words, number, random.Random(seed))
+            rows.append([f"`{name}`", *(str(found[key]) for key in ("kills", "runs", "equal"))])
+    Table(origin, count, KILLS, rows).write("endurance_kills")
 
 
 def _killed(folder: Path, words: Sequence[str], count: int, rng: random.Random) -> dict[str, int]:
@@ -337,14 +340,11 @@ def main() -> None:
     if options.part == "work":
         work(options.start, options.stop)
         return
-    origin = Origin.now(
-        shlex.join([".venv/bin/python", "validation/endurance.py", *sys.argv[1:]]), ROOT
-    )
-    print(f"{origin.command}\n{origin.date}, {origin.commit}")
+    origin = Origin.now()
     if options.part == "inputs":
-        run_inputs(options.first, options.count)
+        run_inputs(options.first, options.count, origin)
     else:
-        run_kills(options.count, options.seed, options.commands)
+        run_kills(options.count, options.seed, options.commands, origin)
 
 
 if __name__ == "__main__":

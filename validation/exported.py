@@ -19,7 +19,6 @@ import importlib.metadata
 import importlib.util
 import json
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -32,14 +31,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from page import Origin
+from results import ROOT, Origin
 from simulators import of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
-from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint, spring_damper
+from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
 
-ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 CONTACTS = ROOT / "docs" / "pictures" / "exports_contacts.png"
 _FINE = 8  # straight lines in each stretch of the motion between two of its knots
@@ -310,7 +308,6 @@ class Cost:
             ("mujoco", "contact", "MuJoCo contact"),
             ("mujoco", "joint", "MuJoCo joint"),
             ("drake", "point contact", "Drake contact"),
-            ("isaac", "compliant contact", "PhysX contact"),
             ("mujoco", "with memory", "with memory"),
         ):
             found[name] = (target, column)
@@ -346,13 +343,13 @@ class Cost:
 def cost(out: Path, pad: str, every: list[Trial]) -> Cost:
     """Export the contacts of a pad and run them at every reading of every test."""
     stated, texts = {}, {}
-    for target in ("mujoco", "drake", "isaac"):
+    for target in ("mujoco", "drake"):
         files = q.export(out, pad, target, **_UNIT)
         for file in files:
             texts[file.name.removeprefix(f"pad_{pad}")] = file.read_text()
         stated[target] = json.loads(texts["_error.json"])
     solref, solimp = (stated["mujoco"]["numbers"][key] for key in _MUJOCO)
-    point, compliant = (list(stated[x]["numbers"].values()) for x in ("drake", "isaac"))
+    point = list(stated["drake"]["numbers"].values())
     sides = {
         "MuJoCo": (
             "mujoco",
@@ -386,7 +383,6 @@ def cost(out: Path, pad: str, every: list[Trial]) -> Cost:
     curves = {
         "MuJoCo contact": sides["MuJoCo"][2](x, v),
         "Drake contact": sides["Drake (point)"][2](x, v),
-        "PhysX contact": spring_damper(x, v, *compliant),
     }
     return Cost(stated, tuple(run), curves)
 
@@ -397,7 +393,7 @@ def contacts_picture(last: Trial, costs: Cost, header: np.ndarray) -> Figure:
     left, right = figure.subplots(1, 2, sharey=True)
     loaded = last.grid[np.argmax(last.depth > 0.99 * np.max(last.depth))]
     shown = {**costs.curves, "with memory": last.at_readings(header)}
-    colours = ("#e69f00", "#009e73", "#cc79a7", "#0072b2")
+    colours = ("#e69f00", "#009e73", "#0072b2")
     for ax in (left, right):
         ax.plot(last.time, last.force, ".", color="0.6", ms=3, label="measured")
         for (name, force), colour in zip(shown.items(), colours, strict=True):
@@ -488,7 +484,7 @@ def main() -> None:
         )
         targets.append(f"| `{name}` | {errors[0]:.2%} | {errors[1]:.2%} | {off:.0e} |")
     absent = [needed for name, (_, needed) in TARGETS.items() if name not in present]
-    origin = Origin.now(f"python validation/exported.py {shlex.join(sys.argv[1:])}", ROOT)
+    origin = Origin.now()
     section = _SECTION.format(
         heading=_HEADING,
         record=given.record,

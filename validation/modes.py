@@ -1,141 +1,73 @@
 """Is the best mode of the true hypothesis found whatever the starts, and by the search?
 
-Does another seed of starts lead the search to the same hypotheses? Writes a page.
-
-Interrupted, it goes on where it was: finished pads lie in build/validation. `--part 0/8` to
-`--part 7/8` run them in eight processes, also on several machines, and write no page.
+Does another seed of starts lead the search to the same hypotheses? Bundled pads and pads of the
+wide population are searched. Interrupted, it goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
-from coverage import progress
+from blind.population import Population
+from blind.study import BlindStudy, make_study
 from numpy.typing import NDArray
-from page import Origin
+from results import JOBS, ROOT, Origin, Table, finished, share
 from truth import Rig, is_modelled, truths
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.search import CHECKS, Search
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.diagnosis.settings import Breadth
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.store import Store, code_digest
-from qlvbayes.evaluation.study import BlindStudy, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, read_measurements
-from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.motion.experiment import Experiment, prepare
 
 Array = NDArray[np.bool_]
-ROOT = Path(__file__).resolve().parents[1]
-_BREADTH = Breadth()
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode
 _NEAR = 5.0  # log posterior behind the best, within which another seed should see the same
 _OTHER = 1  # seed of the second search
 _EVERY = 4  # simulated pads, of which one is searched twice
 
-_PAGE = """# Is the same mode found whatever the starts, and by the search?
-
-Bundled pads and pads of the wide population (`seed {seed}`: other laws, protocols and noises,
-effects hidden in most). Of each the true hypothesis is asked for, laws and effects (of the bundled
-pads, and where nothing of the package stands for what is hidden, the likeliest hypothesis of the
-search). It was looked for from {sets} independent sets of starts, as the search does: {starts}
-draws of all priors of the baseline model, then one law or effect at a time, the likeliest first,
-from small and large amplitudes and several shapes; each time the relaxation was drawn anew, until
-{redrawn} draws in a row led no higher. A set agrees if its best mode is within {same} of the best
-of all sets and of the search in log density. The search has seen a mode if its own is. A hypothesis
-that it has not looked at is missed if it is at least as probable as the search's answer. Asked for
-is 99 % of both.
-
-| | |
-|---|---|
-| command | `{command}` |
-| date | {date} |
-| commit | {commit} |
-| machine | {machine} |
-
-| pads | sets that agree | pads in which all agree | seen | not seen, less probable | missed |
-|---|---|---|---|---|---|
-{rows}
-
-Checks for missed modes over all these searches: {checks}.
-
-Twice: every search of the bundled pads, and every {every}th of the others, was made again from
-another seed of starts. {twice}
-
-{others}"""
+COLUMNS = (
+    "pads", "sets that agree", "pads in which all agree", "seen", "not seen, less probable",
+    "missed",
+)  # fmt: skip
 
 
 def main() -> None:
-    options = _options()
-    command = shlex.join([".venv/bin/python", "validation/modes.py", *sys.argv[1:]])
-    origin = Origin.now(command, ROOT)
-    file = ROOT / "build" / "validation" / code_digest() / f"modes-seed{options.seed}.jsonl"
-    part, parts = options.part or (0, 1)
-    store = Store(file, part=None if options.part is None else part)
-    bundled = _bundled()
-    count = len(bundled) + options.pads
-    missing = [index for index in range(part, count, parts) if index not in store.cases]
-    with progress() as bar:
-        for index in bar.track(missing, description="pads"):
-            inside = index < len(bundled)
-            some = bundled[index] if inside else _simulated(options.seed, index - len(bundled))
-            if some is not None:
-                name = some.name if isinstance(some, Pad) else some.pad.name
-                twice = inside or (index - len(bundled)) % _EVERY == 0
-                losses = _looked_for(some, options.sets, twice)
-                store.add(
-                    {
-                        "index": index,
-                        "pad": name,
-                        "machine": origin.machine,
-                        "commit": origin.commit,
-                        **losses,
-                    }
-                )
-                forget_compiled()
-    if options.part is None:
-        found = store.first(count)
-        write_whole(options.output, _page(found, len(bundled), options, origin).encode())
-        print(options.output)
-
-
-def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pads", type=int, default=100, help="simulated ones")
     parser.add_argument("--sets", type=int, default=20, help="sets of starts")
     parser.add_argument("--seed", type=int, default=303, help="of the wide population")
-    parser.add_argument("--part", type=_part, metavar="K/N", help="every Nth pad from the Kth on")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "modes.md")
-    return parser.parse_args()
+    parser.add_argument("--jobs", type=int, default=JOBS)
+    options = parser.parse_args()
+    origin, bundled = Origin.now(), len(_bundled())
+    study = partial(run, options.seed, options.sets)
+    name = f"modes-seed{options.seed}-sets{options.sets}"
+    found = finished(name, study, range(bundled + options.pads), options.jobs)
+    table(found, bundled, Population(options.seed), origin).write("modes")
 
 
-def _part(text: str) -> tuple[int, int]:
-    part, parts = text.split("/")
-    return int(part), int(parts)
+def run(seed: int, sets: int, index: int) -> dict[str, Any]:
+    """Search the modes of one pad, of which the bundled ones are the first."""
+    bundled = _bundled()
+    number = index - len(bundled)
+    some = bundled[index] if number < 0 else make_study(Population(seed), number)
+    name = some.name if isinstance(some, Pad) else some.pad.name
+    found = _looked_for(some, sets, twice=number < 0 or number % _EVERY == 0)
+    forget_compiled()
+    return {"index": index, "pad": name, **found}
 
 
 def _bundled() -> list[Pad]:
     files = [ROOT / "data" / name for name in ("pads.csv", "hidden.csv")]
     return [pad for file in files for pad in read_measurements(file).pads]
-
-
-def _simulated(seed: int, index: int) -> BlindStudy | None:
-    """None where the simulator finds no balance."""
-    try:
-        return make_study(Population(seed), index)
-    except RuntimeError as error:
-        print(f"pad {index} is not made: {error}", file=sys.stderr)
-        return None
 
 
 def _looked_for(some: Pad | BlindStudy, sets: int, twice: bool) -> dict[str, Any]:
@@ -238,42 +170,21 @@ def _true(study: BlindStudy, experiment: Experiment, search: Search) -> Hypothes
     return max(known, key=search.log_posterior, default=None)
 
 
-def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: Origin) -> str:
+def table(found: Sequence[dict], bundled: int, population: Population, origin: Origin) -> Table:
+    """Return what was found in pads of which so many, the first, are bundled."""
     losses = [np.array([*one["losses"], one["seen"]]) for one in found]
     every = [own <= own.min() + _SAME for own in losses]
     agreeing, seen = [one[:-1] for one in every], [bool(one[-1]) for one in every]
     behind = [one["behind"] for one in found]
     rows = [
         _row(words, [(agreeing[k], seen[k], behind[k]) for k in some])
-        for words, some in _groups(found, bundled, Population(options.seed)).items()
+        for words, some in _groups(found, bundled, population).items()
         if some
     ]
-    others = [
-        f"- {one['pad']} ({one['hypothesis']}): {int((~a).sum())} of {a.size} sets ended lower"
-        + ("" if is_seen else _unseen(one, float(own[-1] - own.min())))
-        for one, own, a, is_seen in zip(found, losses, agreeing, seen, strict=True)
-        if not (a.all() and is_seen)
-    ]
-    listed = "Pads in which some set or the search ended elsewhere:\n\n" + "\n".join(others) + "\n"
-    return _PAGE.format(
-        seed=options.seed,
-        sets=options.sets,
-        starts=_BREADTH.starts,
-        redrawn=_BREADTH.draws,
-        same=_SAME,
-        rows="\n".join(rows),
-        checks=_counted(found),
-        twice=_agreeing(found),
-        every=_EVERY,
-        others=listed if others else "Nothing ended elsewhere.\n",
-        command=origin.command,
-        date=origin.date,
-        commit=", ".join(dict.fromkeys(one["commit"] for one in found)),
-        machine="; ".join(sorted({one["machine"] for one in found})),
-    )
+    return Table(origin, len(found), COLUMNS, rows, [_counted(found), _agreeing(found)])
 
 
-def _groups(found: list[dict], bundled: int, population: Population) -> dict[str, list[int]]:
+def _groups(found: Sequence[dict], bundled: int, population: Population) -> dict[str, list[int]]:
     """Indices of the bundled pads, and of the simulated ones without an outsider and with one."""
     groups: dict[str, list[int]] = {
         "bundled": list(range(min(bundled, len(found)))),
@@ -287,28 +198,20 @@ def _groups(found: list[dict], bundled: int, population: Population) -> dict[str
     return groups
 
 
-def _row(words: str, pads: list[tuple[Array, bool, float]]) -> str:
+def _row(words: str, pads: list[tuple[Array, bool, float]]) -> list[str]:
     """A row of the table: of each pad which sets agree, whether it was seen, and how far behind."""
     sets, agree = sum(a.size for a, _, _ in pads), sum(int(a.sum()) for a, _, _ in pads)
     known = sum(seen for _, seen, _ in pads)
-    shares = [f"{k} of {n} ({k / n:.1%})" for k, n in ((agree, sets), (known, len(pads)))]
     unseen = [behind for _, seen, behind in pads if not seen]
     less = sum(behind > _SAME for behind in unseen)
     whole = sum(bool(a.all()) for a, _, _ in pads)
-    return (
-        f"| {len(pads)} {words} | {shares[0]} | {whole} | {shares[1]} | {less} "
-        f"| {len(unseen) - less} |"
-    )
+    return [
+        f"{len(pads)} {words}", share(agree, sets), str(whole), share(known, len(pads)),
+        str(less), str(len(unseen) - less),
+    ]  # fmt: skip
 
 
-def _unseen(one: dict[str, Any], lower: float) -> str:
-    """Return what is said of a hypothesis whose best mode the search has not seen."""
-    if np.isfinite(lower):
-        return f"; the search's own mode is {lower:.1f} lower"
-    return f"; the search, whose answer is {one['behind']:.1f} more probable, has not looked at it"
-
-
-def _counted(found: list[dict]) -> str:
+def _counted(found: Sequence[dict]) -> str:
     """Return how often each check was made, failed, and led to a likelier mode."""
     said = []
     for name in CHECKS:
@@ -316,10 +219,10 @@ def _counted(found: list[dict]) -> str:
             sum(one["checks"][name][key] for one in found) for key in ("made", "failed", "higher")
         )
         said.append(f"{name} made {made} times, failed {failed}, led to a likelier mode {higher}")
-    return "; ".join(said)
+    return f"Checks for missed modes over all searches: {'; '.join(said)}."
 
 
-def _agreeing(found: list[dict]) -> str:
+def _agreeing(found: Sequence[dict]) -> str:
     """In how many pads, and in how many of the hypotheses that count, two seeds agree."""
     repeated = [one["twice"] for one in found if "twice" in one]
     apart = np.array([value for one in repeated for value in one["apart"]])
@@ -327,7 +230,8 @@ def _agreeing(found: list[dict]) -> str:
     alike = apart <= np.maximum(_SAME, 3.0 * errors)
     same = sum(one["best"] for one in repeated)
     return (
-        f"Of {len(repeated)} pads {same} have the same likeliest hypothesis; of {apart.size} "
+        f"Of {len(repeated)} pads searched from two seeds {same} have the same likeliest "
+        f"hypothesis; of {apart.size} "
         f"hypotheses within {_NEAR:g} of the best log posterior of either search "
         f"{int(alike.sum())} have the same one in both (to {_SAME:g}, or to three of its errors), "
         f"and {int(np.isinf(apart).sum())} were seen by one of the two only."

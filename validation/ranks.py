@@ -6,48 +6,39 @@ of each true constant among independent draws of its posterior is uniform if fil
 reduction, force, likelihood, priors and sampler are right together (Talts et al. 2018,
 arXiv:1804.06788). The noise is a tenth of the peak force and more, so that priors count.
 
-`--broken jacobian` fits without the log-Jacobians of the priors' coordinates, `--broken noise` as
-if noise were forgotten from one block mean to the next: either must fail. Interrupted, the same
-command goes on where it was: finished fits lie in build/validation. `--part 0` and `--part 1` run
-in two processes; `-o docs/validation.md` publishes all series that are there.
+Two more series are fitted without the log-Jacobians of the priors' coordinates, and as if
+noise were forgotten from one block mean to the next: either must fail. Interrupted, the same
+command goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from math import log
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from coverage import progress
 from numpy.typing import NDArray
-from page import Origin, with_section
+from results import JOBS, Origin, Table, finished
 from scipy.stats import binom, chi2, f
 
-from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import Fit, fit_pad
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.files import write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import Constants, Noise, simulate_study, write_csv
 
-ROOT = Path(__file__).resolve().parents[1]
 RATE = 20.0  # mm/s, of the one test
 ROWS = {"floor": 120, "correlated": 60}  # a test; a noise floor is measured in its rests
 DRAWS = 99  # of a posterior, among which the truth has one of a hundred ranks
-BINS = 10  # of the histograms
 MOST_STEPS = 6000  # fewer than the default, as a fit that needs more would take minutes
 LEVEL = 0.01  # of the test of uniform ranks, over all constants of a kind of noise together
-_PARTS = 2
 _SHARES = (6.0, 10.0, 3.0)
 _LOGNORMAL = {
     "m": (log(0.5), 0.4),  # N/mm
@@ -95,7 +86,12 @@ def drawn(rng: np.random.Generator) -> tuple[Constants, Noise]:
 
 
 def run(kind: Kind, seed: int, index: int) -> dict[str, Any]:
-    """Return the ranks of a pad's constants; the pad depends on seed and index only."""
+    """Return the ranks of a pad's constants; the pad depends on seed and index only.
+
+    What is to be broken stays so in this process.
+    """
+    if kind.broken:
+        break_once(kind.broken)
     rng = np.random.default_rng([seed, index])
     truth, noise = drawn(rng)
     with TemporaryDirectory() as folder:
@@ -157,6 +153,12 @@ def break_noise() -> None:
 BROKEN = {"jacobian": break_jacobian, "noise": break_noise}
 
 
+@cache
+def break_once(what: str) -> None:
+    """Make one of these mistakes, unless it is made already."""
+    BROKEN[what]()
+
+
 def p_of_uniform(ranks: Sequence[int]) -> float:
     """P-value of Neyman's smooth test of order 2 that ranks from 0 to 99 are uniform.
 
@@ -210,22 +212,22 @@ def inside(ranks: Sequence[int], share: float) -> float:
     return float(np.mean([tail <= rank < DRAWS + 1 - tail for rank in ranks]))
 
 
-def section(found: dict[Kind, list[dict]], origin: Origin) -> str:
-    """Markdown of the section in docs/validation.md."""
-    parts = [
-        _HEAD.format(
-            origin=origin,
-            rows=ROWS["floor"],
-            few=ROWS["correlated"],
-            rate=RATE,
-            draws=DRAWS,
-            bins=BINS,
-        )
-    ]
-    for kind, fits in found.items():
-        if fits:
-            parts.append(_table(kind, fits))
-    return "\n".join(parts)
+COLUMNS = (
+    "series", "pads", "ranks are", "p of no bias in all together", "least p of a constant",
+    "in 90 % (lowest and highest constant)",
+)  # fmt: skip
+
+
+def row(kind: Kind, fits: Sequence[dict]) -> list[str]:
+    """Return the row of one series."""
+    ranks = columns(fits)
+    least, name = min((p_of_uniform(some), name) for name, some in ranks.items())
+    shares = sorted(inside(some, 0.9) for some in ranks.values())
+    return [
+        _TITLES[kind.broken].format(noise=kind.noise), str(len(fits)),
+        "uniform" if passes(fits) else "**not uniform**", f"{p_of_no_bias(fits):.2g}",
+        f"{least:.2g} ({name})", f"{shares[0]:.0%} to {shares[-1]:.0%}",
+    ]  # fmt: skip
 
 
 _TITLES = {
@@ -235,137 +237,21 @@ _TITLES = {
 }
 
 
-def _table(kind: Kind, fits: Sequence[dict]) -> str:
-    title = _TITLES[kind.broken].format(noise=kind.noise.capitalize())
-    n, verdict = len(fits), "uniform" if passes(fits) else "**not uniform**"
-    together = p_of_no_bias(fits)
-    sound = sum(fit["converged"] for fit in fits)
-    half, most = (band(n, share) for share in (0.5, 0.9))
-    lines = [
-        f"**{title}**: {n} pads, {sound} of them converged; ranks are {verdict} (p of no bias in "
-        f"all constants together: {together:.2g}).\n",
-        f"| constant | in 50 % ({half[0]:.0%} to {half[1]:.0%}) | in 90 % ({most[0]:.0%} to "
-        f"{most[1]:.0%}) | mean rank | p of uniform |",
-        "|---|---|---|---|---|",
-    ]
-    for name, ranks in columns(fits).items():
-        lines.append(
-            f"| {name} | {inside(ranks, 0.5):.0%} | {inside(ranks, 0.9):.0%} | "
-            f"{np.mean(ranks):.1f} | {p_of_uniform(ranks):.2g} |"
-        )
-    return "\n".join([*lines, ""])
-
-
-_HEAD = """## Calibrated by simulation
-
-Constants and noise drawn from the very priors that the fit is given (`validation/ranks.py` lists
-them), one test at {rate:g} mm/s of {rows} rows ({few} with correlated noise, for the time that it
-takes) with noise of about a tenth of the peak force, by the simulator, through a CSV file, the
-reader and `fit`. If all of that is right, the true constant has each of the {draws} + 1 ranks among
-{draws} draws of its posterior equally often (simulation-based calibration). In brackets: where 99
-of 100 such shares lie by chance (binomial). *p of uniform*: of Neyman's smooth test of bias and
-spread. A series fails at 1 %, by one of these or by Hotelling's test of a bias in all constants
-together (Bonferroni).
-
-With *correlated* noise all that is unknown has its prior. With measured noise (*floor*) the noise
-is taken from the rests of one test, of about 15 correlation times each, and the fit allows for a
-discrepancy that these pads do not have: ranks need not be uniform then. The last series show what
-the test can see.
-
-How a series is judged was settled on the pads of seed 1: chi-square in ten bins let left-out
-log-Jacobians pass with 40 pads; the smooth test took its place, and Hotelling's joined it at 97
-pads. Only pads of other seeds test these rules.
-
-| | |
-|---|---|
-| command | `{origin.command}` |
-| date | {origin.date} |
-| commit | {origin.commit} |
-| machine | {origin.machine} |
-
-![Ranks of the true constants](pictures/ranks.png)
-"""
-
-
-def draw_picture(found: dict[Kind, list[dict]], path: Path) -> None:
-    """Draw a histogram of ranks for each constant and series, with the binomial band."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    series = {kind: columns(fits) for kind, fits in found.items() if fits}
-    names = max(series.values(), key=len)
-    figure, axes = plt.subplots(
-        len(series), len(names), figsize=(1.15 * len(names), 1.15 * len(series)), squeeze=False,
-        sharex=True, layout="constrained",
-    )  # fmt: skip
-    for row, (kind, ranks) in zip(axes, series.items(), strict=True):
-        row[0].set_ylabel(kind.name.removeprefix("ranks-").replace("-broken-", "\nbroken "), size=6)
-        for axis, name in zip(row, names, strict=True):
-            axis.set_yticks([])
-            axis.set_xticks([])
-            if name not in ranks:
-                axis.set_axis_off()
-                continue
-            low, high = binom.interval(0.99, len(ranks[name]), 1.0 / BINS)
-            axis.axhspan(low, high, color="0.85")
-            axis.hist(ranks[name], bins=BINS, range=(0, DRAWS + 1), color="C0", rwidth=0.9)
-            axis.set_title(name, size=6)
-    figure.savefig(path, dpi=150)
-
-
 def main() -> None:
-    options = _options()
-    folder = ROOT / "build" / "validation" / code_digest()
-    kinds = [Kind(noise, options.broken) for noise in options.noise.split(",")]
-    if options.broken:
-        BROKEN[options.broken]()
-    for kind in kinds:
-        _run(kind, options, folder)
-    if options.part is None and options.output:
-        _publish(options, folder)
-
-
-def _run(kind: Kind, options: argparse.Namespace, folder: Path) -> None:
-    """Fit the pads that are not stored, and print what the ranks of all say."""
-    store = Store(_file(folder, kind, options.seed), part=options.part)
-    step = 1 if options.part is None else _PARTS
-    missing = [k for k in range(options.part or 0, options.fits, step) if k not in store.cases]
-    with progress() as bar:
-        task = bar.add_task(kind.name, total=len(missing))
-        for index in missing:
-            store.add(run(kind, options.seed, index))
-            bar.advance(task)
-    fits = store.first(options.fits)
-    if fits:
-        print(_table(kind, fits), flush=True)
-
-
-def _file(folder: Path, kind: Kind, seed: int) -> Path:
-    return folder / f"{kind.name}-seed{seed}.jsonl"
-
-
-def _publish(options: argparse.Namespace, folder: Path) -> None:
-    """Write section and picture of all series that are stored, broken ones last."""
-    kinds = [Kind("floor"), Kind("correlated"), *(Kind("correlated", one) for one in BROKEN)]
-    found = {kind: Store(_file(folder, kind, options.seed)).first(options.fits) for kind in kinds}
-    name = os.path.relpath(sys.argv[0], ROOT)
-    origin = Origin.now(f".venv/bin/python {shlex.join([name, *sys.argv[1:]])}", ROOT)
-    draw_picture(found, options.output.parent / "pictures" / "ranks.png")
-    text = options.output.read_text(encoding="utf-8")
-    write_whole(options.output, with_section(text, section(found, origin)).encode())
-
-
-def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fits", type=int, default=200, help="pads of each kind of noise")
-    parser.add_argument("--noise", default="floor,correlated", help="noise models of the fits")
-    parser.add_argument("--broken", choices=BROKEN, default="", help="fit with a mistake")
+    parser.add_argument("--fits", type=int, default=200, help="pads of each series")
+    parser.add_argument("--broken-fits", type=int, default=100, help="of those with a mistake")
     parser.add_argument("--seed", type=int, default=1, help="decides all pads")
-    parser.add_argument("--part", type=int, choices=range(_PARTS), help="every second pad")
-    parser.add_argument("-o", "--output", type=Path, help="page whose section is written")
-    return parser.parse_args()
+    parser.add_argument("--jobs", type=int, default=JOBS, help="two or more: mistakes stay in them")
+    options = parser.parse_args()
+    origin, rows = Origin.now(), []
+    for kind in (Kind("floor"), Kind("correlated"), *(Kind("correlated", one) for one in BROKEN)):
+        count = options.broken_fits if kind.broken else options.fits
+        name, study = f"{kind.name}-seed{options.seed}", partial(run, kind, options.seed)
+        rows.append(row(kind, finished(name, study, range(count), max(options.jobs, 2))))
+    low, high = band(options.fits, 0.9)
+    note = f"Of {options.fits} pads, 99 of 100 such shares lie between {low:.0%} and {high:.0%}."
+    Table(origin, options.fits, COLUMNS, rows, [note]).write("ranks")
 
 
 if __name__ == "__main__":

@@ -8,20 +8,27 @@ import subprocess
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from qlvbayes.evaluation import counting
-from qlvbayes.evaluation.lists import FIRST, PRESENT, Lists
-from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.store import code_digest
+from blind import counting
+from blind.lists import FIRST, PRESENT, Lists
+from blind.population import Population
+from blind.store import code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(__file__).parent / "registered"
 
-ASKED = {
-    "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.85, "single_group": 0.95,
-    "double_named": 0.70, "form_kin": 0.80, "outside_open": 0.90, "beside_named": 0.70,
-    "wrong": 0.02, "failed": 0.0,
+ASKED: dict[str, dict[str, float]] = {
+    "wide": {
+        "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.85, "single_group": 0.95,
+        "double_named": 0.70, "form_kin": 0.80, "outside_open": 0.90, "beside_named": 0.70,
+        "wrong": 0.02, "failed": 0.0,
+    },
+    "paper": {
+        "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.95, "single_group": 0.95,
+        "double_named": 0.85, "form_kin": 0.90, "outside_open": 0.90, "beside_named": 0.60,
+        "wrong": 0.05, "failed": 0.0, "right": 0.75,
+    },
 }  # fmt: skip
-"""Shares asked of each rate: at least, or for what is bad at most."""
+"""Shares asked of each rate, by rig: at least, or for what is bad at most."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,8 @@ class Registration:
     code: digest of all code that a study's outcome may depend on; tree: git's hash of the package's
     folder; rules: of the file with the rules of the count; disturbed: whether the population has
     disturbed records, as those of new registrations have; lists: the names of what may be hidden,
-    so that effects which are added later do not change the run.
+    so that effects which are added later do not change the run; paper: whether the pads and tests
+    are those of the paper's rig.
     """
 
     name: str
@@ -45,20 +53,25 @@ class Registration:
     note: str = ""
     disturbed: bool = False
     lists: dict[str, list[str]] | None = None
+    paper: bool = False
 
     @property
     def population(self) -> Population:
         """The registered population."""
         lists = FIRST if self.lists is None else Lists(**_tuples(self.lists))
-        return Population(self.seed, effects=lists.listed, disturbed=self.disturbed, lists=lists)
+        effects, disturbed = lists.listed, self.disturbed
+        return Population(self.seed, self.paper, effects=effects, disturbed=disturbed, lists=lists)
 
     @classmethod
-    def of_present(cls, name: str, seed: int, studies: int, note: str = "") -> Registration:
+    def of_present(
+        cls, name: str, seed: int, studies: int, note: str = "", paper: bool = False
+    ) -> Registration:
         """Return the registration of a run by the present code."""
-        strata = _strata(Population(seed, disturbed=True))
+        population = Population(seed, paper, disturbed=not paper)
         digests = code_digest(), _tree(), rules_digest()
         lists = {key: list(names) for key, names in asdict(PRESENT).items()}
-        return cls(name, seed, studies, *digests, strata, ASKED, note, True, lists)
+        about = _strata(population), ASKED["paper" if paper else "wide"], note
+        return cls(name, seed, studies, *digests, *about, not paper, lists, paper)
 
     @classmethod
     def read(cls, name: str) -> Registration:

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from blind.laws import Law
+from blind.study import BlindStudy
 from numpy.typing import NDArray
 
-from qlvbayes.evaluation.study import BlindStudy
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.simulate import HIDDEN, Effect
-from qlvbayes.simulate.laws import Law
 
 Array = NDArray[np.float64]
 Constants = dict[str, float | Sequence[float]]
@@ -185,6 +185,8 @@ _FORMS: dict[str, Callable[[dict[str, float], Rig], _Own]] = {
     "saturating_drift": _drift,
     "channel_low_pass": lambda p, rig: _Own("spreading_lag", {"delay": p["time"], "spread": 1.0}),
     "adhesion_at_a_stretch": lambda p, rig: _Own("adhesion_at_a_stretch", p),
+    "guide_friction": lambda p, rig: _Own("guide_friction", p),
+    "guide_drag": lambda p, rig: _Own("guide_drag", p),
 }
 """The nearest effect of the package to every form of the simulator, by its constants."""
 

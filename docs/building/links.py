@@ -1,7 +1,8 @@
-"""Links of README and its like, which stand in the repository's top folder, as links of pages."""
+"""Links between files of the repository, as links between pages of the site."""
 
 from __future__ import annotations
 
+import posixpath
 import re
 from pathlib import Path
 
@@ -13,17 +14,23 @@ HOMES = {
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)#\s]*)(#[^)\s]*)?\)")
 
 
-def relinked(text: str) -> str:
-    """A file's text; what does not stand on the site is named and not linked."""
-    return _LINK.sub(_link, text)
+def targets(text: str, folder: str = "") -> list[str]:
+    """Return the files of the repository to which a file in ``folder`` links."""
+    return [posixpath.normpath(posixpath.join(folder, one[2])) for one in _LINK.findall(text)]
 
 
-def _link(match: re.Match[str]) -> str:
-    picture, words, target, anchor = match.groups()
-    page = page_of(target)
-    if page is not None:
-        return f"{picture}[{words}]({page}{anchor or ''})"
-    return words if words.strip("`") == target else f"{words} (`{target}`)"
+def relinked(text: str, folder: str = "") -> str:
+    """Return a file's text; what does not stand on the site is named and not linked."""
+
+    def link(match: re.Match[str]) -> str:
+        picture, words, target, anchor = match.groups()
+        path = posixpath.normpath(posixpath.join(folder, target))
+        page = page_of(path)
+        if page is not None:
+            return f"{picture}[{words}]({page}{anchor or ''})"
+        return words if words.strip("`") == path else f"{words} (`{path}`)"
+
+    return _LINK.sub(link, text)
 
 
 def page_of(target: str) -> str | None:

@@ -8,18 +8,59 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-# Which parts of the package stand on which page of the API; what is in none, on the last one.
+# The pages of the API: title, what it is, and which parts of the package stand there; what is in
+# none stands on the last one.
 SECTIONS = {
-    "measurements": ("io", "motion"),
-    "model": ("model", "laws", "priors"),
-    "fitting": ("fitting", "inference"),
-    "diagnosis": ("diagnosis", "app"),
-    "prediction": ("use",),
-    "effects": ("effects", "evaluation"),
-    "comparison": ("comparison",),
-    "study": ("pipeline", "report"),
-    "other": (),
+    "measurements": (
+        "Measurements",
+        "From a CSV file to tests whose motion, phases, rates and noise floor are known.",
+        ("io", "motion"),
+    ),
+    "model": (
+        "Model",
+        "The elastic law, the relaxation, the motion, the noise, and priors in place of numbers.",
+        ("model", "laws", "priors"),
+    ),
+    "fitting": (
+        "Fitting and checking",
+        "From tests to draws of the constants, and what these predict.",
+        ("fitting", "inference"),
+    ),
+    "diagnosis": ("Diagnosis", "Which physical effect is missing.", ("diagnosis", "app")),
+    "effects": (
+        "Effects as classes",
+        "What an effect is made of, and how your own is checked. :doc:`The list </effects>` shows "
+        "those that come with the package.",
+        ("effects",),
+    ),
+    "comparison": ("Comparison", "Pad against pad, fluid against fluid.", ("comparison",)),
+    "prediction": (
+        "Prediction and control",
+        "The constants put to use: step by step, the displacement of a prescribed force, whole "
+        "programs.",
+        ("use",),
+    ),
+    "study": (
+        "Study and report",
+        "All steps in one go, and the page that tells the story.",
+        ("pipeline", "report"),
+    ),
+    "other": ("Other names", "What stands on no other page.", ()),
 }
+FIGURES = (
+    "Figures",
+    "One function a figure, in ``qlvbayes.plots``, returning its axes. They belong to nobody's "
+    "window: ``save_figure`` writes them, ``figure_of`` gives the figure that a notebook shows.",
+)
+OVERVIEW = """\
+Overview
+========
+
+``import qlvbayes as q`` gives every name below. Importing it switches JAX to float64.
+
+.. list-table::
+   :widths: 25 75
+"""
 LAST = "other"
 # parts of the package that offer names of their own, in addition to the figures
 PARTS = (
@@ -57,7 +98,7 @@ def public_names() -> list[Public]:
 def _public(name: str, value: Any) -> Public:
     path = _path(name, value)
     part = path.split(".")[1]
-    page = next((key for key, parts in SECTIONS.items() if part in parts), LAST)
+    page = next((key for key, (*_, parts) in SECTIONS.items() if part in parts), LAST)
     kind = "class" if inspect.isclass(value) else "function" if callable(value) else "data"
     return Public(name, path, page, _summary(path, value), f"auto{kind}")
 
@@ -86,9 +127,22 @@ def _summary(path: str, value: Any) -> str:
     return " ".join(ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [""])[:1])
 
 
-def section(name: str) -> list[Public]:
-    """Return the public names of one page of the API."""
-    return [public for public in public_names() if public.section == name]
+def api_pages() -> dict[str, str]:
+    """Return the pages of the API by name, which Sphinx fills with docstrings."""
+    names = public_names()
+    rows = [f"   * - :py:obj:`{one.name} <{one.path}>`\n     - {one.summary}" for one in names]
+    pages = {"index": "\n".join((OVERVIEW, *rows))}
+    for key, (title, words, _) in SECTIONS.items():
+        pages[key] = _page(title, words, [one for one in names if one.section == key])
+    return {**pages, "plots": _page(*FIGURES, figures())}
+
+
+def _page(title: str, words: str, names: list[Public]) -> str:
+    parts = [f"{title}\n{'=' * len(title)}", words]
+    for one in names:
+        members = "\n   :members:" if one.directive == "autoclass" else ""
+        parts.append(f".. {one.directive}:: {one.path}{members}")
+    return "\n\n".join(parts) + "\n"
 
 
 def figures() -> list[Public]:

@@ -374,7 +374,7 @@ def _change_of(body: dict[str, Any]) -> tuple[str, str, dict[str, Any]]:
         if key in body:
             how, name, model = key, body[key], body.get("model")
     if not how or not isinstance(name, str) or not isinstance(model, dict):
-        raise refused(422, "no change of a model is asked for", "see docs/app_api.md")
+        raise refused(422, "no change of a model is asked for", "see docs/app.md")
     return how, name, model
 
 

@@ -111,7 +111,7 @@ def model_of(model: Answer) -> ByHand:
     try:
         return msgspec.convert(model, _Model).by_hand()
     except msgspec.ValidationError as error:
-        raise InputError(f"this is no model ({error})", remedy="see docs/app_api.md") from error
+        raise InputError(f"this is no model ({error})", remedy="see docs/app.md") from error
 
 
 class _Model(msgspec.Struct):

@@ -21,7 +21,7 @@ class RefusedError(Exception):
 def error_content(
     message: str, remedy: str | None = None, file: str | None = None, line: int | None = None
 ) -> ErrorContent:
-    """Return the content of an error, as in docs/app_api.md."""
+    """Return the content of an error, with the line that a command would print as ``text``."""
     text = str(InputError(message, file=file, line=line, remedy=remedy))
     return {"message": message, "file": file, "line": line, "remedy": remedy, "text": text}
 

@@ -27,7 +27,7 @@ Finished = Callable[["Job"], Awaitable[None]]
 
 @dataclass(eq=False)
 class Job:
-    """Job of the server, as described in docs/app_api.md.
+    """Job of the server.
 
     ``enough`` is whether a search was asked to end with its results so far; ``result`` is what its
     process returned; ``probabilities`` are those that it reported last.

@@ -1,4 +1,4 @@
-"""Answer the routes of docs/app_api.md."""
+"""Answer the routes of the bench, which docs/app.md lists."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class Routes:
         """Take the answers to the questions about a file."""
         given = (await _body(request)).get("answers")
         if not isinstance(given, dict):
-            raise refused(422, "there are no answers", "see docs/app_api.md")
+            raise refused(422, "there are no answers", "see docs/app.md")
         words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
         await self.actions.answer(self._session(request), words)
         return JSONResponse({"ok": True})
@@ -180,7 +180,7 @@ class Routes:
         """Return the pads that a pattern finds in the tests' names."""
         pattern = (await _body(request)).get("pad_from")
         if not isinstance(pattern, str):
-            raise refused(422, "no pattern is given", "see docs/app_api.md")
+            raise refused(422, "no pattern is given", "see docs/app.md")
         return JSONResponse(await self.actions.specimens(self._session(request), pattern))
 
     async def tidy(self, request: Request) -> Response:
@@ -193,7 +193,7 @@ class Routes:
         body = await _body(request)
         effects, words = body.get("effects", []), body.get("words", "")
         if not (isinstance(effects, list) and isinstance(words, str)):
-            raise refused(422, "this is no guess", "see docs/app_api.md")
+            raise refused(422, "this is no guess", "see docs/app.md")
         session = self._session(request)
         return JSONResponse(
             {"guess": self.actions.guess(session, [str(x) for x in effects], words)}
@@ -258,7 +258,7 @@ class Routes:
         body = await _body(request)
         model, effect = body.get("model"), body.get("effect")
         if not (isinstance(model, dict) and isinstance(effect, str)):
-            raise refused(422, "no effect in addition to a model is named", "see docs/app_api.md")
+            raise refused(422, "no effect in addition to a model is named", "see docs/app.md")
         return await self._forwarded(request, "signature", model=model, effect=effect)
 
     async def change(self, request: Request) -> Response:
@@ -271,7 +271,7 @@ class Routes:
         session, pad = self._session(request), request.path_params["pad"]
         number = (await _body(request)).get("state")
         if not isinstance(number, int):
-            raise refused(422, "no state is named", "see docs/app_api.md")
+            raise refused(422, "no state is named", "see docs/app.md")
         return JSONResponse(await self.actions.go_back(session, pad, number))
 
     async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
@@ -386,7 +386,7 @@ async def _body(request: Request) -> dict[str, Any]:
     except ValueError:
         content = None
     if not isinstance(content, dict):
-        raise refused(422, "the request is no JSON object", "see docs/app_api.md")
+        raise refused(422, "the request is no JSON object", "see docs/app.md")
     return content
 
 

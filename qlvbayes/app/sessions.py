@@ -29,7 +29,7 @@ _PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown ye
 
 @dataclass
 class HistoryState:
-    """A model in the history of a pad, an entry as in docs/app_api.md.
+    """One model in the history of a pad.
 
     ``begun`` are the constants that its fit began from.
     """
@@ -91,7 +91,7 @@ class BenchPad:
 class Session:
     """Session of a user: the measurements, and for each pad the models that were tried.
 
-    ``stage``, ``error``, ``questions`` and ``guess`` are those of docs/app_api.md; ``data`` is the
+    ``stage``, ``error``, ``questions`` and ``guess`` are those of the page; ``data`` is the
     tidy file, ``seed`` that of a pad simulated for the session, and ``answers`` are those so far.
     ``made`` holds ``files`` and ``options`` of ``convert`` where the tidy file was made of files of
     testing machines.

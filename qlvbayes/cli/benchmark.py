@@ -1,9 +1,8 @@
-"""``qlvbayes benchmark``: how often the diagnosis finds what is hidden in simulated pads."""
+"""``qlvbayes benchmark``: how often each effect would be named, in tests like the user's."""
 
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,136 +11,139 @@ from rich.table import Table
 
 from qlvbayes.cli.console import counting, out
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import Seed, Style, WorkOptions, split_names
-from qlvbayes.io.checks import InputError
+from qlvbayes.cli.options import AsJson, Seed, WorkOptions, share_of, split_names
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
-    from qlvbayes.evaluation.counting import Case
-    from qlvbayes.evaluation.population import Population
-    from qlvbayes.evaluation.report import Report
+    from qlvbayes.evaluation.session import Session
+    from qlvbayes.evaluation.study import Benchmark
+    from qlvbayes.evaluation.table import EffectRow
 
 
 @with_groups
 def benchmark(
-    studies: Annotated[int, typer.Option(min=1, help="How many pads.")] = 40,
-    seed: Seed = 0,
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Measurements, whose pad, noise and tests are simulated. Default: pad B of the "
+            "paper, correlated noise, the paper's tests.",
+            show_default=False,
+        ),
+    ] = None,
+    pad: Annotated[str, typer.Option(help="The pad of FILE. Default: the only one.")] = "",
+    programme: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A test in words, as 'ramp 1.6 mm at 20 mm/s, hold 30 s', in place of those of "
+            "FILE; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    specimen: Annotated[str, typer.Option(help="Without FILE: a pad of 'simulate --pads'.")] = "B",
+    noise: Annotated[
+        str, typer.Option(help="Without FILE: a noise of 'simulate --noise'.")
+    ] = "correlated",
+    bonded: Annotated[
+        bool, typer.Option("--bonded/--loose", help="Whether the pad is fixed and can pull.")
+    ] = False,
     effects: Annotated[
-        str, typer.Option(help="Hide only these where one is hidden alone, as 'friction,inertia'.")
+        str, typer.Option(help="Hide only these, as 'friction,inertia'. Default: all.")
     ] = "",
-    noise: Annotated[str, typer.Option(help="Kind of noise, correlated or white.")] = "correlated",
+    size: Annotated[
+        str, typer.Option(help="Largest force of the effect over the pad's, as '6%' or '0.06'.")
+    ] = "6%",
+    pads: Annotated[int, typer.Option(min=1, help="Pads for each effect, and for nothing.")] = 5,
+    seed: Seed = 0,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
         "benchmark"
     ),
-    population: Annotated[
-        str, typer.Option(help="paper, or wide: other protocols, laws, noise and loggers too.")
-    ] = "paper",
     *,
     work: WorkOptions,
-    style: Style = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Diagnose simulated pads in which something known is hidden, or nothing, and score it.
+    """Say how often each effect would be named, with your pad, your noise and your tests.
 
-    Equally many pads hide nothing, one effect of the list, two, another form of one, something
-    outside the list, or that together with a listed effect. Finished pads are kept; the same
-    command goes on where it stopped.
+    Simulates pads that each hide one effect, and some that hide none, and diagnoses them. A pad
+    takes about as long as the diagnosis of FILE. Finished pads are kept; the same command goes on
+    where it stopped, and more --pads or --effects add to it.
 
-    The paper's population has the paper's rig and laws. With --population wide, protocols, laws,
-    histories, kinds of noise and loggers vary too, every level of each equally often. Rates are of
-    the pads whose hidden effects the tests can show, with one-sided 95 % bounds.
-
-    Leaves OUT/benchmark.json, .png and .pdf. Of parts (--shard) the studies are kept; the same
-    command without it then scores all of them.
+    Leaves OUT/benchmark.json. Of parts (--shard) the pads are kept; the same command without it
+    then counts all of them.
     """
-    if population not in ("paper", "wide"):
-        raise InputError(f"no population {population!r}", remedy="use paper or wide")
-    if population == "wide" and (effects or noise != "correlated"):
-        raise InputError(
-            "the wide population decides effects and noise itself",
-            remedy="leave --effects and --noise out",
-        )
-    # imported here, so that the other commands do not wait for what only this one needs
-    from qlvbayes.evaluation.lists import PRESENT
-    from qlvbayes.evaluation.population import Population
-    from qlvbayes.evaluation.report import Report
-    from qlvbayes.plots.benchmark import plot_benchmark
-    from qlvbayes.plots.files import save_figure
-
-    hidden = tuple(split_names(effects)) if effects else PRESENT.listed
-    simulated = Population(seed, paper=population == "paper", noise=noise, effects=hidden)
-    folder = results_folder(output)
-    cases = _run(simulated, folder, studies, work)
-    if cases is None:
-        return
-    report = Report(simulated, tuple(cases))
-    write_json(folder / "benchmark.json", report.as_dict())
-    picture = save_figure(plot_benchmark(report), folder / "benchmark")
-    if as_json:
-        print(json.dumps(report.as_dict(), allow_nan=False))
-        return
-    out.print(rates_table(report), constants_table(report))
-    out.print(f"figure: {picture}")
-
-
-def _run(
-    population: Population, folder: Path, studies: int, work: WorkOptions
-) -> list[Case] | None:
-    """Run what is missing; return all studies, or None after one part of many."""
-    from qlvbayes.evaluation.case import run_case
+    # imported here, so that the help does not wait for them
     from qlvbayes.evaluation.store import Store, run_missing, store_path
+    from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of, index_of
+    from qlvbayes.evaluation.table import rows
 
+    share = share_of(size)
+    if not 0.0 < share < 1.0:
+        raise InputError(f"a size of {size}", remedy="give a share of the peak force, as 6%")
+    hidden = (NOTHING, *effects_of(tuple(split_names(effects)), bonded=bonded))
+    session = _session(file, pad, specimen, noise, bonded=bonded)
+    simulated = Benchmark(session.with_programmes(programme) if programme else session, share, seed)
+    studies = [(name, number) for number in range(pads) for name in hidden]
     shard = work.part
     part = shard.index if shard.count > 1 else None
-    store = Store(store_path(folder / "studies", population.key), population.key, part)
-    indices = shard.part(range(studies))
-    with work.engine() as engine, counting("studies") as report:
-        run_missing(partial(run_case, population), store, indices, report, engine)
-    if part is None:
-        return store.first(studies)
-    out.print(f"{len(indices)} studies in {folder}; the same command without --shard scores all")
-    return None
+    folder = results_folder(output)
+    store = Store(store_path(folder / "studies", simulated.key), simulated.key, part)
+    indices = shard.part(studies)
+    with work.engine() as engine, counting("pads") as report:
+        run_missing(simulated.run, store, indices, report, engine, key=index_of)
+    if part is not None:
+        out.print(f"{len(indices)} pads in {folder}; the same command without --shard counts all")
+        return
+    cases = [store.cases[index_of(study)] for study in studies]
+    found = rows(cases, hidden)
+    content = _content(simulated, [row.as_dict() for row in found], cases)
+    write_json(folder / "benchmark.json", content)
+    if as_json:
+        print(json.dumps(content, allow_nan=False))
+        return
+    out.print(effects_table(found, share))
 
 
-def rates_table(report: Report) -> Table:
-    """Return every rate over the studies whose effect is visible, with its one-sided 95 % bound."""
-    from qlvbayes.evaluation.counting import COUNTS, bound
+def _session(file: Path | None, name: str, specimen: str, noise: str, *, bonded: bool) -> Session:
+    from qlvbayes.evaluation.session import Session
+    from qlvbayes.io.data import read_measurements
+    from qlvbayes.simulate import NOISES, SPECIMENS
 
-    name = f"the {'paper' if report.population.paper else 'wide'} population"
-    title = f"{len(report.cases)} blind studies of {name}, seed {report.population.seed}"
+    if file is None:
+        check_known("pad", specimen, SPECIMENS)
+        check_known("noise", noise, NOISES)
+        return Session.of_the_paper(SPECIMENS[specimen], NOISES[noise], bonded=bonded)
+    study = read_measurements(file)
+    known = [one.name for one in study.pads]
+    if not name and len(known) > 1:
+        raise InputError(f"several pads: {', '.join(known)}", file=file, remedy="name one by --pad")
+    return Session.of_pad(study.pad(name or known[0]), bonded=bonded)
+
+
+def _content(simulated: Benchmark, found: list[dict], cases: list[dict]) -> dict:
+    session = simulated.session
+    return {
+        "schema": 2,
+        "seed": simulated.seed,
+        "size": simulated.size,
+        "tests": list(session.names),
+        "effects": found,
+        "cases": cases,
+    }
+
+
+def effects_table(found: list[EffectRow], size: float) -> Table:
+    """Return one row an effect, with the bounds of the share in which the verdict is right."""
+    title = f"pads that hide one effect of {100 * size:g} % of the peak force, or nothing"
     table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("hidden: verdict")
-    for column in ("share", "95 % bound", "n"):
+    table.add_column("hidden")
+    columns = ("size", "pads", "named", "95 % bounds", "in a group", "another named", "none named")
+    for column in (*columns, "failed"):
         table.add_column(column, justify="right")
-    for count in COUNTS:
-        rate = report.rate(count)
-        if rate.share is not None:
-            sign = ">" if count.good else "<"
-            limit = f"{sign} {100 * bound(rate, count.good):.1f} %"
-            table.add_row(count.words, f"{100 * rate.share:.1f} %", limit, str(rate.n))
-    table.add_section()
-    for kind, medians in report.heldout().items():
-        if medians["plain"] is not None:
-            words = f"left-out tests, error/noise, median ({kind}): first model, then last one"
-            values = f"{medians['plain']:.2f}, {medians['final']:.2f}"
-            table.add_row(words, values, "", str(medians["n"]))
-    if report.seconds is not None:
-        table.add_row("seconds for a study, median", f"{report.seconds:.1f}")
-    return table
-
-
-def constants_table(report: Report) -> Table:
-    """Return the coverage of the pad's constants without the effect and with it."""
-    from qlvbayes.evaluation.constants import coverage
-
-    title = "one effect that could be seen: pads whose 90 % interval holds the true constant"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("constant")
-    for name in ("first model", "last model", "n", "|error|/sd, first", "last"):
-        table.add_column(name, justify="right")
-    for c in coverage(report.cases).values():
+    for row in found:
+        low, high = (f"{100 * x:.0f}" for x in row.bounds)
+        counts = (str(x) if x else "" for x in (row.grouped, row.wrong, row.silent, row.failed))
         table.add_row(
-            c.name, str(c.before), str(c.after), str(c.after.n),
-            f"{c.error_before:.1f}", f"{c.error_after:.1f}",
+            row.effect, f"{100 * row.share:.1f} %", str(row.pads), str(row.named),
+            f"{low} to {high} %", *counts,
         )  # fmt: skip
     return table

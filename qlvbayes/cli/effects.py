@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
@@ -14,28 +15,36 @@ from qlvbayes.io.units import PAD
 if TYPE_CHECKING:
     from qlvbayes.effects.effect import AbstractEffect
 
+Name = Annotated[
+    str, typer.Argument(help="Only this effect and its other forms.", show_default=False)
+]
 
-def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
+
+def effects(name: Name = "", effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
     """List the effects by family, with law, constants and what one would see.
 
-    Below each effect are its other forms. Those that name no physical cause come last.
+    Below each effect are its other forms. Those that name no physical cause come last. An effect
+    that acts off the pad adds a force also where the platen does not touch it.
     """
     # imported here, so that the help does not wait for them
-    from qlvbayes.effects.catalogue import by_family
+    from qlvbayes.effects.catalogue import by_family, find
     from qlvbayes.model.choices import Choices
 
     own = None if effects_file is None else str(effects_file.resolve())
-    families = by_family(Choices(effects_file=own).kinds)
-    kinds = [kind for members in families.values() for kind in members]
+    known = Choices(effects_file=own).kinds
+    families = by_family(known)
+    wanted = [find(name, known).family()] if name else list(families)
+    kinds = [kind for family in wanted for kind in families[family]]
     if as_json:
         print(json.dumps([_entry(kind) for kind in kinds]))
         return
     table = Table(show_lines=True, caption="indented: another form of the effect above it")
-    for name in ("effect", "law", "constants", "what you would see"):
-        table.add_column(name, overflow="fold", no_wrap=name == "effect")
+    for head in ("effect", "law", "constants", "what you would see", "off the pad"):
+        table.add_column(head, overflow="fold", no_wrap=head == "effect")
     for kind in kinds:
-        name = f"  {kind.name}" if kind.generalises else kind.name
-        table.add_row(name, kind.law, ", ".join(_constants(kind)), kind.seen)
+        shown = f"  {kind.name}" if kind.generalises else kind.name
+        acts = "acts" if kind.off_pad else "-"
+        table.add_row(shown, kind.law, ", ".join(_constants(kind)), kind.seen, acts)
     out.print(table)
 
 
@@ -49,6 +58,7 @@ def _entry(kind: type[AbstractEffect]) -> dict:
         "effect": kind.name,
         "family": kind.family(),
         "outside": kind.outside,
+        "off_pad": kind.off_pad,
         "law": kind.law,
         "parameters": {name: PAD.of(word) for name, word in kind.units.items()},
         "seen": kind.seen,

@@ -43,10 +43,10 @@ def export_command(
 ) -> None:
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 
-    c: a C99 header; fmu: an FMI 2.0 unit; matlab; mujoco, drake, isaac: a contact, with its error
-    against the measured forces; abaqus, ansys, febio, comsol, ls-dyna, nastran, radioss: a
-    material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
-    date, what was tested, the 90 % intervals, and what it cannot represent.
+    c: a C99 header; fmu: an FMI 2.0 unit; matlab; mujoco, drake: a contact, with its error against
+    the measured forces; abaqus, febio: a material, of a homogeneous specimen; prony: its table, for
+    every other program; curves: tables; json: everything. Each says its units, its date, what was
+    tested, the 90 % intervals, and what it cannot represent.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.use.exports.write import export, find

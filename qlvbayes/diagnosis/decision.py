@@ -151,6 +151,17 @@ def restrict_to(weights: Sequence[Weight], effects: Collection[str]) -> list[Wei
     return [w if w.effects <= set(effects) else replace(w, log_posterior=-np.inf) for w in weights]
 
 
+def require(weights: Sequence[Weight], effects: set[str]) -> list[Weight]:
+    """Return the weights as they are if some effects are there, where any hypothesis has them."""
+    having = [effects <= w.effects for w in weights]
+    if not any(own and w.counts for own, w in zip(having, weights, strict=True)):
+        return list(weights)
+    return [
+        w if own else replace(w, log_posterior=-np.inf)
+        for own, w in zip(having, weights, strict=True)
+    ]
+
+
 def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: bool) -> Decision:
     """Return the decision after the adequacy test of its selected hypothesis.
 

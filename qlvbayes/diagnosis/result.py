@@ -164,12 +164,13 @@ class Strengths(Part, frozen=True):
 class Support(Part, frozen=True):
     """Measures besides the evidence that speak for or against an effect (`checks.support`)."""
 
-    # logarithm of the error on tests left out without the effect over that with it
+    # logarithm of the error on tests left out, where the effect acts, without it over that with it
     heldout_gain: float
     # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
     # than three parts
     heldout_sds: float
-    heldout: float | None  # error on tests left out with the effect (N); None of a single phase
+    # that error with the effect (N); None of a single phase
+    heldout: float | None
     error_left: float  # logarithm of the error of the fit with the effect over the noise floor
     p_left: float  # p-value of the adequacy test with the effect
     effects: int  # number of effects that the hypothesis adds

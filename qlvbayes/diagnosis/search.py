@@ -11,7 +11,7 @@ hypothesis are optimised in parallel. The state of a search may be read at any t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -64,7 +64,7 @@ class Search:
     _tried: set[tuple[Hypothesis, Hypothesis]] = field(default_factory=set)
     _redrawn: set[Hypothesis] = field(default_factory=set)
     _expanded: set[Hypothesis] = field(default_factory=set)
-    _forms_tried: set[Hypothesis] = field(default_factory=set)
+    _forms_tried: set[str] = field(default_factory=set)
     _substituted: set[Hypothesis] = field(default_factory=set)
 
     @property
@@ -155,23 +155,32 @@ class Search:
         self._redrawn.add(self.baseline)
 
     def expand_beam(self) -> None:
-        """Evaluate the neighbours of the beam until those of all its hypotheses are known."""
+        """Evaluate the neighbours of the beam until those of all its hypotheses are known.
+
+        Where the best leaves structure, other forms of an effect that is new in it come first: what
+        is wrong in the form of an effect is otherwise taken by a wrong law, or by further effects.
+        """
         while not self.ended_early:
             best = self.best
-            if left := [one for one in self.beam if one not in self._expanded]:
+            leaves = self._leaves_structure(best)
+            if leaves and (new := set(self.added(best)) - self._forms_tried):
+                self._forms_tried |= new
+                self._expand_to("other forms of the effects of", best, self.forms(best, new))
+            elif left := [one for one in self.beam if one not in self._expanded]:
                 self._expanded.add(left[0])
-                self.report(f"neighbours of {described(left[0])}")
-                self.expand(left[0], self.neighbours(left[0]))
-            elif self._leaves_structure(best) and best not in self._forms_tried:
-                self._forms_tried.add(best)
-                self.report(f"other forms of the effects of {described(best)}")
-                self.expand(best, self.forms(best))
-            elif self._leaves_structure(best) and best not in self._substituted:
+                self._expand_to("neighbours of", left[0], self.neighbours(left[0]))
+            elif leaves and best not in self._substituted:
                 self._substituted.add(best)
-                self.report(f"other effects instead of those of {described(best)}")
-                self.expand(best, self.substitutions(best))
+                others = [*self.forms(best), *self.unmodelled(best), *self.substitutions(best)]
+                self._expand_to("other effects instead of those of", best, others)
             else:
                 break
+
+    def _expand_to(self, how: str, hypothesis: Hypothesis, some: Sequence[Hypothesis]) -> None:
+        """Evaluate some neighbours of a hypothesis, if there are any, and report it."""
+        if some:
+            self.report(f"{how} {described(hypothesis)}")
+            self.expand(hypothesis, some)
 
     @property
     def beam(self) -> list[Hypothesis]:
@@ -198,13 +207,19 @@ class Search:
         """Return the hypotheses with another law, or one candidate effect more or less.
 
         An effect that is there in another form may also be exchanged for the candidate effect.
-        Free curves of the elasticity are neighbours only where more than noise is left.
+        Free curves of the elasticity are neighbours only where more than noise is left. Where the
+        same effects on the same elastic law were expanded with another relaxation, no effects are
+        added again: relaxations that fit alike leave the same.
         """
         space, added = self.density.space, self.added(hypothesis)
         elastic = space.elastic if self._leaves_structure(hypothesis) else self.nameable_laws
         some = [replace(hypothesis, elastic=name) for name in elastic]
         some += [replace(hypothesis, relaxation=name) for name in space.relaxation]
-        if len(added) < self.breadth.effects:
+        grown = any(
+            replace(one, relaxation=hypothesis.relaxation) == hypothesis
+            for one in self._expanded - {hypothesis}
+        )
+        if len(added) < self.breadth.effects and not grown:
             more = set(self.families.addable(hypothesis.effects))
             some += [hypothesis.plus(name) for name in self.families.nameable if name in more]
         for name in added:
@@ -215,17 +230,23 @@ class Search:
             ]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
-    def forms(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with an effect in another form, or an unmodelled effect more."""
+    def forms(
+        self, hypothesis: Hypothesis, effects: Collection[str] | None = None
+    ) -> list[Hypothesis]:
+        """Return the hypotheses with one effect, of some or all of them, in another form."""
         some = [
             hypothesis.less(name).plus(own)
-            for name in self.added(hypothesis)
+            for name in (self.added(hypothesis) if effects is None else sorted(effects))
             for own in self._relatives(name)
         ]
-        if len(self.added(hypothesis)) < self.breadth.effects:
-            more = self.families.addable(hypothesis.effects)
-            some += [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
+
+    def unmodelled(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Return the hypotheses with one more effect that stands for what no candidate is."""
+        if len(self.added(hypothesis)) >= self.breadth.effects:
+            return []
+        more = self.families.addable(hypothesis.effects)
+        return [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
 
     def substitutions(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Return the hypotheses with one effect replaced by another one.

@@ -96,13 +96,12 @@ def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
 
     The error of a measured zero has the effect that it has on the baseline model at its optimum.
     """
+    record = experiment.record(experiment.trials, errors=True)
     if not has_uncertain_zeros(model, experiment.trials):
-        return experiment.record(experiment.trials)
+        return record
     posterior = build_posterior(experiment, choices, experiment.trials)
     points = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))
-    return with_zero_errors(
-        posterior.record, experiment.trials, posterior.bind(jnp.asarray(points[0]))[0]
-    )
+    return with_zero_errors(record, experiment.trials, posterior.bind(jnp.asarray(points[0]))[0])
 
 
 def _space(

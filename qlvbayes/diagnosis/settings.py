@@ -110,6 +110,9 @@ class DiagnosisSettings:
     # certainty below which an effect is not named: a wrong name costs one and a half times as much
     # as a missed one
     confirmed: float = 0.6
+    # certainty of an effect that is measured in the records beyond doubt, at five sds and in two
+    # places: what is left to doubt is whether the list holds its cause
+    measured: float = 0.95
     # inclusion probability over all hypotheses, free curves among them, below which no effect is
     # named: less is more likely absent than not
     own: float = 0.5

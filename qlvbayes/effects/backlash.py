@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.effects.history import confined
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
@@ -43,7 +44,7 @@ class Backlash(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force of the law beneath at the platen's own depth."""
-        depth, _ = jax.lax.associative_scan(_composed, self._range(motion.displacement))
+        depth, _ = jax.lax.associative_scan(confined, self._range(motion.displacement))
         waits = self._waits(depth, motion.displacement)
         still = jnp.zeros_like(depth)
         followed = replace(
@@ -84,9 +85,3 @@ class Backlash(AbstractEffect):
     def blind(cls, protocol: Protocol) -> str | None:
         """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"
-
-
-def _composed(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the range that two ranges, applied one after the other, confine a depth to."""
-    low, high = second
-    return jnp.clip(first[0], low, high), jnp.clip(first[1], low, high)

@@ -21,6 +21,8 @@ from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.effects.frame_ringing import FrameRinging
 from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.gradual_contact import GradualContact
+from qlvbayes.effects.guide_drag import GuideDrag, GuidePowerLawDrag
+from qlvbayes.effects.guide_friction import GuideFriction
 from qlvbayes.effects.inertia import Inertia
 from qlvbayes.effects.interface_slip import InterfaceSlip
 from qlvbayes.effects.levelling_drift import LevellingDrift
@@ -32,6 +34,7 @@ from qlvbayes.effects.power_law_drag import PowerLawDrag
 from qlvbayes.effects.power_law_drainage import PowerLawDrainage
 from qlvbayes.effects.pressure_friction import PressureFriction
 from qlvbayes.effects.second_contact import SecondContact
+from qlvbayes.effects.sharp_friction import SharpFriction
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.squeeze_film import SqueezeFilm
@@ -74,9 +77,13 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
 """The listed effects: those that a diagnosis looks for and names."""
 
 FORMS: tuple[type[AbstractEffect], ...] = (
+    GuideDrag,
+    GuidePowerLawDrag,
     PowerLawDrainage,
     LevellingLeak,
     PressureFriction,
+    SharpFriction,
+    GuideFriction,
     GradualContact,
     AdhesionAtAStretch,
     StiffeningFrame,

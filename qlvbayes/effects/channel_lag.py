@@ -61,6 +61,8 @@ class ChannelLag(AbstractEffect):
     @classmethod
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a delay scaled by the top speed and the secant stiffness."""
+        # positive: a force that comes early is a squeeze film's, with a cosine of 0.99 for a pad
+        # that stiffens, and no channel of the force foresees the displacement
         speed = scales.speed if scales.speed > 0.0 else 1.0
         return cls(scales.positive(scales.force / scales.depth * speed))
 

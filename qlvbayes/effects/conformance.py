@@ -28,7 +28,8 @@ from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
 
 _DRAWS = 24  # draws from the priors; every rule is checked at each
-_REDUCED = 4  # draws at which a form is compared with its listed law
+_REDUCED = 4  # draws at which a form is compared with its listed law, and looked at off the pad
+_OFF = 2.0  # depths by which the platen of the tests is moved off the pad
 _EXACT = 1e-12  # allowed error over the peak force
 _SLIGHT = 1e-9  # share of an effect's size, at which the effect may move the force by no more than
 _NEXT_TO_NOTHING = 1e-6  # this share of the peak force
@@ -60,7 +61,9 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     * compiled, batched and plain evaluation agree, and its steps with them, where it has any;
     * it nests where no built-in effect of another family does, so that the order in which effects
       are added does not matter;
-    * a form of a listed effect nests where that does, and has its law where it says so;
+    * a form of a listed effect nests where that does, and has its law where it says so; one that
+      acts off the pad, where that does not, nests outside the contact;
+    * where the platen is off the pad it adds a force if and only if it says so;
     * its prior gives it a fair size.
 
     The tests are those of the paper and one that retracts fully. With ``scales`` they are stretched
@@ -161,10 +164,10 @@ class _Trial:
             self.kind(**{f.name: getattr(self.default, f.name) for f in fields(self.kind)} | given)
         )
 
-    def law_with(self, effect: AbstractEffect) -> Law:
+    def law_with(self, effect: AbstractEffect, bonded: bool = False) -> Law:
         """Return the baseline law with an effect whose constants are numbers."""
         layers: tuple[Layer, ...] = (Contact(), effect)
-        if isinstance(effect, Adhesion):
+        if bonded or isinstance(effect, Adhesion):
             layers = (effect,)
         elif effect.level < Level.CONTACT:
             layers = (effect, Contact())
@@ -218,13 +221,21 @@ def _check_general(kind: type[AbstractEffect], own: set[str]) -> None:
             f"{kind.name} must have the constants of {listed.name}, {_list(shared)}, and its "
             "amplitude, by the same names"
         )
-    if not kind.reduces or not set(kind.reduces) <= own - shared:
+    outer = _is_outer(kind, listed)
+    if not (kind.reduces or outer) or not set(kind.reduces) <= own - shared:
         raise EffectError(
             f"{kind.name}: reduces must say where it is {listed.name}, by one or more of "
             f"{_list(own - shared)}"
         )
-    if (kind.level, kind.rank) != (listed.level, listed.rank):
+    if outer and kind.level < Level.CONTACT:
+        raise EffectError(f"{kind.name} acts off the pad: it must nest outside the contact")
+    if not outer and (kind.level, kind.rank) != (listed.level, listed.rank):
         raise EffectError(f"{kind.name} must nest where {listed.name} does: give it that rank")
+
+
+def _is_outer(kind: type[AbstractEffect], listed: type[AbstractEffect]) -> bool:
+    """Return whether a form acts off the pad and the listed effect does not."""
+    return kind.off_pad and not listed.off_pad
 
 
 def _listed(kind: type[AbstractEffect]) -> type[AbstractEffect]:
@@ -345,11 +356,12 @@ def _check_reduces(trial: _Trial) -> None:
         return
     listed = _listed(kind)
     shared = [field.name for field in fields(listed)]
+    bonded = _is_outer(kind, listed)  # there nothing is cut between the two places
 
     @jax.jit
     def both(values: Values) -> tuple[Array, Array]:
-        general = trial.law_with(kind(**(values | kind.reduces)))
-        special = trial.law_with(listed(**{name: values[name] for name in shared}))
+        general = trial.law_with(kind(**(values | kind.reduces)), bonded)
+        special = trial.law_with(listed(**{name: values[name] for name in shared}), bonded)
         forces: Forces = jax.vmap(lambda one: (general.force(one), special.force(one)))
         return forces(trial.reference.motions)
 
@@ -363,6 +375,21 @@ def _check_reduces(trial: _Trial) -> None:
                 f"{kind.name} is not {listed.name} at {kind.reduces}: with "
                 f"{trial.values(draw)} the force is off by {error:.1e} of the peak"
             )
+
+
+def _check_off_pad(trial: _Trial) -> None:
+    reference, said = trial.reference, trial.kind.off_pad
+    away = replace(
+        reference.motions,
+        displacement=reference.motions.displacement - _OFF * reference.scales.depth,
+    )
+    forces = [np.asarray(trial.run(jnp.asarray(draw), away)[0]) for draw in trial.draws[:_REDUCED]]
+    largest = max(float(np.max(np.abs(force))) for force in forces) / reference.peak
+    if (largest > _EXACT) != said:
+        raise EffectError(
+            f"{trial.kind.name} says off_pad = {said}, and where the platen is off the pad it adds "
+            f"{largest:.1e} of the peak"
+        )
 
 
 def _check_steps(trial: _Trial) -> None:
@@ -413,6 +440,7 @@ _RULES: dict[str, Callable[[_Trial], None]] = {
     "compiled": _check_compiled,
     "batched": _check_batched,
     "listed law": _check_reduces,
+    "off the pad": _check_off_pad,
     "steps": _check_steps,
 }
 

@@ -25,8 +25,9 @@ class Level(IntEnum):
     CONTACT = 3
     DEPTH = 4  # changes the pad's depth, which may differ from the platen's displacement
     FRAME = 5
-    SENSOR = 6
-    CHANNEL = 7
+    GUIDE = 6  # adds to what the load cell feels, also where the pad is not touched
+    SENSOR = 7
+    CHANNEL = 8
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,9 @@ class AbstractEffect(eqx.Module):
     * ``shapes``: at how many values of its first constant other than the amplitude a search looks
       at its force before it begins with the likeliest ones, where few would miss it,
     * ``generalises``: the name of the listed effect whose law it contains, at the values of the
-      constants in ``reduces``; the other constants have the same names in both,
+      constants in ``reduces``; the other constants have the same names in both. One that acts off
+      the pad, where the listed one does not, has its law in a specimen that is fixed to the platen,
+    * ``off_pad``: whether it adds a force where the platen is off a pad that it has not touched,
     * ``outside``: whether it names nothing, but stands for whatever the list does not hold,
     * ``not_stepped``: why it has no ``step``, where it has none,
     * ``inverts``: whether the force after a step determines the displacement there, and
@@ -85,6 +88,7 @@ class AbstractEffect(eqx.Module):
     shapes: ClassVar[int] = 0
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
+    off_pad: ClassVar[bool] = False
     outside: ClassVar[bool] = False
     not_stepped: ClassVar[str] = "the effect does not say how it steps"
     inverts: ClassVar[bool] = True

@@ -40,6 +40,8 @@ class ExtraRelaxationMode(AbstractEffect):
 
         The rate may be any that the tests resolve.
         """
+        # at most a fifth of a sample's: a quicker mode is a drag that grows with the stiffness, as
+        # a squeeze film's does (a cosine of 0.96 there)
         low, high = resolved_rates(scales)
         return cls(scales.positive(0.6 * scales.force), LogUniform(low, high))
 

@@ -25,6 +25,7 @@ class ForceDrift(AbstractClocked):
     rank: ClassVar[int] = 2
     units: ClassVar[dict[str, str]] = {"rate": "force_rate"}
     null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    off_pad: ClassVar[bool] = True
     law: ClassVar[str] = "F += rate t"
     seen: ClassVar[str] = "a shift of all forces that grows from test to test"
     reference: ClassVar[str] = "ISO 376:2011, creep and drift of a force transducer"

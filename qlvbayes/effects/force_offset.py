@@ -25,6 +25,7 @@ class ForceOffset(AbstractEffect):
     rank: ClassVar[int] = 1
     units: ClassVar[dict[str, str]] = {"offset": "force"}
     null: ClassVar[dict[str, float]] = {"offset": 0.0}
+    off_pad: ClassVar[bool] = True
     law: ClassVar[str] = "F += offset"
     seen: ClassVar[str] = "all forces shifted alike, those without contact too"
     reference: ClassVar[str] = "ISO 376:2011, zero of a force transducer"

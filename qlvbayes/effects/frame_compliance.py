@@ -90,6 +90,7 @@ class FrameCompliance(AbstractFrame):
     @classmethod
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a compliance scaled by peak force and secant stiffness."""
+        # its sd is 2.5 % of the pad's own compliance: a frame as soft as a pad lies at 40 sd
         return cls(scales.positive(2.0 * scales.force**2 / scales.depth))
 
     def deflection(self, force: Array) -> tuple[Array, Array]:

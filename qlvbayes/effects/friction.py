@@ -16,8 +16,16 @@ from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.laws.scales import Scales
+from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+
+_REACHES = (0.002, 0.2)
+"""Bounds of the reach over the depth: what an encoder shows, and an end of sliding in the travel.
+
+Friction that never comes to slide is a spring beside the pad's, with a loop that permanent_set has
+as well: a cosine of 0.90 at 0.1 of the depth, of 0.77 at 0.01.
+"""
 
 
 class AbstractFriction(AbstractEffect):
@@ -37,10 +45,12 @@ class AbstractFriction(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with the friction added."""
-        displacement = motion.alone.displacement
+        return self.rubbed(below.force(motion), self.slid(motion.alone.displacement))
+
+    def slid(self, displacement: Array) -> Array:
+        """Return z at the points of a motion (N,)."""
         travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
-        slid = hereditary_force(*self._sliding, travelled, displacement - displacement[0])
-        return self.rubbed(below.force(motion), slid)
+        return hereditary_force(*self._sliding, travelled, displacement - displacement[0])
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and that of friction before any sliding."""
@@ -80,10 +90,15 @@ class Friction(AbstractFriction):
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a strength scaled by the peak force.
 
-        The reach lies near 3 % of the depth.
+        The reach is a small part of the depth.
         """
-        return cls(scales.positive(1.0), lognormal(0.03 * scales.depth, 2.0))
+        return cls(scales.positive(1.0), reversing(scales))
 
     def rubbed(self, force: Array, slid: Array) -> Array:
         """Return F_below + strength z."""
         return force + self.strength * slid
+
+
+def reversing(scales: Scales) -> LogUniform:
+    """Return the prior of the distance (mm) over which friction reverses."""
+    return LogUniform(*(share * scales.depth for share in _REACHES))

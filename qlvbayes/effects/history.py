@@ -1,4 +1,4 @@
-"""Compute what effects need of a test's past: largest depth, fading memory, material time."""
+"""Compute what effects need of a test's past: largest depth, play, fading memory, material time."""
 
 from __future__ import annotations
 
@@ -22,6 +22,12 @@ def largest(depth: Array, ago: Array | None = None) -> Array:
     if ago is not None:  # puts every depth of an earlier test below those of a later one
         fixed = fixed - (2.0 * jnp.max(jnp.abs(fixed)) + 1.0) * ago
     return depth[jax.lax.cummax(jnp.where(fixed >= jax.lax.cummax(fixed), index, 0))]
+
+
+def confined(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the range that two ranges, applied one after the other, confine a place to."""
+    low, high = second
+    return jnp.clip(first[0], low, high), jnp.clip(first[1], low, high)
 
 
 def fading(gain: ArrayLike, rate: ArrayLike) -> tuple[Linear, Prony]:

@@ -24,6 +24,7 @@ class Inertia(AbstractEffect):
     level: ClassVar[Level] = Level.SENSOR
     units: ClassVar[dict[str, str]] = {"mass": "mass"}
     null: ClassVar[dict[str, float]] = {"mass": 0.0}
+    off_pad: ClassVar[bool] = True
     law: ClassVar[str] = "F += mass a"
     seen: ClassVar[str] = "pulses of the force while the platen speeds up or brakes"
     needs: ClassVar[str] = "acceleration"

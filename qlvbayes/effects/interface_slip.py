@@ -45,6 +45,8 @@ class InterfaceSlip(AbstractEffect):
     @classmethod
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a yielding scaled by half of the squared depth."""
+        # with one return it is permanent_set to 0.99, whatever the prior: both lose depth on the
+        # way; a second loading tells, as the set is there already and the slip begins anew
         return cls(scales.positive(0.5 * scales.depth**2 * scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:

@@ -35,6 +35,7 @@ class LevellingDrift(AbstractClocked):
     rank: ClassVar[int] = ForceDrift.rank
     units: ClassVar[dict[str, str]] = {"rate": "force_rate", "slowing": "rate"}
     null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    off_pad: ClassVar[bool] = True
     generalises: ClassVar[str] = ForceDrift.name
     reduces: ClassVar[dict[str, float]] = {"slowing": 0.0}
     law: ClassVar[str] = "F += rate (1 - e^(-slowing t))/slowing"

@@ -48,6 +48,8 @@ class LevellingLeak(AbstractClocked):
 
         The return may take a part of the study.
         """
+        # of tests at even intervals one that levels off within the study is conditioning to 0.998,
+        # by the clock in place of the count: only a pause or one long test tells the two apart
         whole = duration(scales)
         return cls(scales.positive(_REACHED * scales.force * whole), HalfNormal(_LEVELS / whole))
 

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading
-from qlvbayes.effects.spans import resolved_times
+from qlvbayes.effects.spans import after_ramps
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
@@ -44,9 +44,9 @@ class LoadCellCreep(AbstractEffect):
     def default(cls, scales: Scales) -> Self:
         """Return the effect with a share scaled by the peak force.
 
-        Its time lies between a few samples and twice the longest phase.
+        Its time lies between that of the fastest ramp and twice the longest phase.
         """
-        return cls(scales.positive(0.7 * scales.force), LogUniform(*resolved_times(scales)))
+        return cls(scales.positive(0.7 * scales.force), LogUniform(*after_ramps(scales)))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with the cell's creep added."""

@@ -40,6 +40,7 @@ class OffsetsByTest(AbstractEffect):
         "duration": "time",
     }
     null: ClassVar[dict[str, float]] = {"size": 0.0}
+    off_pad: ClassVar[bool] = True
     outside: ClassVar[bool] = True
     not_stepped: ClassVar[str] = (
         "its offset is that of one test of the study, and a step is of none"

@@ -7,8 +7,8 @@ from typing import ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.friction import AbstractFriction, Friction
-from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.effects.friction import AbstractFriction, Friction, reversing
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
 
@@ -51,7 +51,7 @@ class PressureFriction(AbstractFriction):
         """
         return cls(
             scales.positive(1.0),
-            lognormal(0.03 * scales.depth, 2.0),
+            reversing(scales),
             Uniform(0.0, 1.0),
             scales.force,
         )

@@ -22,6 +22,17 @@ def resolved_times(scales: Scales) -> tuple[float, float]:
     return min(5.0 * _shortest(scales), 0.5 * high), high
 
 
+def after_ramps(scales: Scales) -> tuple[float, float]:
+    """Return the times (s) of the fastest ramp, or of five samples, and of twice the longest phase.
+
+    A cell that creeps within its fastest ramp only reads late, which is channel_lag: a cosine of
+    0.96 at five samples of a ramp of 16, of 0.70 where the creep takes as long as the ramp.
+    """
+    low, high = resolved_times(scales)
+    ramp = scales.depth / scales.speed if scales.speed > 0.0 else low
+    return min(max(low, ramp), 0.5 * high), high
+
+
 def resolved_rates(scales: Scales) -> tuple[float, float]:
     """Return the rates (1/s) that halve over the longest phase, and of a fifth of a sample's."""
     low = 0.5 / _longest(scales)

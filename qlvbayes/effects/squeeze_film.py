@@ -15,6 +15,12 @@ from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
 
 _THINNEST = 0.05  # share of its thickness that the film keeps
+_GAPS = (1.05, 4.0)
+"""Bounds of the film's thickness over the largest depth: not touched, and squeezed to 3/4 of it.
+
+A thicker film drags alike all along the travel, which is viscous_drag: 34 % of its force is not
+that drag's at 4 depths, 22 % at 6 and 12 % at 10.
+"""
 
 
 class SqueezeFilm(AbstractEffect):
@@ -44,7 +50,7 @@ class SqueezeFilm(AbstractEffect):
         """
         speed = scales.speed if scales.speed > 0.0 else 1.0
         depth = scales.depth
-        return cls(scales.positive(3.0 * speed), LogUniform(1.05 * depth, 6.0 * depth))
+        return cls(scales.positive(3.0 * speed), LogUniform(*(share * depth for share in _GAPS)))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with the film's drag added."""

@@ -1,1 +1,1 @@
-"""Blind studies: simulated pads with known hidden effects, and how often the diagnosis is right."""
+"""Count how often each effect would be named, with a user's pad, noise and tests."""

@@ -14,19 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import qlvbayes
-from qlvbayes.evaluation.counting import Case
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.running import Outcome, run_all
 
-_PACKAGE = Path(qlvbayes.__file__).parent
+PACKAGE = Path(qlvbayes.__file__).parent
 
-_WITHOUT_EFFECT = (  # parts of the package that only read finished studies
-    "cli/",
-    "parallel/",
-    "plots/",
-    *(f"evaluation/{name}.py" for name in ("store", "counting", "constants", "report")),
-)
+Case = dict[str, Any]
+"""A finished study, plain values for JSON; ``index`` is what it is stored under."""
+
+# parts of the package that only read finished studies
+_WITHOUT_EFFECT = ("cli/", "parallel/", "plots/", "evaluation/store.py", "evaluation/table.py")
 
 
 class Store:
@@ -71,9 +69,9 @@ class Store:
         return [k for k in range(count) if k not in self.cases]
 
 
-def store_path(folder: Path, name: str) -> Path:
+def store_path(folder: Path, name: str, code: str | None = None) -> Path:
     """Return the file for the studies of this name that the present code runs."""
-    return folder / f"{name}-{code_digest()}.jsonl"
+    return folder / f"{name}-{code or code_digest()}.jsonl"
 
 
 def run_missing(
@@ -82,6 +80,8 @@ def run_missing(
     indices: Iterable[Any],
     report: Callable[[int, int], None] = lambda done, total: None,
     engine: Engine | None = None,
+    key: Callable[[Any], Any] = lambda study: study,
+    code: str | None = None,
 ) -> None:
     """Run the studies that are not stored, and store each as soon as it is finished.
 
@@ -97,14 +97,18 @@ def run_missing(
         Called with the number of finished studies and their total.
     engine
         What runs them; None runs them in this process.
+    key
+        Returns what a study is stored under.
+    code
+        Digest of the code that runs them; that of the package by default.
 
     Raises
     ------
     FailedError
         Some studies stopped with an error; the others were finished first.
     """
-    digest = code_digest()
-    missing = [index for index in indices if index not in store.cases]
+    digest = code or code_digest()
+    missing = [index for index in indices if key(index) not in store.cases]
     faults: list[Fault] = []
     done = count(1)
     report(0, len(missing))
@@ -113,7 +117,7 @@ def run_missing(
         if outcome.answer is not None:
             store.add(outcome.answer | {"code": digest})
         if outcome.fault is not None:
-            faults.append(replace(outcome.fault, of=f"study {outcome.item}"))
+            faults.append(replace(outcome.fault, of=f"study {key(outcome.item)}"))
         report(next(done), len(missing))
 
     deque(run_all(study, missing, engine, keep=keep), maxlen=0)
@@ -135,18 +139,29 @@ def _remove_cut_line(path: Path) -> None:
             path.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
 
 
-def code_digest(root: Path = _PACKAGE) -> str:
+def code_digest(*roots: Path, without: tuple[str, ...] = ()) -> str:
     """Return the digest of all code that the result of a study may depend on.
 
     Comments, docstrings and layout do not count. Studies of different code must not be mixed.
+
+    Parameters
+    ----------
+    roots
+        Folders of the code; the package alone by default.
+    without
+        Files in them, as paths below a folder, on which no result depends, in addition to those of
+        the package.
     """
-    names = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*.py"))}
-    texts = (
-        (name, path.read_text(encoding="utf-8"))
-        for name, path in names.items()
-        if not name.startswith(_WITHOUT_EFFECT)
+    out = (*_WITHOUT_EFFECT, *without)
+    files = [(path, root) for root in roots or (PACKAGE,) for path in sorted(root.rglob("*.py"))]
+    names = ((path.relative_to(root).as_posix(), path) for path, root in files)
+    return _digest(
+        tuple(
+            (name, path.read_text(encoding="utf-8"))
+            for name, path in names
+            if not name.startswith(out)
+        )
     )
-    return _digest(tuple(texts))
 
 
 @lru_cache(maxsize=1)  # a run asks several times, and to parse the package takes 2 s

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.errors.scatter import NONE, Scatter, by_test, scaled_parts
+from qlvbayes.inference.errors.motionerrors import motion_columns
+from qlvbayes.inference.errors.scatter import NONE, by_test, scaled_parts
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
@@ -180,10 +181,13 @@ class Density:
         forces = self.space.forces(parameters.hypothesis, constants)
         return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
-    def at(self, hypothesis: Hypothesis, theta: Array, scatter: Scatter = NONE) -> Point | None:
+    def at(
+        self, hypothesis: Hypothesis, theta: Array, like: Separation | None = None
+    ) -> Point | None:
         """Return the point at theta (F,); None where the force is not finite or absurdly large.
 
-        scatter: of the stiffness and the strengths between tests.
+        like: a point's separation, whose scatter and errors of the motion are taken; without one
+        there is no scatter, and the errors are those at theta.
         """
         parameters = self.space.parameters(hypothesis)
         constants, predicted, responses = self._forces_and_slopes(parameters, theta)
@@ -209,9 +213,17 @@ class Density:
                 responses,
                 parameters.length,
                 partial(scaled_parts, predicted, responses, theta, parameters.amplitudes),
-                scatter,
+                NONE if like is None else like.scatter,
+                self._motion_errors(hypothesis, constants[0]) if like is None else like.errors,
             ),
         )
+
+    def _motion_errors(self, hypothesis: Hypothesis, constants: Array) -> Array | None:
+        """Return errors (K, n) of the force by those of speed and acceleration (N)."""
+        if not len(self.discrepancy.features):
+            return None
+        columns = motion_columns(self.space, self.whitener, hypothesis, constants)
+        return self.whitener.flattened(columns) if len(columns) else None
 
     def log_density(
         self, parameters: Parameters, thetas: Array, tolerance: float, modes: Sequence[Point]
@@ -262,9 +274,14 @@ class Density:
         return self.discrepancy.likeliest_size(point.residual, guess, point.separation)
 
     def likeliest(self, point: Point, guess: float = 0.0) -> tuple[float, Point]:
-        """Return the size (N) of highest density, and the point with the likeliest scatter."""
-        size, scatter = self.discrepancy.likeliest(point.residual, guess, point.separation)
-        return size, replace(point, separation=point.separation.with_scatter(scatter))
+        """Return the size (N) of highest density, and the point with the likeliest scatter.
+
+        The errors of the motion are those at the point.
+        """
+        errors = self._motion_errors(point.own.hypothesis, point.constants)
+        separation = point.separation.with_errors(errors)
+        size, scatter = self.discrepancy.likeliest(point.residual, guess, separation)
+        return size, replace(point, separation=separation.with_scatter(scatter))
 
 
 def _stepped(theta: Array, steps: Array) -> Array:

@@ -77,7 +77,7 @@ def find_mode(
         # a step keeps the separation of the discrepancy, so that both losses are of one function
         separation = point.separation
         theta = point.own.within(point.theta + step)
-        candidate = density.at(hypothesis, theta, separation.scatter)
+        candidate = density.at(hypothesis, theta, separation)
         rise = terms.loss - density.loss(candidate, size, separation) if candidate else -np.inf
         if candidate is None or not rise > 0.0:
             damping *= 10.0

@@ -271,13 +271,16 @@ class Experiment:
         """Return the number of the pad's tests that began before this one."""
         return sum(other.whole.start_s < trial.whole.start_s for other in self.trials)
 
-    def record(self, trials: Sequence[Trial]) -> Record:
-        """Return the block averages of some trials, as one batch."""
+    def record(self, trials: Sequence[Trial], *, errors: bool = False) -> Record:
+        """Return the block averages of some trials, as one batch.
+
+        errors: whether to include those of the motion's velocity and acceleration.
+        """
         from qlvbayes.motion.record import batch
 
-        return batch([self.reduced(trial) for trial in trials])
+        return batch([self.reduced(trial, errors=errors) for trial in trials])
 
-    def reduced(self, trial: Trial, some: Test | None = None) -> Record:
+    def reduced(self, trial: Trial, some: Test | None = None, *, errors: bool = False) -> Record:
         """Return the record of a trial; each of ``some`` of its samples is a block of its own."""
         from qlvbayes.motion.reduction import reduce_test  # which loads JAX
 
@@ -294,6 +297,7 @@ class Experiment:
             fineness=self.fineness,
             whole=test,
             approached=trial.approached,
+            errors=errors,
         )
 
     def past(self, trial: Trial) -> EarlierMotion | None:

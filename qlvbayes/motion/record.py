@@ -67,16 +67,40 @@ class Blocks(eqx.Module):
         return cls(**{name: held(values) for name, values in fields.items()})
 
 
+class RateErrors(eqx.Module):
+    """Errors of a motion's velocity and acceleration, (E, N) each, on the grid of a record.
+
+    Each row is one standard deviation of an error that is independent of the other rows'
+    (`patherrors`); rows of zeros pad them.
+    """
+
+    velocity: Array
+    acceleration: Array
+
+
 class Record(eqx.Module):
     """A test (or, with a leading axis, several padded to one size)."""
 
     motion: Motion  # on the grid (N,)
     nodes: Array  # (B, 2) indices on the grid whose forces average to the block's mean
     blocks: Blocks  # (B,)
+    # of the motion's velocity and acceleration, where they were asked for
+    errors: RateErrors | None = None
 
     def average(self, force: Array) -> Array:
         """Return the block means (B,) of a force (N,) on the grid."""
         return 0.5 * (force[self.nodes[:, 0]] + force[self.nodes[:, 1]])
+
+    def rate_sds(self) -> tuple[Array, Array]:
+        """Return the sds (B,) of each block's mean velocity (mm/s) and acceleration (mm/s2)."""
+        if self.errors is None:
+            none = held(np.zeros(self.nodes.shape[0]))
+            return none, none
+
+        def sd(rows: Array) -> Array:
+            return jnp.sqrt(jnp.sum(jax.vmap(self.average)(rows) ** 2, axis=0))
+
+        return sd(self.errors.velocity), sd(self.errors.acceleration)
 
 
 def batch(records: Sequence[Record], like: Record | None = None) -> Record:
@@ -93,6 +117,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     for field, dtype in (("ago", int), ("sagitta", float)):
         if any(getattr(r.motion, field) is not None for r in known):
             records = [with_zeros(record, field, dtype) for record in records]
+    records = _with_as_many_errors(records)
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
@@ -116,7 +141,23 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     # one sample, of no duration: the noise model's closed forms stay finite in padding
     count = held(np.where(real, full.count, 1.0))
     single = replace(full, count=count, real=held(real))
-    return Record(motion, extended(record.nodes, blocks), single)
+    errors = jax.tree.map(lambda rows: held(extended(rows.T, points).T), record.errors)
+    return Record(motion, extended(record.nodes, blocks), single, errors)
+
+
+def _with_as_many_errors(records: Sequence[Record]) -> Sequence[Record]:
+    """Return records that have equally many errors, of zeros where there are none."""
+    known = [record.errors for record in records if record.errors is not None]
+    if not known:
+        return records
+    count = padded_size(max(errors.velocity.shape[0] for errors in known))
+    filled = []
+    for record in records:
+        zeros = np.zeros((count, record.motion.time.shape[0]))
+        own = record.errors or RateErrors(held(zeros[:0]), held(zeros[:0]))
+        rows = jax.tree.map(lambda x, zeros=zeros: np.concatenate([x, zeros[len(x) :]]), own)
+        filled.append(replace(record, errors=rows))
+    return filled
 
 
 def with_zeros(record: Record, field: str, dtype: type) -> Record:

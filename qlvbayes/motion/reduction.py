@@ -18,8 +18,9 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.grid import grid_times, path_at
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.past import EarlierMotion
+from qlvbayes.motion.patherrors import path_errors
 from qlvbayes.motion.phases import MOVING, Phase, find_phases
-from qlvbayes.motion.record import Blocks, Record, held, padded_size
+from qlvbayes.motion.record import Blocks, RateErrors, Record, held, padded_size
 from qlvbayes.motion.timing import off_kinks, timing_sd
 from qlvbayes.motion.trajectory import Trajectory
 
@@ -133,6 +134,7 @@ def reduce_test(
     fineness: Fineness | None = None,
     whole: Test | None = None,
     approached: bool = True,
+    errors: bool = False,
 ) -> Record:
     """Return the record of one test: block means, their nodes, and the motion on a grid of times.
 
@@ -140,7 +142,8 @@ def reduce_test(
     many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
     test remembers of earlier ones; fineness: None where force and noise are not known yet; whole:
     the test of which these are some samples only; approached: whether a record that begins on the
-    move came from zero by an approach before it.
+    move came from zero by an approach before it; errors: whether to include those of the motion's
+    velocity and acceleration.
     """
     whole = whole or test
     begin = np.arange(test.time.size)
@@ -168,9 +171,22 @@ def reduce_test(
     motion = _motion(trajectory, grid, first, curved)
     motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))
     indices = np.searchsorted(grid, nodes).T
+    wrong = _rate_errors(whole, trajectory, grid) if errors else None
     if past is not None:
         motion, indices = _remembering(motion, past), indices + past.time.size
-    return Record(motion, held(indices), averaged)
+        before = ((0, 0), (past.time.size, 0))
+        wrong = jax.tree.map(lambda rows: held(np.pad(rows, before)), wrong)
+    return Record(motion, held(indices), averaged, wrong)
+
+
+def _rate_errors(test: Test, trajectory: Trajectory, grid: np.ndarray) -> RateErrors:
+    """Return the errors of velocity and acceleration on the grid, by the displacement's readings.
+
+    Not all of the test's are: the displacement may be read more seldom than the force.
+    """
+    read = np.isin(test.time, trajectory.read_times(test.time))
+    found = path_errors(test.time[read], test.displacement[read], trajectory, grid)
+    return RateErrors(held(found.velocity), held(found.acceleration))
 
 
 def planned_record(

@@ -133,7 +133,6 @@ FIGURES = (
     Figure("next_tests", "design"),
     Figure("look", "look"),
     Figure("conversion", "convert"),
-    Figure("benchmark", "benchmark"),
 )
 """All figures, those of one command together; the report keeps the first where it grows large."""
 

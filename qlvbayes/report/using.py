@@ -49,7 +49,7 @@ def using_of(results: Results) -> Using | None:
         ),
         Use(
             "The pad in a controller, a simulation or finite elements: C, FMU, MuJoCo, Drake, "
-            "Isaac, MATLAB, Abaqus, Ansys, FEBio, COMSOL, LS-DYNA, Nastran, OpenRadioss, JSON",
+            "MATLAB, Abaqus, FEBio, tables, JSON",
             as_typed("qlvbayes", "export", out, "--pad", pad.name, "--to", "c,fmu,json"),
         ),
         Use(

@@ -16,11 +16,7 @@ from .creep import Load, creep_protocol, creep_study, displacement_under, prescr
 from .files import simulate_file, write_csv
 from .hidden import _KINDS as _EFFECTS
 from .hidden import (
-    FOREIGN,
-    FORMS,
-    FURTHER,
     HIDDEN,
-    OUTSIDE,
     Effect,
     HiddenPad,
     draw_effect,
@@ -56,12 +52,8 @@ from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
     "ENCODER_STEP",
-    "FOREIGN",
-    "FORMS",
-    "FURTHER",
     "HIDDEN",
     "NOISES",
-    "OUTSIDE",
     "PAPER_ACCELERATION",
     "PAPER_RATES",
     "PROTOCOLS",

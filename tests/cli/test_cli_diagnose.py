@@ -52,8 +52,8 @@ def answer():
 
 @pytest.fixture(scope="module")
 def own_effects(tmp_path_factory):
-    """The worked example of CONTRIBUTING.md, as a file."""
-    text = (ROOT / "CONTRIBUTING.md").read_text()
+    """The worked example of docs/own.md, as a file."""
+    text = (ROOT / "docs" / "own.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     path = tmp_path_factory.mktemp("own") / "my_effects.py"
     path.write_text(next(block for block in blocks if "class QuadraticDrag" in block))

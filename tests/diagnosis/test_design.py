@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from blind.study import measured
 
 from qlvbayes.diagnosis.candidate import candidate_at
 from qlvbayes.diagnosis.nexttest.design import Design
@@ -12,7 +13,6 @@ from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence,
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nested_bits import WhitenedTests, nested_bits
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 from support.endtoend import PADS, call, one_line
+from support.nested_bits import WhitenedTests, nested_bits
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program

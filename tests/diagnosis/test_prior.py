@@ -86,7 +86,8 @@ def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
 
 def test_families_follow_from_the_effects_classes():
     families = Families.from_kinds(EVERY)
-    assert families.members("friction") == ["friction", "pressure_friction"]
+    forms = ["pressure_friction", "sharp_friction", "guide_friction"]
+    assert families.members("friction") == ["friction", *forms]
     assert families.family_of["spreading_lag"] == "channel_lag"
     assert families.unmodelled == {"slow_change", "offsets_by_test"}
     assert families.forms_in({"pressure_friction", "inertia", "slow_change"}) == {

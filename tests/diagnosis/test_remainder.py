@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from blind.study import measured
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
@@ -12,7 +13,6 @@ from support.hidden_pads import FEW
 from qlvbayes.diagnosis.checks.remainder import Remainder, StructuredPart, structured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import TOLERANCE
 from qlvbayes.io.checks import InputError

@@ -6,6 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from blind.laws import Law
+from blind.loadcell import LoadCell
+from blind.programmes import session
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
@@ -23,9 +26,6 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.priors import LogNormal, Normal
 from qlvbayes.simulate import HIDDEN, HiddenPad, encode, thin
-from qlvbayes.simulate.laws import Law
-from qlvbayes.simulate.loadcell import LoadCell
-from qlvbayes.simulate.programmes import session
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 BASELINE = Hypothesis("exponential", "prony:2")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from blind.catalogue import OUTSIDE
 from msgspec import structs
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
@@ -11,7 +12,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.diagnosis.summary.words import _runner_up
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
+from qlvbayes.simulate import HIDDEN, PAPER_RATES
 
 LEVEL = 1.1  # N, where the amplifier clips: 80 % of the largest force
 RATES = {"few": (1.0, 100.0), "all": (0.1, 1.0, 20.0, 100.0)}

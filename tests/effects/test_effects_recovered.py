@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recovery import recovery_rate
+from recovery.rate import LEVEL, recovery_rates
 from scipy.stats import binom
 
 from qlvbayes import InputError
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.evaluation.recovery import recovery_rate
-from qlvbayes.evaluation.recovery.rate import LEVEL, recovery_rates
 
 DRAWS = 4
 ERRORS = 3.0  # binomial standard errors of the overall rate

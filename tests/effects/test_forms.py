@@ -6,6 +6,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from blind import forms, guide
+from blind.catalogue import KINDS
 from numpy.polynomial.legendre import legval
 from scipy.integrate import solve_ivp
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
@@ -16,11 +18,15 @@ from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect
 from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.gradual_contact import GradualContact
+from qlvbayes.effects.guide_drag import GuideDrag, GuidePowerLawDrag
+from qlvbayes.effects.guide_friction import GuideFriction
+from qlvbayes.effects.inertia import Inertia
 from qlvbayes.effects.levelling_drift import LevellingDrift
 from qlvbayes.effects.levelling_leak import LevellingLeak
 from qlvbayes.effects.offsets_by_test import OffsetsByTest
 from qlvbayes.effects.power_law_drainage import PowerLawDrainage
 from qlvbayes.effects.pressure_friction import PressureFriction
+from qlvbayes.effects.sharp_friction import SharpFriction
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.stiffening_frame import StiffeningFrame
@@ -39,7 +45,7 @@ from qlvbayes.simulate import (
     paper_protocol,
     pull_off_protocol,
 )
-from qlvbayes.simulate.hidden import contact_effects, effect, forms, sensor_effects
+from qlvbayes.simulate.hidden import contact_effects, effect, sensor_effects
 
 SIZE = 0.06  # of the peak force, the effect's largest contribution
 STROKE = 1.6  # mm
@@ -100,6 +106,20 @@ class Elsewhere(PressureFriction):
     rank: ClassVar[int] = 77
 
 
+class Inside(SharpFriction):
+    """Says that it acts off the pad, and nests within the contact."""
+
+    off_pad: ClassVar[bool] = True
+
+
+class Silent(Inertia):
+    """Acts off the pad and does not say so."""
+
+    name: ClassVar[str] = "silent"
+    rank: ClassVar[int] = 77
+    off_pad: ClassVar[bool] = False
+
+
 class Mute(PressureFriction):
     """Does not say where it is its family's law."""
 
@@ -124,6 +144,8 @@ class Renamed(LevellingLeak):
         (Blunt, "is not friction at"),
         (Homeless, "'rust', which is no listed effect"),
         (Elsewhere, "must nest where friction does"),
+        (Inside, "must nest outside the contact"),
+        (Silent, "says off_pad = False, and where the platen is off the pad it adds"),
         (Mute, "reduces must say where it is friction"),
         (Both, "names nothing"),
         (Renamed, "must have the constants of friction, reach, strength"),
@@ -219,6 +241,8 @@ TWINS = {
     "bending_frame": lambda twin: StiffeningFrame(twin.compliance, twin.force),
     "channel_low_pass": lambda twin: SpreadingLag(twin.time, 1.0),
     "adhesion_at_a_stretch": lambda twin: AdhesionAtAStretch(twin.strength, twin.stretch),
+    "guide_friction": lambda twin: GuideFriction(twin.strength, twin.reach, twin.sharp),
+    "guide_drag": lambda twin: GuideDrag(twin.eta),
 }
 
 
@@ -238,7 +262,7 @@ def disagreement(model, added, twins, platen):
 @pytest.mark.few(4)
 def test_a_form_is_its_twin(paper_model, name, protocol, speed):
     rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
-    twin = draw_effect(name, rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
+    twin = draw_effect(KINDS[name], rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
     platen = Platen(PROTOCOLS[protocol](speed), start_s=START, number=2)
     assert disagreement(paper_model("B"), TWINS[name](twin), [twin], platen) < CLOSE
 
@@ -305,6 +329,46 @@ def test_torn_ligaments_obey_their_equation(paper_model):
     assert np.asarray(force) == pytest.approx(expected, abs=1e-9)
 
 
+OFF = [
+    (GuideFriction(0.1, 0.02, 1.0), guide.GuideFriction(0.1, 0.02, 1.0)),
+    (GuideFriction(0.1, 0.2, 0.4), guide.GuideFriction(0.1, 0.2, 0.4)),
+    (GuideDrag(0.004), guide.GuideDrag(0.004)),
+    (GuidePowerLawDrag(0.004, 1.0), guide.GuideDrag(0.004)),
+]
+
+
+@pytest.mark.parametrize(("added", "twin"), OFF, ids=lambda x: type(x).__name__)
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
+    """Pulled off, to and fro by less and by more than the reach, and pressed again."""
+    moves = [Move(x, speed) for x in (1.0, -0.3, -0.285, -0.1, 0.4)]
+    platen = Platen((*moves, Hold(5.0)), start_s=START, number=2)
+    assert disagreement(paper_model("B"), added, [twin], platen) < CLOSE
+    force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
+    pull = 0.1 if added.name == "guide_friction" else 0.004 * speed
+    assert np.min(force) == pytest.approx(-pull, rel=0.2)
+
+
+def test_friction_that_yields_at_once_is_a_spring_then_a_slider():
+    """The corners of its loop: over two reaches the force turns round along a straight line."""
+    way = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)[1:]])
+    motion = Motion(*map(jnp.asarray, (np.arange(way.size) * 0.1, way, 0.0 * way, 0.0 * way)))
+    force = np.asarray(SharpFriction(0.1, 0.2, 1.0).force(_Nothing(), motion))
+    loading = np.minimum(way[:101] / 0.2, 1.0)
+    back = np.maximum(1.0 - (1.0 - way[101:]) / 0.2, -1.0)
+    assert force == pytest.approx(0.1 * np.concatenate([loading, back]), abs=1e-12)
+
+
+def test_pad_and_guide_rub_alike_until_contact_is_lost(paper_model):
+    """On a specimen that is fixed to the platen always, on a loose one while it is pressed."""
+    platen = Platen((Move(1.2, 5.0), Move(1.0, 5.0), Move(1.1, 5.0)))
+    motion = motion_of(platen, grid_of(platen))
+    for model in (replace(paper_model("B"), bonded=True), paper_model("B")):
+        of_pad = (model + SharpFriction(0.02, 0.05, 0.6)).force(motion)
+        of_guide = (model + GuideFriction(0.02, 0.05, 0.6)).force(motion)
+        assert np.asarray(of_pad) == pytest.approx(np.asarray(of_guide), abs=1e-12)
+
+
 def test_friction_may_go_with_the_force_in_part(paper_model):
     """Half of it does: the mean of friction that does and of friction that does not."""
     platen = Platen(paper_protocol(20.0))
@@ -336,11 +400,13 @@ def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
     )
     default = vars(kind.default(STUDY))
     values = {n: p if isinstance(p, float) else float(p.draw(rng)) for n, p in default.items()}
-    general = paper_model("B") + kind(**(values | kind.reduces))
-    special = paper_model("B") + listed(**{name: values[name] for name in listed.units})
+    # what acts in another place is the listed law where no contact lies between the two
+    plain = replace(paper_model("B"), bonded=kind.off_pad and not listed.off_pad)
+    general = plain + kind(**(values | kind.reduces))
+    special = plain + listed(**{name: values[name] for name in listed.units})
     found, wanted = np.asarray(general.force(carried)), np.asarray(special.force(carried))
     assert np.allclose(found[4:], wanted[4:], atol=1e-12)
-    assert np.max(np.abs(wanted - np.asarray(paper_model("B").force(carried)))[4:]) > 1e-4
+    assert np.max(np.abs(wanted - np.asarray(plain.force(carried)))[4:]) > 1e-4
 
 
 # what single constants do
@@ -401,3 +467,22 @@ class _Nothing:
 
 def _at(start):
     return motion_of(replace(Platen(paper_protocol(20.0)), start_s=start), np.zeros(1))
+
+
+def test_ligaments_hold_on_to_a_surface_that_has_not_recovered(paper_model):
+    """The pull begins where the pad's own force ends, and is largest a stretch farther back."""
+    steps = Move(1.0, 5.0), Hold(20.0), Move(-1.3, 5.0)
+    platen = Platen(steps, start_s=START, number=2)
+    motion = motion_of(platen, grid_of(platen))
+    plain = np.asarray((paper_model("B") + AdhesionAtAStretch(0.0, 0.05, 0.0)).force(motion))
+    sticky = np.asarray((paper_model("B") + AdhesionAtAStretch(0.2, 0.05, 0.0)).force(motion))
+    end = int(np.flatnonzero(plain > 0.0)[-1])
+    surface = float(motion.displacement[end])
+    assert surface > 0.1  # it relaxed under the press, and is not back at rest
+    off = surface - np.asarray(motion.displacement)[end:]
+    grid = float(off[1])  # mm: the force ends between two points
+    pull = -sticky[end:]
+    assert np.all(sticky[:end] == plain[:end])
+    assert off[np.argmax(pull)] == pytest.approx(0.05, abs=2.0 * grid)
+    assert 0.15 < pull.max() <= 0.2 + 1e-9  # the points may miss the top
+    assert np.all(pull[off > 0.05 * 1.6 + grid] < 1e-3)

@@ -16,6 +16,7 @@ INVERTED = [name for name in EFFECTS if find(name).inverts]
 # forms nest where their listed effect does
 TOGETHER = [name for name in INVERTED if find(name).family() == name and name != "slow_change"]
 ONE_WAY = [name for name in EFFECTS if not find(name).inverts]
+POWERS = ("power_law_drag", "guide_power_law_drag")
 REFUSED = ["conditioning", "frame_ringing", "inertia", "offsets_by_test", "spreading_lag"]
 
 
@@ -28,7 +29,7 @@ def unresolved(name):
 
     k |v|^n has no slope at rest, so that it tells what is rounding, another on each processor.
     """
-    if name != "power_law_drag":
+    if name not in POWERS:
         return 0.0
     k, n = EFFECTS[name]
     return k * (2.0 * _ROUNDING * np.max(SHALLOW) / DT) ** n
@@ -55,7 +56,7 @@ def test_there_and_back(name, paper_model):
     places = solved(model, force, DT)
     close = 1e-8 + unresolved(name) / float(np.max(force))
     assert relative(stepped(model, places, DT), force) < close
-    if name == "power_law_drag":  # what its force leaves open its place does not
+    if name in POWERS:  # what its force leaves open its place does not
         carried = np.asarray(force) > 0.0
         assert relative(places[carried], SHALLOW[carried]) < 1e-8
 

@@ -1,383 +1,175 @@
-"""Blind studies of the paper's strata: population, stored studies, coverage, what is written."""
+"""How often an effect would be named: a user's tests, noise and pad are simulated and counted."""
 
 import json
-from collections import Counter
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from support.endtoend import PADS, call
 
-from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
-from qlvbayes.evaluation import case as one_study
-from qlvbayes.evaluation.case import run_case
-from qlvbayes.evaluation.constants import coverage, named_as_fitted, true_values
-from qlvbayes.evaluation.counting import COUNTS, Rate
-from qlvbayes.evaluation.lists import PRESENT
-from qlvbayes.evaluation.population import KINDS, PAPER_STRATA, STRATA, Population, kin
-from qlvbayes.evaluation.report import Confusion, Report
-from qlvbayes.evaluation.store import Store, code_digest, run_missing
-from qlvbayes.evaluation.study import SIZES, make_study
+from qlvbayes.evaluation.session import Session, _of_programme
+from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of
+from qlvbayes.evaluation.table import outcome, rows
 from qlvbayes.io.checks import InputError
-from qlvbayes.plots.benchmark import plot_benchmark
-from qlvbayes.plots.files import figure_of
-from qlvbayes.simulate.laws import Law
+from qlvbayes.io.data import read_measurements
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.simulate import HIDDEN, NOISES, PAPER_ACCELERATION, TABLE_1
 
-TRUE_M = 0.5
-LAWS = ["exponential", "prony:2"]
-LAW = {
-    "elastic": LAWS[0], "curve": [TRUE_M, 0.8], "relaxation": LAWS[1],
-    "fading": [0.4, 6.0, 0.2, 0.2],
-}  # fmt: skip
-
-
-def stage(heldout_rmse, m=TRUE_M, effects=()):
-    found = {"effects": list(effects), "rmse": heldout_rmse, "heldout_rmse": heldout_rmse}
-    return found | {"base": LAWS, "p_value": 0.5, "parameters": {"m": [m, 0.01]}}
-
-
-def case(
-    kind="single",
-    names=("viscous_drag",),
-    verdict="missing_effect",
-    effects=("viscous_drag",),
-    group=(),
-    seen=True,
-    index=0,
-    m=TRUE_M,
-):
-    """A finished study; by default one whose only effect was found."""
-    population = Population(0, paper=True)
-    return {
-        "plan": population.key,
-        "code": "abc",
-        "index": index,
-        "strata": population.item(index).levels | {"kind": kind},
-        "kind": kind,
-        "names": list(names),
-        "kin": {name: sorted(kin(name)) for name in names},
-        "seen": seen,
-        "seconds": {"simulate": 1.0, "diagnose": 2.0},
-        "law": LAW,
-        "floor": 0.01,
-        "verdict": verdict,
-        "effects": list(effects),
-        "group": list(group),
-        "probabilities": {"none": 0.1, "viscous_drag": 0.9, "inertia": 0.05},
-        "stages": [stage(0.03, m=TRUE_M + 0.05), stage(0.01, m=m)],
-    }
-
-
-def nothing(verdict="adequate", **more):
-    effects = more.pop("effects", ())
-    return case(kind="none", names=(), verdict=verdict, effects=effects, **more)
-
-
-# the population
-
-
-def test_the_papers_strata_are_levels_of_all_strata():
-    """Less white noise, which a user may ask for."""
-    assert set(PAPER_STRATA) == set(STRATA)
-    assert all(set(levels) <= set(STRATA[name]) for name, levels in PAPER_STRATA.items())
-
-
-def test_kinds_protocols_and_effects_come_equally_often():
-    items = [Population(1, paper=True).item(index) for index in range(12 * len(PRESENT.listed))]
-    count = Counter(item.levels["kind"] for item in items)
-    assert count == dict.fromkeys(KINDS, 2 * len(PRESENT.listed))
-    alone = Counter(item.names[0] for item in items if item.levels["kind"] == "single")
-    assert alone == dict.fromkeys(PRESENT.listed, 2)
-    protocols = Counter(item.levels["protocol"] for item in items)
-    assert protocols["paper"] == protocols["one_retraction"] == 6 * len(PRESENT.listed)
-
-
-def test_only_the_chosen_effects_are_hidden_alone():
-    population = Population(0, paper=True, effects=("friction", "inertia"))
-    items = [population.item(index) for index in range(40)]
-    alone = {item.names[0] for item in items if item.levels["kind"] == "single"}
-    assert alone == {"friction", "inertia"}
-    assert population.key != Population(0, paper=True).key
-    with pytest.raises(InputError, match="no effect 'rust'"):
-        Population(0, effects=("rust",))
-    with pytest.raises(InputError, match="no noise"):
-        Population(0, noise="pink")
-
-
-# one study
-
-
-def index_of(population, kind):
-    return next(k for k in range(20) if population.item(k).levels["kind"] == kind)
+B = TABLE_1["B"]
 
 
 @pytest.fixture(scope="module")
-def study():
-    population = Population(0, paper=True, noise="white", effects=("force_offset",))
-    return make_study(population, index_of(population, "single"))
+def measured():
+    """Pad B of the bundled file, which was simulated with the constants of the paper's table."""
+    return read_measurements(PADS).pad("B")
 
 
-def test_a_study_is_drawn_within_its_ranges(study):
-    low, high = SIZES
-    assert [effect.name for effect in study.effects] == ["force_offset"]
-    assert all(low <= size <= high for size in study.sizes)
-    assert (study.law.elastic, study.law.relaxation) == tuple(LAWS)
-    assert len(study.pad.tests) == 6
-    assert all(test.time.size <= 350 for test in study.pad.tests)
-    assert abs(study.effects[0].offset) / study.peak == pytest.approx(study.sizes[0], rel=0.2)
+@pytest.fixture(scope="module")
+def session(measured):
+    return Session.of_pad(measured)
 
 
-def test_white_noise_has_no_memory(study):
-    t = np.array([0.0, 0.01, 1.0])
-    none = np.zeros(3)
-    covariance = study.cell.covariance(t, none, none, none, study.peak)
-    assert study.cell.white > 0.0
-    np.testing.assert_allclose(covariance, study.cell.white**2 * np.eye(3), rtol=1e-12)
+def test_a_file_gives_its_pad_its_motion_and_its_readings(measured, session):
+    found = session.constants
+    assert found.m == pytest.approx(B.m, rel=0.05)
+    assert found.b == pytest.approx(B.b, rel=0.05)
+    assert found.c == pytest.approx(B.c, abs=0.02)
+    assert found.v == pytest.approx(B.v, rel=0.2)
+    assert session.encoder == pytest.approx(1e-3)
+    for test, motion, times in zip(measured.tests, session.motions, session.times, strict=True):
+        assert times.size == test.time.size
+        off = motion.displacement(times) - test.displacement
+        assert np.sqrt(np.mean(off**2)) < 1e-3  # mm, the encoder's step
 
 
-def test_a_program_that_stops_is_stored_as_a_failure(monkeypatch):
-    def broken(*_):
-        raise RuntimeError("no way")
-
-    monkeypatch.setattr("qlvbayes.evaluation.case.prepare", broken)
-    population = Population(0, paper=True)
-    found = run_case(population, index_of(population, "none"))
-    assert found["verdict"] == "failed"
-    assert "no way" in found["error"]
-    report = Report(population, (found, nothing(index=1)))
-    (failed,) = (count for count in COUNTS if count.name == "failed")
-    assert report.rate(failed) == Rate(1, 2)
-    json.dumps(report.as_dict(), allow_nan=False)
+def test_simulated_readings_of_the_pad_itself_are_like_those_of_the_file(measured, session):
+    """Their difference is the noise of both, and their noise floor is that of the file."""
+    again, hidden = Benchmark(session, 0.06, 0).measured(NOTHING, 0)
+    assert hidden == {"share": 0.0, "parameters": {}}
+    noise = prepare(measured).floor.total
+    for old, new in zip(measured.tests, again.tests, strict=True):
+        rms = np.sqrt(np.mean((old.force - new.force) ** 2))
+        assert rms < 3.0 * noise
+    assert prepare(again).floor.total == pytest.approx(noise, rel=0.3)
 
 
-# the store
+def test_a_programme_is_driven_as_a_platen_can():
+    """It is on the straight lines but near their corners, within its largest acceleration."""
+    track = _of_programme("ramp 1.6 mm at 20 mm/s, hold 2 s, ramp 0.4 mm at 5 mm/s", 0)
+    begin, end = 0.05, 0.05 + 0.08 + 2.0 + 0.24
+    assert track.duration == pytest.approx(end)
+    assert track.displacement([begin + 0.04, begin + 1.0, end]) == pytest.approx([0.8, 1.6, 0.4])
+    time = np.linspace(0.0, end, 100_000, endpoint=False)
+    assert np.max(np.abs(track.acceleration(time))) <= PAPER_ACCELERATION * (1 + 1e-9)
+    assert np.max(np.abs(np.diff(track.velocity(time)))) < 0.03  # mm/s: it does not jump
+    with pytest.raises(InputError, match="prescribes a force"):
+        _of_programme("force 1 N in 0.1 s", 0)
 
 
-def test_finished_studies_are_not_run_again(tmp_path):
-    ran, reported = [], []
-
-    def pretend(index):
-        ran.append(index)
-        return case(index=index)
-
-    key, path = case()["plan"], tmp_path / "a" / "store.jsonl"
-    run_missing(pretend, Store(path, key), range(2))
-    run_missing(pretend, Store(path, key), range(4), lambda *done: reported.append(done))
-    assert ran == [0, 1, 2, 3]
-    assert reported == [(0, 2), (1, 2), (2, 2)]
-    assert Store(path, key).missing(6) == [4, 5]
-    assert not Store(path, "another").cases
-    assert sorted(Store(path).cases) == [0, 1, 2, 3]
+def test_an_effect_has_its_size_and_each_pad_its_own_numbers():
+    session = Session.of_the_paper(B, NOISES["correlated"])
+    session = session.with_programmes(["ramp 1.6 mm at 20 mm/s, hold 5 s", "ramp 1 mm in 10 s"])
+    simulated = Benchmark(session, 0.06, 1)
+    pad, hidden = simulated.measured("friction", 0)
+    assert hidden["share"] == pytest.approx(0.06, rel=0.1)
+    assert [test.name for test in pad.tests] == ["programme 1", "programme 2"]
+    same, _ = simulated.measured("friction", 0)
+    _, drawn = simulated.measured("friction", 1)
+    assert np.array_equal(pad.tests[0].force, same.tests[0].force)
+    assert drawn["parameters"] != hidden["parameters"]
+    assert Benchmark(session, 0.06, 2).key != simulated.key
 
 
-def test_parts_of_several_processes_are_read_together_and_cut_lines_removed(tmp_path):
-    path, key = tmp_path / "store.jsonl", case()["plan"]
-    for part in (0, 1):
-        store = Store(path, key, part)
-        store.add(case(index=part))
-        store.add(case(index=part + 2))
-    cut = tmp_path / "store.jsonl.1"
-    cut.write_text(cut.read_text()[:-30])
-    assert sorted(Store(path, key).cases) == [0, 1, 2]
-    Store(path, key, 1).add(case(index=3))
-    assert sorted(Store(path, key).cases) == [0, 1, 2, 3]
-    assert [c["index"] for c in Store(path, key).first(3)] == [0, 1, 2]
+def test_only_effects_of_a_pad_held_like_that_are_hidden():
+    assert set(effects_of((), bonded=True)) == set(HIDDEN)
+    assert set(HIDDEN) - set(effects_of((), bonded=False)) == {"interface_slip"}
+    with pytest.raises(InputError, match="no effect 'rust'"):
+        effects_of(("rust",), bonded=False)
 
 
-def test_the_digest_is_of_code_that_may_change_an_outcome(tmp_path):
-    """Not of words about it, nor of code that only looks at what came out."""
-    law, figure = tmp_path / "laws" / "hertz.py", tmp_path / "plots" / "bars.py"
-    for file in (law, figure):
-        file.parent.mkdir()
-        file.write_text("POWER = 1.5\n")
-    first = code_digest(tmp_path)
-    law.write_text('"""Of a sphere."""\n\nPOWER = 1.5  # Hertz 1881\n')
-    figure.write_text("POWER = 2.0\n")
-    assert code_digest(tmp_path) == first
-    law.write_text("POWER = 2.0\n")
-    assert code_digest(tmp_path) != first
-    law.rename(law.with_name("sphere.py"))
-    figure.rename(tmp_path / "laws" / "hertz.py")
-    assert code_digest(tmp_path) != first
+def case(hidden="friction", verdict="missing_effect", effects=(), group=(), share=0.06):
+    found = {"hidden": hidden, "verdict": verdict, "share": share}
+    return found | {"effects": list(effects), "group": list(group)}
 
 
-# rates, reliability, errors, coverage
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (case(effects=("friction",)), "named"),
+        (case(verdict="partly_explained", effects=("friction",)), "named"),
+        (case(effects=("friction", "inertia")), "wrong"),
+        (case(effects=("inertia",)), "wrong"),
+        (case(verdict="ambiguous", effects=("inertia",), group=("inertia", "friction")), "grouped"),
+        (case(verdict="ambiguous", effects=("inertia",), group=("inertia", "adhesion")), "silent"),
+        (
+            case(verdict="ambiguous", effects=("adhesion", "friction"), group=("friction", "x")),
+            "wrong",
+        ),
+        (case(verdict="adequate"), "silent"),
+        (case(verdict="unexplained", effects=("inertia",)), "silent"),
+        (case(verdict="failed"), "failed"),
+        (case(hidden=NOTHING, verdict="adequate"), "silent"),
+        (case(hidden=NOTHING, effects=("friction",)), "wrong"),
+    ],
+)
+def test_what_becomes_of_a_pad(found, expected):
+    assert outcome(found) == expected
 
 
-def test_the_standard_error_is_binomial_and_never_zero():
-    assert Rate(50, 100).error == pytest.approx(0.05)
-    assert Rate(100, 100).error > 0.0
-    assert str(Rate(0, 0)) == "-"
+def test_rows_count_every_pad_once_with_bounds_of_the_right_verdict():
+    cases = [case(effects=("friction",))] * 3 + [case(verdict="adequate", share=0.04)]
+    cases += [case(hidden=NOTHING, verdict="adequate", share=0.0)] * 2
+    nothing, friction = rows(cases, (NOTHING, "inertia", "friction"))
+    assert (friction.pads, friction.named, friction.silent) == (4, 3, 1)
+    assert friction.share == 0.06
+    # Clopper and Pearson: of all hits in n the lower bound is 0.025^(1/n)
+    assert nothing.bounds == pytest.approx((0.025**0.5, 1.0))
 
 
-def test_the_confusion_matrix_counts_every_study_once():
-    found = Confusion.from_cases(
-        [
-            case(),
-            case(effects=("inertia",)),
-            case(effects=("inertia", "friction")),
-            case(kind="double", names=("inertia", "friction"), verdict="ambiguous"),
-            nothing(),
-            nothing("missing_effect"),  # what was named is the rig's own
-            case(kind="form", names=("toe",), effects=("contact_offset",)),
-            case(kind="outside", names=("slip",), verdict="partly_explained"),
-            case(kind="outside_beside", names=("slip", "inertia"), verdict="partly_explained"),
-        ]
-    )
-    assert found.rows == (
-        "none", "viscous_drag", "several", "toe", "slip", "unlisted with listed",
-    )  # fmt: skip
-    count = {
-        (row, column): n
-        for row, counts in zip(found.rows, found.counts, strict=True)
-        for column, n in zip(found.columns, counts, strict=True)
-        if n
-    }
-    assert count == {
-        ("none", "none"): 2,
-        ("viscous_drag", "viscous_drag"): 1,
-        ("viscous_drag", "inertia"): 1,
-        ("viscous_drag", "several"): 1,
-        ("several", "ambiguous"): 1,
-        ("toe", "contact_offset"): 1,
-        ("slip", "partly_explained"): 1,
-        ("unlisted with listed", "partly_explained"): 1,
-    }
+def pretend(self, study):
+    name, number = study
+    found = {"plan": self.key, "index": f"{name} {number}", "probability": 0.9}
+    return found | case(hidden=name, effects=() if name == NOTHING else (name,))
 
 
-def test_coverage_of_the_constants_before_and_after():
-    found = coverage([case(m=TRUE_M + 0.016), case(m=TRUE_M + 0.017), case(seen=False)])
-    assert found["m"].before == Rate(0, 2)
-    assert found["m"].after == Rate(1, 2)
-    assert found["m"].error_before == pytest.approx(5.0)
-    assert found["all"].after == Rate(1, 2)
-
-
-def test_a_study_of_other_laws_says_nothing_of_the_papers_constants():
-    other = case() | {"law": LAW | {"elastic": "hertz", "curve": [1.0]}}
-    assert not coverage([other])
-    changed = case()
-    changed["stages"][-1]["base"] = ["hertz", LAWS[1]]
-    assert not coverage([changed])
-
-
-def test_constants_of_rivals_are_scored_by_their_average():
-    off = case(verdict="ambiguous", m=TRUE_M + 0.03)
-    assert coverage([off])["m"].after == Rate(0, 1)
-    assert coverage([off | {"found": {"m": [TRUE_M + 0.02, 0.02]}}])["m"].after == Rate(1, 1)
-
-
-def test_true_values_have_the_names_of_a_fit():
-    values = true_values(Law(**LAW))
-    assert list(values) == ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
-    assert values["c[0]"] == pytest.approx(1.0 - 0.4 - 0.2)
-    assert values["v[1]"] == 6.0
-
-
-def relaxation(c, v, shares, rates, t):
-    """A pad's modes and an extra one."""
-    own = shares[0] + sum(s * np.exp(-r * t) for s, r in zip(shares[1:], rates, strict=True))
-    return (1.0 - c) * own + c * np.exp(-v * t)
-
-
-@pytest.mark.parametrize(("v", "fitted"), [(2.0, (9.0, 2.1, 0.3)), (0.1, (11.0, 0.1, 0.4))])
-def test_modes_that_changed_names_are_the_same_relaxation(v, fitted):
-    truth = {"m": 0.2, "c[0]": 0.5, "c[1]": 0.3, "c[2]": 0.2, "v[1]": 10.0, "v[2]": 0.4}
-    hidden = {"c": 0.1, "v": v}
-    rates = {"v[1]": fitted[0], "v[2]": fitted[1], "extra_relaxation_mode.v": fitted[2]}
-    found = named_as_fitted(truth, hidden, rates)
-    assert (found["m"], found["v[1]"], found["v[2]"]) == (0.2, 10.0, v)
-    t = np.linspace(0.0, 20.0, 50)
-    before = relaxation(0.1, v, (0.5, 0.3, 0.2), (10.0, 0.4), t)
-    shares = [found[f"c[{k}]"] for k in range(3)]
-    assert sum(shares) == pytest.approx(1.0)
-    extra = 0.2 * 0.9  # the pad's slow mode has become the extra one
-    np.testing.assert_allclose(relaxation(extra, 0.4, shares, (10.0, v), t), before)
-
-
-def test_modes_that_kept_their_names_keep_their_values():
-    truth = {"c[0]": 0.5, "c[1]": 0.3, "c[2]": 0.2, "v[1]": 10.0, "v[2]": 0.4}
-    fitted = {"v[1]": 9.0, "v[2]": 0.5, "extra_relaxation_mode.v": 1.5}
-    assert named_as_fitted(truth, {"c": 0.1, "v": 2.0}, fitted) == pytest.approx(truth)
-
-
-def test_left_out_tests_before_and_after():
-    found = Report(Population(0, paper=True), (case(), case(), nothing())).heldout()
-    assert found["single"] == {"n": 2, "plain": pytest.approx(3.0), "final": pytest.approx(1.0)}
-    assert found["double"]["plain"] is None
-
-
-def test_a_study_without_left_out_tests_is_skipped():
-    one = case() | {"stages": [stage(None), stage(None)]}
-    report = Report(Population(0, paper=True), (one,))
-    assert report.heldout()["single"]["n"] == 0
-    json.dumps(report.as_dict(), allow_nan=False)
-    figure_of(plot_benchmark(report))
-
-
-# what people see
-
-
-@pytest.fixture
-def report():
-    cases = (
-        case(index=0),
-        nothing(index=1),
-        case(kind="double", names=("inertia", "friction"), index=2),
-        case(kind="form", names=("toe",), effects=("contact_offset",), index=3),
-        case(kind="outside", names=("slip",), verdict="unexplained", effects=(), index=4),
-        case(effects=("inertia",), index=5),
-    )
-    return Report(Population(0, paper=True), cases)
-
-
-def test_the_report_is_json(report):
-    found = json.loads(json.dumps(report.as_dict(), allow_nan=False))
-    assert found["studies"] == 6
-    assert found["rates"]["single_named"]["share"] == 0.5
-    assert found["strata"]["kind"]["form"]["right"]["hits"] == 1
-    assert len(found["cases"]) == 6
-
-
-def test_tables_and_figure_can_be_made(report, tmp_path):
-    assert rates_table(report).row_count > 5
-    assert constants_table(report).row_count == 2
-    figure = figure_of(plot_benchmark(report))
-    upper = figure.axes[0]
-    assert [label.get_text() for label in upper.get_yticklabels()] == [
-        "none",
-        "viscous drag",
-        "two effects",
-        "toe (form of contact offset)",
-        "slip (outside)",
+def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
+    monkeypatch.setattr(Benchmark, "run", pretend)
+    words = ("benchmark", "--effects", "friction,inertia", "-o", tmp_path, "--pads")
+    status, out, err = call(*words, "1", "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out) == json.loads((tmp_path / "benchmark.json").read_text())
+    monkeypatch.setattr(Benchmark, "run", lambda self, study: pretend(self, (*study[:1], 1)))
+    status, out, err = call(*words, "2")  # a second pad of each, by another function
+    assert (status, err) == (0, "")
+    read = json.loads((tmp_path / "benchmark.json").read_text())
+    assert [row["effect"] for row in read["effects"]] == [NOTHING, "friction", "inertia"]
+    assert {row["pads"] for row in read["effects"]} == {2}
+    assert "friction" in out
+    assert [one["index"] for one in read["cases"]] == [
+        f"{name} {number}" for number in (0, 1) for name in (NOTHING, "friction", "inertia")
     ]
-    empty = Report(Population(0, paper=True), ())
-    json.dumps(empty.as_dict(), allow_nan=False)
-    figure_of(plot_benchmark(empty)).savefig(tmp_path / "empty.png")
 
 
-@pytest.fixture
-def command():
-    import typer
-
-    app = typer.Typer()
-    app.command()(benchmark)
-    return lambda *words: CliRunner().invoke(app, list(words))
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--size", "200%"), "give a share of the peak force"),
+        (("--effects", "rust"), "no effect 'rust'"),
+        (("--specimen", "X"), "no pad 'X'"),
+        (("--noise", "pink"), "no noise 'pink'"),
+        ((PADS,), "several pads: A, B, C"),
+        (("--programme", "jump 1 mm"), "'jump' is not understood"),
+    ],
+)
+def test_what_cannot_be_simulated_is_one_line(tmp_path, words, problem):
+    status, out, err = call("benchmark", *words, "-o", tmp_path)
+    assert (status, out) == (2, "")
+    assert problem in err
+    assert err.count("\n") == 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("population", ["paper", "wide"])
-def test_the_command_writes_json_and_figure(command, tmp_path, monkeypatch, population):
-    def pretend(some, index):
-        return case(index=index) | {"plan": some.key, "strata": some.item(index).levels}
-
-    monkeypatch.setattr(one_study, "run_case", pretend)
-    words = ("--studies", "3", "--population", population, "-o", str(tmp_path))
-    found = command(*words, "--json")
-    assert found.exit_code == 0, found.output
-    written = json.loads((tmp_path / "benchmark.json").read_text())
-    assert written == json.loads(found.stdout)
-    assert written["studies"] == 3
-    assert (tmp_path / "benchmark.png").exists()
-    assert (tmp_path / "benchmark.pdf").exists()
-    again = command(*words)
-    assert again.exit_code == 0
+def test_drag_is_named_in_the_tests_of_the_file(session):
+    simulated = Benchmark(session, 0.1, 0)
+    found = simulated.run(("viscous_drag", 0))
+    assert outcome(found) in ("named", "grouped"), found
+    assert outcome(simulated.run((NOTHING, 0))) == "silent"

@@ -2,20 +2,47 @@
 
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from quoted import QUICK, both_errors
 from scipy.stats import binom
 from simulated_fits import Setting, run
 from support.endtoend import CONSTANTS
 
+from qlvbayes.diagnosis.checks.samples import rmse
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import build_posterior, fit_pad
+from qlvbayes.fitting.least_squares import least_squares, without_noise
+from qlvbayes.fitting.prediction import predict
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.parameters import names
 from qlvbayes.motion.experiment import prepare
 
 ROOT = Path(__file__).parents[2]
 
+QUICK = Settings(max_steps=3000)
 REAL = ROOT.parent / "shared" / "real" / "muscle_ramps.csv"
+
+
+def errors(experiment, choices, constants):
+    """Root mean square of measured minus predicted mean (N), over the tests left out."""
+    found = predict(experiment, choices, constants, experiment.with_role("validate"))
+    return rmse([one.residual for one in found])
+
+
+def both_errors(experiment, choices):
+    """On tests left out: of the fit, and of least squares of the same model and samples."""
+    found = fit_pad(experiment, choices, settings=QUICK)
+    fitted = {name: found.constants[..., k] for k, name in enumerate(found.names)}
+    posterior = build_posterior(experiment, choices, found.trials)
+    scale = 1.0 / np.sqrt(np.asarray(posterior.record.blocks.count))
+    best = least_squares(without_noise(posterior), scale, np.random.default_rng(0)).thetas[0]
+    numbers = np.asarray(posterior.constants(jnp.asarray(best)))
+    nothing = dict.fromkeys(("noise.white", "noise.ou", "noise.remainder"), np.zeros(1))
+    squares = dict(zip(names(posterior), numbers[:, None], strict=True)) | nothing
+    squares |= {"noise.tau": np.ones(1), "noise.factor": np.ones(1)}
+    return errors(experiment, choices, fitted), errors(experiment, choices, squares)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from blind.catalogue import OUTSIDE
 from hypothesis import given
 from hypothesis import strategies as st
 from support.hidden_pads import hidden_pad
@@ -11,7 +12,6 @@ from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Locations, covariance
-from qlvbayes.simulate import OUTSIDE
 
 SHARE = 1e-3  # of the variance, that features may leave out
 

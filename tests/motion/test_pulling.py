@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blind.study import measured
 
 from qlvbayes.diagnosis.summary.words import _first
-from qlvbayes.evaluation.study import measured
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.pulling import pull_notices, pull_of

@@ -15,13 +15,12 @@ from support.two_tests import two_tests
 
 import qlvbayes as q
 from qlvbayes import effects, laws, priors
-from qlvbayes.evaluation import recovery
 from qlvbayes.io import formats
 from qlvbayes.model import noise
 from qlvbayes.use import exports
 
 MODULES = [one.name for one in pkgutil.walk_packages(q.__path__, "qlvbayes.")]
-PARTS = [effects, exports, formats, laws, noise, priors, recovery]
+PARTS = [effects, exports, formats, laws, noise, priors]
 
 
 @pytest.fixture(scope="module")

@@ -85,13 +85,11 @@ def test_what_is_no_look_is_refused(tmp_path):
         pass
 
 
-@pytest.mark.parametrize("command", ["fit", "check", "diagnose", "study", "compare", "benchmark"])
+@pytest.mark.parametrize("command", ["fit", "check", "diagnose", "study", "compare"])
 def test_every_command_that_draws_takes_a_style(command, tmp_path):
     words = [command, "--style", str(tmp_path / "none.mplstyle"), "-o", str(tmp_path / "out"), "x"]
     if command in ("check", "compare"):
         words = [*words[:3], "x"]
-    if command == "benchmark":
-        words = words[:-1]
     found = CliRunner().invoke(application(), words)
     assert isinstance(found.exception, InputError)
     assert "none.mplstyle" in str(found.exception)

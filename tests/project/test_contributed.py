@@ -1,4 +1,4 @@
-"""The examples of CONTRIBUTING.md do what is said of them."""
+"""The examples of docs/own.md do what is said of them."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.model.choices import Choices
 from qlvbayes.plots import figure_of, save_figure
 
-TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text()
+TEXT = (Path(__file__).parents[2] / "docs" / "own.md").read_text()
 
 
 def example(name):

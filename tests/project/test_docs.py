@@ -4,11 +4,12 @@ import importlib
 import inspect
 import re
 import sys
-from dataclasses import is_dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 
+import msgspec
 import pytest
+from PIL import Image
 
 import qlvbayes
 from qlvbayes import effects, laws, plots, priors
@@ -16,6 +17,8 @@ from qlvbayes.effects.catalogue import EFFECTS
 
 ROOT = Path(__file__).parents[2]
 BUILDING = ROOT / "docs" / "building"
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 PUBLIC = [name for name in qlvbayes.__all__ if not inspect.ismodule(getattr(qlvbayes, name))]
 
 
@@ -106,39 +109,97 @@ def test_every_effect_stands_on_the_page_of_effects(site):
             assert f"{kind.name}.{constant}" in text
 
 
-def test_every_command_stands_on_the_page_of_commands(site, building):
+def test_every_command_stands_on_the_page_of_commands(site):
+    import typer
+
+    from qlvbayes.cli.main import application
+
     text = (site / "commands.html").read_text(encoding="utf-8")
-    commands = building("commands").commands()
-    assert {"fit", "check", "diagnose", "study"} <= {command.name for command in commands}
-    for command in commands:
-        assert command.help
-        assert f"qlvbayes {command.name}" in text
+    commands = typer.main.get_command(application()).commands
+    assert {"fit", "check", "diagnose", "study"} <= set(commands)
+    for name in commands:
+        assert text.count(f"qlvbayes {name}") > 1, name
 
 
-def test_the_computation_quotes_the_thresholds_of_the_code(site):
-    from qlvbayes.diagnosis.settings import DiagnosisSettings
+def test_what_the_code_makes_stands_in_the_pages(building):
+    blocks = building("blocks")
+    kinds = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        kinds |= {match[2] for match in blocks._BLOCK.finditer(text)}
+        assert text.count("<!-- generated: ") == len(blocks._BLOCK.findall(text)), page.name
+        assert blocks.refreshed(text) == text, f"{page.name}: make docs writes it anew"
+        assert list(blocks.wrong_values(text)) == [], page.name
+    assert kinds == set(blocks.KINDS)
 
-    text = re.sub(r"<[^>]+>", "", (site / "computation.html").read_text(encoding="utf-8"))
-    settings: dict[str, object] = {}
-    for name, value in vars(DiagnosisSettings()).items():
-        several = (
-            {f"{name}.{key}": own for key, own in vars(value).items()}
-            if is_dataclass(value)
-            else {}
-        )
-        settings |= several or {name: value}
-    assert {"named", "breadth.beam", "discrepancy.rough", "cells.curves", "imitation.odds"} <= set(
-        settings
-    )
-    for name, value in settings.items():
-        assert re.search(rf"{name}\s+{re.escape(str(value))}", text), name
+
+def test_pages_quote_values_of_the_code(building):
+    blocks = building("blocks")
+    quoted = [one for page in PAGES for one in blocks._VALUE.findall(page.read_text("utf-8"))]
+    assert {"named", "covered", "laws.scales.SHARE"} <= {name for name, _ in quoted}
+    for wrong in ("`named` = 0.8", "`no_such` = 1", "`laws.scales.SHARE` = 0.5"):
+        assert len(list(blocks.wrong_values(wrong))) == 1
 
 
 def test_an_unknown_name_stops_the_build(building):
-    with pytest.raises(building("jinja2").UndefinedError):
-        building("values").filled("{{ settings.no_such_threshold }}")
-    with pytest.raises(AttributeError):
-        building("values").filled('{{ constant("qlvbayes.laws.scales", "NO_SUCH") }}')
+    refreshed = building("blocks").refreshed
+    with pytest.raises(KeyError):
+        refreshed("<!-- generated: no_such_kind -->\n<!-- end -->")
+    with pytest.raises(ModuleNotFoundError):
+        refreshed("<!-- generated: doc no.such.module -->\n<!-- end -->")
+
+
+def test_a_file_of_results_has_each_key_in_its_table(building):
+    kind = qlvbayes.DiagnosisResult
+    rows = list(building("records").record(kind))
+    keys = [key.strip("`") for key, _, _ in rows]
+    assert len(keys) == len(set(keys))
+    known = {field.encode_name for field in msgspec.structs.fields(kind)}
+    assert {key for key in keys if "." not in key} == known
+    assert "ranking[].half_of_evidence.block_means" in keys
+    assert ("`outside`", "number", "Probability that something unmodelled is there") in rows
+
+
+def anchors(text):
+    """Return the anchors of a page's headings, as a forge makes them."""
+    plain = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+    heads = re.findall(r"^#+ (.+)$", plain, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+def test_links_lead_to_files_of_the_repository():
+    links = 0
+    for page in (*PAGES, *(ROOT / name for name in TOP), ROOT / "benchmarks" / "results.md"):
+        text = page.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\((?!https?:|mailto:)([^)\s]+)\)", text):
+            path, _, anchor = target.partition("#")
+            file = (page.parent / path).resolve() if path else page
+            assert file.exists(), (page.name, target)
+            assert not anchor or anchor in anchors(file.read_text("utf-8")), (page.name, target)
+            links += 1
+    assert links > 100
+
+
+def test_pages_are_few_and_each_is_reached_from_the_readme():
+    assert len(PAGES) <= 20
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    contents = (ROOT / "docs" / "contents.txt").read_text(encoding="utf-8").split("\n")
+    for page in PAGES:
+        assert f"(docs/{page.name})" in readme, page.name
+        assert page.stem in contents, page.name
+        assert "{{" not in page.read_text(encoding="utf-8")
+
+
+def test_pictures_are_small_and_each_stands_on_a_page():
+    pictures = list((ROOT / "docs" / "pictures").iterdir())
+    files = (*PAGES, ROOT / "README.md")
+    shown = " ".join(page.read_text(encoding="utf-8") for page in files)
+    assert pictures
+    for picture in pictures:
+        assert f"pictures/{picture.name})" in shown, picture.name
+        with Image.open(picture) as opened:
+            assert opened.width <= 1200, picture.name
+    assert sum(picture.stat().st_size for picture in pictures) < 1.5e6
 
 
 def test_every_notebook_is_a_tutorial_with_its_pictures(site):
@@ -175,11 +236,15 @@ def test_links_within_the_site_arrive(site):
             assert not anchor or anchor in ids[target], (page.name, link)
 
 
-def test_links_of_the_readme_become_links_of_the_site(building):
+def test_links_of_the_repository_become_links_of_the_site(building):
     relinked = building("links").relinked
-    assert relinked("[a](docs/validation.md#x)") == "[a](validation.md#x)"
+    assert relinked("[a](docs/limits.md#x)") == "[a](limits.md#x)"
     assert relinked("![p](docs/pictures/p.png)") == "![p](pictures/p.png)"
     assert relinked("[c](CONTRIBUTING.md)") == "[c](contributing.md)"
     assert relinked("[n](notebooks/01_a.ipynb)") == "[n](tutorials/01_a.md)"
     assert relinked("[d](data/pads.csv)") == "d (`data/pads.csv`)"
+    assert relinked("[n](../notebooks/01_a.ipynb)", "docs") == "[n](tutorials/01_a.md)"
+    assert relinked("[t](theory.md#x)", "docs") == "[t](theory.md#x)"
+    assert relinked("[r](../README.md)", "docs") == "[r](index.md)"
+    assert relinked("[b](../benchmarks/results.md)", "docs") == "b (`benchmarks/results.md`)"
     assert relinked("[e](https://e.org) [f](#there)") == "[e](https://e.org) [f](#there)"

@@ -31,10 +31,8 @@ HOUSE = [
         "diagnosis": "which effect is missing, and which test would tell",
         "comparison": "two pads, two fluids",
     },
-    {
-        "use": "constants put to use: programmes, stepper, exports",
-        "evaluation": "blind studies and their scores",
-    },
+    {"use": "constants put to use: programmes, stepper, exports"},
+    {"evaluation": "how often each effect would be named in a user's tests"},
     {"plots": "figures for papers, one function a file, and their list"},
     {"report": "the page with all results"},
     {"pipeline": "the steps of a study with the files they leave"},

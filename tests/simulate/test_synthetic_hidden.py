@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from blind.catalogue import FORMS, OUTSIDE
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from typer.testing import CliRunner
@@ -11,10 +12,8 @@ from typer.testing import CliRunner
 from qlvbayes.cli.main import application
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
-    FORMS,
     HIDDEN,
     NOISES,
-    OUTSIDE,
     PAPER_RATES,
     TABLE_1,
     Constants,
@@ -71,6 +70,8 @@ PARAMETERS = {
     "saturating_drift": {"offset": 0.1, "time": 100.0},
     "channel_low_pass": {"time": 0.003},
     "adhesion_at_a_stretch": {"strength": 0.08, "stretch": 0.1},
+    "guide_friction": {"strength": 0.08, "reach": 0.02, "sharp": 0.8},
+    "guide_drag": {"eta": 0.003},
     "slip": {"share": 0.1, "seed": 3},
     "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
     "rezeroed": {"sd": 0.05, "seed": 2},
@@ -384,7 +385,7 @@ def test_drawn_effects_have_the_size_asked_for(name, bare):
     protocol = full_retraction_protocol if on_return else paper_protocol
     peak = max(force.max() for force in bare[protocol])
     size = 0.05
-    hidden = draw_effect(name, np.random.default_rng(7), peak, 1.6, 100.0, size, B)
+    hidden = draw_effect(EVERY[name], np.random.default_rng(7), peak, 1.6, 100.0, size, B)
     tests = study(protocol, HiddenPad(B, (hidden,)))
     found = [
         np.abs(test.record.true_force - force).max()

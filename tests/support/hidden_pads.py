@@ -3,11 +3,11 @@
 import json
 
 import pytest
+from blind.study import measured
 from msgspec.structs import replace
 
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import find
-from qlvbayes.evaluation.study import measured
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.simulate import (

@@ -86,7 +86,12 @@ TIME = np.arange(401) * 0.01
 HELD = np.interp(TIME, [0.0, 0.2, 2.0, 2.5], [0.0, 1.6, 1.6, 1.3])
 # of the largest force: k |v|^n has no slope at rest, so that it tells what is rounding of the
 # displacement; a frame's four steps leave a little where contact is just lost
-LEFT_OPEN = {"power_law_drag": 1e-7, "frame_compliance": 1e-11, "stiffening_frame": 1e-11}
+LEFT_OPEN = {
+    "power_law_drag": 1e-7,
+    "guide_power_law_drag": 1e-7,
+    "frame_compliance": 1e-11,
+    "stiffening_frame": 1e-11,
+}
 
 
 @needs_gcc

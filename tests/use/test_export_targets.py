@@ -2,12 +2,12 @@
 
 import io
 import json
-import re
 import zipfile
 from xml.etree import ElementTree
 
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.special import exp1
 from support.endtoend import call
@@ -17,15 +17,11 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.abaqus import Abaqus
-from qlvbayes.use.exports.ansys import Ansys
-from qlvbayes.use.exports.comsol import Comsol
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.ls_dyna import LSDyna
-from qlvbayes.use.exports.material import POISSON, column
-from qlvbayes.use.exports.nastran import Nastran
-from qlvbayes.use.exports.radioss import OpenRadioss
+from qlvbayes.use.exports.material import POISSON
+from qlvbayes.use.exports.prony import PronyTable
 from qlvbayes.use.exports.reduction import pressing
 from qlvbayes.use.exports.target import Geometry
 from qlvbayes.use.exports.write import TARGETS, find
@@ -34,7 +30,6 @@ EXACT = 1e-12
 BLOCK = Geometry(height=10.0, area=200.0)
 YOUNG = 10.0 / 200.0  # MPa, of a stiffness of 1 N/mm
 TIMES = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 60)])
-NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
 
 
 def text_of(files):
@@ -99,7 +94,7 @@ def test_every_target_says_units_date_range_intervals_and_limits(pads, target):
         assert " ".join(line.split()) in said.replace("&#39;", "'").replace("&#x27;", "'")
 
 
-MATERIALS = [Abaqus, Ansys, FEBio, Comsol, LSDyna, Nastran, OpenRadioss]
+MATERIALS = [Abaqus, FEBio, PronyTable]
 
 
 @pytest.mark.parametrize("target", MATERIALS, ids=lambda target: target.name)
@@ -141,25 +136,6 @@ def test_abaqus(pads, law, relaxation):
     g, k, tau = np.array([[float(x) for x in line.split(",")] for line in lines[4:]]).T
     assert np.all(k == 0.0)
     assert_relaxes_like(pad, [1.0 - np.sum(g), *g], tau)
-
-
-@pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
-def test_ansys(pads, relaxation):
-    pad = pads(relaxation=relaxation)
-    text = Ansys().files(pad, BLOCK)["pad_B.mac"].decode()
-    lines = [line.split(",") for line in text.splitlines() if not line.startswith("!")]
-    assert lines[0][:3] == ["MP", "EX", "1"]
-    assert float(lines[0][3]) == pytest.approx(YOUNG * float(pad.elastic.m), rel=EXACT)
-    assert lines[1][:3] == ["MP", "PRXY", "1"]
-    count = int(lines[2][4])
-    assert lines[2] == ["TB", "PRONY", "1", "1", str(count), "SHEAR"]
-    numbers = np.zeros(2 * count)
-    for word, first, *values in lines[3:]:
-        assert word == "TBDATA"
-        assert len(values) <= 6
-        numbers[int(first) - 1 : int(first) - 1 + len(values)] = [float(x) for x in values]
-    shares, times = numbers[::2], numbers[1::2]
-    assert_relaxes_like(pad, [1.0 - np.sum(shares), *shares], times)
 
 
 def febio(pad):
@@ -214,120 +190,36 @@ def test_febio_refuses_what_it_has_not(pads, relaxation):
 
 
 @pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
-def test_comsol(pads, relaxation):
+def test_the_prony_table_relaxes_like_the_pad_in_both_forms(pads, relaxation):
     pad = pads(relaxation=relaxation)
-    files = Comsol().files(pad, BLOCK)
-    branch, modulus, tau = np.loadtxt(
-        io.BytesIO(files["pad_B_branches.txt"]), comments="%", ndmin=2
-    ).T
-    assert np.array_equal(branch, np.arange(1, tau.size + 1))
-    text = files["pad_B_parent.txt"].decode()
-    (long,) = re.findall(rf"^G_long ({NUMBER})\[Pa\]", text, re.MULTILINE)
-    (bulk,) = re.findall(rf"^K_bulk ({NUMBER})\[Pa\]", text, re.MULTILINE)
-    shear, bulk = float(long) + np.sum(modulus), float(bulk)
-    young = 1e6 * YOUNG * float(pad.elastic.m)
-    assert 9 * bulk * shear / (3 * bulk + shear) == pytest.approx(young, rel=EXACT)
-    assert_relaxes_like(pad, np.array([float(long), *modulus]) / shear, tau)
-
-
-def fields(line, width):
-    """Numbers of a line of columns as Fortran reads them, an exponent with its letter or not."""
-    cut = [line[i : i + width].strip() for i in range(0, len(line), width)]
-    return [float(re.sub(r"(?<=[\d.])([-+]\d+)$", r"e\1", x)) if x else None for x in cut]
-
-
-@pytest.mark.parametrize("modes", [2, 17])
-def test_ls_dyna(pads, modes):
-    pad = pads(modes=modes)
-    lines = LSDyna().files(pad, BLOCK)["pad_B.k"].decode().splitlines()
-    lines = [line for line in lines if not line.startswith("$")]
-    assert lines[:2] == ["*MAT_GENERAL_VISCOELASTIC_TITLE +", "pad_B"]
-    number, _, bulk = fields(lines[2], 20)
-    assert number == 1
-    assert fields(lines[3], 20) == [0, 0]  # neither curve
-    shear, decays = np.array([fields(line, 20) for line in lines[4:]]).T
+    files = PronyTable().files(pad, BLOCK)
+    read = json.loads(files["pad_B_prony.json"])
+    table = pd.read_csv(io.BytesIO(files["pad_B_prony.csv"]), comment="#")
+    assert list(table) == ["g", "G (Pa)", "K (Pa)", "tau (s)"]
+    share, shear, bulk, tau = table.to_numpy().T
+    assert tau[0] == np.inf
+    assert_relaxes_like(pad, share, tau[1:])
+    assert_relaxes_like(pad, shear / np.sum(shear), tau[1:])
+    assert not np.any(bulk[1:])  # the volume does not relax
     total = np.sum(shear)
-    young = 9 * bulk * total / (3 * bulk + total)
-    assert young == pytest.approx(YOUNG * float(pad.elastic.m), rel=EXACT)
-    assert decays[0] == 0.0
-    assert_relaxes_like(pad, shear / total, 1.0 / decays[1:])
-
-
-@pytest.mark.parametrize("modes", [2, 5])
-def test_nastran(pads, modes):
-    pad = pads(modes=modes)
-    lines = Nastran().files(pad, BLOCK)["pad_B.bdf"].decode().splitlines()
-    lines = [line for line in lines if not line.startswith("$")]
-    entries, order = {}, []
-    for line in lines:
-        if not line.startswith("*"):
-            order.append(line[:8].strip())
-        body = line[8:].ljust(64).replace("PRONY", "     ")
-        entries.setdefault(order[-1], []).extend(fields(body, 16))
-    assert order == ["MAT1*", "MATVE*"]
-    assert all(len(numbers) % 8 == 0 for numbers in entries.values())
-    number, young, shear, poisson = entries["MAT1*"][:4]
-    assert (number, shear, poisson) == (1, None, POISSON)
-    assert young == pytest.approx(YOUNG * float(pad.elastic.m), rel=EXACT)
-    number, _, *first = entries["MATVE*"][:8]
-    assert number == 1
-    assert first[2:] == [None] * 4  # the volume does not relax
-    pairs = [*first[:2], *(x for x in entries["MATVE*"][8:] if x is not None)]
-    shares, times = np.array(pairs).reshape(-1, 2).T
-    assert_relaxes_like(pad, [1.0 - np.sum(shares), *shares], times)
-
-
-@pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
-def test_open_radioss(pads, relaxation):
-    pad = pads(relaxation=relaxation)
-    lines = OpenRadioss().files(pad, BLOCK)["pad_B.rad"].decode().splitlines()
-    lines = [line for line in lines if not line.startswith("#")]
-    assert lines[:2] == ["/MAT/LAW42/1", "pad_B"]
-    (poisson,) = fields(lines[3][:20], 20)
-    ((stays,), (exponent,)) = fields(lines[4], 20), fields(lines[6], 20)
-    assert exponent == 2.0
-    assert (lines[5], lines[7]) == ("", "")
-    assert lines[8] == "/VISC/PRONY/1"
-    assert int(lines[9][:10]) == pad.times.size == len(lines) - 10
-    shear, decays, *volume = np.array([fields(line, 20) for line in lines[10:]]).T
-    assert not np.any(volume)
-    total = stays + np.sum(shear)
-    bulk = 2.0 * stays * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
-    young = 9 * bulk * total / (3 * bulk + total)
-    assert young == pytest.approx(YOUNG * float(pad.elastic.m), rel=EXACT)
-    assert_relaxes_like(pad, np.array([stays, *shear]) / total, 1.0 / decays)
-
-
-@pytest.mark.parametrize(
-    ("target", "most"), [(LSDyna, "18 terms at most"), (Nastran, "room for 5 terms")]
-)
-def test_more_terms_than_a_card_has_room_for_are_refused(pads, target, most):
-    with pytest.raises(InputError, match=most):
-        target().files(pads(relaxation="power-law"), BLOCK)
-
-
-@pytest.mark.parametrize(
-    ("width", "exponent", "error"), [(19, "e", 5e-15), (16, "", 5e-13), (8, "", 5e-3)]
-)
-def test_a_column_holds_as_many_digits_as_it_has_room_for(width, exponent, error):
-    rng = np.random.default_rng(1)
-    for value in (10.0 ** rng.uniform(-12.0, 12.0, 2000)).tolist():
-        text = column(value, width, exponent)
-        assert len(text) == width
-        (read,) = fields(text, width)
-        assert read == pytest.approx(value, rel=error)
-    with pytest.raises(InputError, match="no room in 3 columns"):
-        column(-1.5e-200, 3)
+    young = 9 * bulk[0] * total / (3 * bulk[0] + total)
+    assert young == pytest.approx(1e6 * YOUNG * float(pad.elastic.m), rel=EXACT)
+    assert read["fast_limit"]["poisson"] == POISSON
+    stated = [read["fast_limit"][key] for key in ("E_Pa", "G_Pa", "K_Pa")]
+    assert stated == pytest.approx([young, total, bulk[0]], rel=EXACT)
+    rows = [[term[key] for key in ("g", "G_Pa", "K_Pa", "tau_s")] for term in read["terms"]]
+    assert rows[0].pop() is None
+    assert rows[0] == [share[0], shear[0], bulk[0]]
+    assert np.array_equal(rows[1:], table.to_numpy()[1:])
 
 
 @pytest.mark.parametrize("units", [("1", "kPa"), ("1", "MPa"), ("1", "Pa")])
 def test_stress_over_strain_is_a_modulus_already(tmp_path, units):
     pad = exported(tmp_path, Choices(bonded=True), units=units)
-    text = Ansys().files(pad, None)["pad_B.mac"].decode()
-    (young,) = re.findall(rf"MP,EX,1,({NUMBER})", text)
-    size = {"kPa": 1e-3, "MPa": 1.0, "Pa": 1e-6}[units[1]]
-    assert float(young) == pytest.approx(size * float(pad.elastic.m), rel=EXACT)
-    assert "structure" not in text
+    read = json.loads(PronyTable().files(pad, None)["pad_B_prony.json"])
+    size = {"kPa": 1e3, "MPa": 1e6, "Pa": 1.0}[units[1]]
+    assert read["fast_limit"]["E_Pa"] == pytest.approx(size * float(pad.elastic.m), rel=EXACT)
+    assert "structure" not in " ".join(read["card"])
     for target in ("drake", "mujoco"):
         with pytest.raises(InputError, match="strain and stress, not displacement and force"):
             find(target)().files(pad, None)
@@ -336,8 +228,8 @@ def test_stress_over_strain_is_a_modulus_already(tmp_path, units):
 def test_other_units_of_a_stiffness_become_the_same_modulus(tmp_path):
     mm = exported(tmp_path / "mm", Choices(law="linear"))
     um = exported(tmp_path / "um", Choices(law="linear"), units=("um", "mN"))  # 1 mN/um = 1 N/mm
-    text = [Ansys().files(pad, BLOCK)["pad_B.mac"].decode() for pad in (mm, um)]
-    young = [float(re.findall(rf"MP,EX,1,({NUMBER})", x)[0]) for x in text]
+    files = [PronyTable().files(pad, BLOCK)["pad_B_prony.json"] for pad in (mm, um)]
+    young = [json.loads(x)["fast_limit"]["E_Pa"] for x in files]
     assert young[0] == pytest.approx(young[1], rel=EXACT)
 
 

@@ -2,18 +2,14 @@
 
 import numpy as np
 import pytest
-from budget import by_fit, least_squares, paired, rises
-from budget_page import MOST, budget_page
-from page import Origin
+from blind.study import make_study
+from budget import MOST, by_fit, least_squares, paired, rises, rows
 from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.evaluation.study import make_study
 from qlvbayes.inference.modes import rough_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-
-ORIGIN = Origin("command", "today", "commit", "machine")
 
 
 def test_an_error_that_rises_is_told_by_its_factor():
@@ -61,7 +57,7 @@ def case(kind, plain, answer, steps, lowered=()):
     }  # fmt: skip
 
 
-def test_the_page_counts_by_kind_and_shows_the_worst():
+def test_the_rows_count_by_kind():
     lowered = [
         {"effect": "friction", "fall_N2": f, "error_N2": e} for f, e in ((2.0, 1.0), (1.0, 2.0))
     ]
@@ -72,10 +68,6 @@ def test_the_page_counts_by_kind_and_shows_the_worst():
         {"index": "real/y/z", "kind": "real", "error": "ValueError: no"},
         case("none", 1.01, 1.0, [1.0, 0.9]),
     ]
-    page = budget_page(found, 5, ORIGIN)
-    assert "4 of 5 pads" in page
-    assert "| real | 3 | 1 | 8.00 | 1 | 1.20 | 0 | 1.00 | 1 | 1.20 | 1 of 2 | 1 |" in page
-    assert "| none | 1 | 0 | 1.01 | 0 | 1.00 | 0 | 1.00 | 0 | 1.00 | 0 of 0 | 0 |" in page
-    assert "| real/y/z | ValueError: no |" in page
-    assert "| real/x/8.0 | adequate | - | 8, 1 | 1.2, 1 | 1, 1 | 8, 9.6 |" in page
-    assert "none/x/1.01" not in page
+    real, none, _ = rows(found)
+    assert " ".join(real) == "real 3 1 8.00 1 1.20 0 1.00 1 1.20 1 of 2 1"
+    assert " ".join(none) == "none 1 0 1.01 0 1.00 0 1.00 0 1.00 0 of 0 0"

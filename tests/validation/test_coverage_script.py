@@ -1,18 +1,16 @@
 """The validation script: its statistics on numbers whose answer is known, and two small fits."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from blind.store import Store
 from calibration import alarms, calibrations, predicted
-from page import Origin, page
+from coverage import table
+from results import Origin
 from simulated_fits import Setting, run
 
 from qlvbayes import Settings
-from qlvbayes.evaluation.store import Store
-
-ROOT = Path(__file__).parents[2]
 
 PAD = ("m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]")
 
@@ -92,14 +90,14 @@ def test_a_line_cut_short_is_fitted_again(tmp_path):
     assert kept.path.read_text() == text
 
 
-def test_page_names_what_is_outside():
+def test_the_table_names_what_is_outside():
     origin = Origin("command", "2026-01-01", "abc1234", "2 cores")
     setting = Setting("white", 500)
-    good = page({setting: normal_fits(1000)}, origin)
-    assert "within it, in every table" in good
+    good = table({setting: normal_fits(1000)}, origin).markdown()
+    assert "All are within it" in good
     assert "abc1234" in good
-    bad = page({setting: normal_fits(1000, stretch=0.5)}, origin)
-    assert "outside of it: m" in bad
+    bad = table({setting: normal_fits(1000, stretch=0.5)}, origin).markdown()
+    assert "Outside of it are m" in bad
 
 
 @pytest.fixture(scope="module")
@@ -122,11 +120,11 @@ def test_a_fit_covers_every_constant_once(two_fits):
 
 
 @pytest.mark.slow
-def test_fits_survive_the_file_and_make_a_page(two_fits, tmp_path):
+def test_fits_survive_the_file_and_make_a_table(two_fits, tmp_path):
     kept = Store(tmp_path / "fits.jsonl")
     for fit in two_fits:
         kept.add(json.loads(json.dumps(fit)))
     results = {Setting("white", 300, (20.0,)): Store(kept.path).first(2)}
-    text = page(results, Origin("command", "2026-01-01", "abc1234", "2 cores"))
+    text = table(results, Origin("command", "2026-01-01", "abc1234", "2 cores")).markdown()
     assert all(f"| {name} |" in text for name in PAD)
     assert len({fit["parameters"]["m"]["truth"] for fit in kept.cases.values()}) == 2

@@ -1,9 +1,8 @@
 """Modes from other seeds: what counts as agreeing, as seen and as missed."""
 
-from argparse import Namespace
-
-from modes import _page
-from page import Origin
+from blind.population import Population
+from modes import table
+from results import Origin
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 CHECK = {"made": 1, "failed": 0, "higher": 0}
@@ -17,8 +16,6 @@ def pad(index, name, losses, seen, behind):
         "losses": losses,
         "seen": seen,
         "behind": behind,
-        "machine": "machine",
-        "commit": "commit",
         "checks": dict.fromkeys(("nested", "exchanged", "draws"), CHECK),
     }
 
@@ -31,11 +28,8 @@ def test_what_is_counted():
         pad(4, "not looked at, but the answer is no better", [3.0, 3.0, 3.0], float("inf"), -4.0),
         pad(6, "with an outsider", [1.0, 1.0, 1.0], 4.0, 0.0),
     ]
-    text = _page(pads, 1, Namespace(seed=1, sets=3), ORIGIN)
-    assert "| 1 bundled | 3 of 3 (100.0%) | 1 | 1 of 1 (100.0%) | 0 | 0 |" in text
-    assert (
-        "| 3 simulated, the true hypothesis | 8 of 9 (88.9%) | 2 | 1 of 3 (33.3%) | 1 | 1 |" in text
-    )
-    assert "| 1 simulated with an outsider, the likeliest hypothesis | 3 of 3 (100.0%)" in text
-    assert "answer is 7.0 more probable, has not looked at it" in text
+    text = table(pads, 1, Population(1), ORIGIN).markdown()
+    assert "| 1 bundled | 3 of 3 (100%) | 1 | 1 of 1 (100%) | 0 | 0 |" in text
+    assert "| 3 simulated, the true hypothesis | 8 of 9 (89%) | 2 | 1 of 3 (33%) | 1 | 1 |" in text
+    assert "| 1 simulated with an outsider, the likeliest hypothesis | 3 of 3 (100%)" in text
     assert "nested made 5 times, failed 0" in text

@@ -1,17 +1,14 @@
 """The validation of comparisons: its statistics on numbers whose answer is known, and one pair."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from page import Origin
-from pairs_page import pairs_page, pooled_coverage
+from pairs import pooled_coverage, table
+from results import Origin
 from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
 
 from qlvbayes import Settings
-
-ROOT = Path(__file__).parents[2]
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 
@@ -42,15 +39,15 @@ def test_right_intervals_hold_nine_in_ten_and_narrow_ones_fewer():
     assert abs(share - 0.589) < 4.0 * error  # erf(0.5 * 1.6449 / sqrt(2))
 
 
-def test_the_page_says_what_is_met_and_what_is_not():
+def test_the_table_says_what_is_met_and_what_is_not():
     rng = np.random.default_rng(1)
-    good = pairs_page([pair(k, rng) for k in range(400)], ORIGIN)
+    good = table([pair(k, rng) for k in range(400)], ORIGIN).markdown()
     assert "Equal pairs called different: 0 of 200 (asked: at most 5%): **met**" in good
     assert "**not met**" not in good
-    bad = pairs_page([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN)
+    bad = table([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN).markdown()
     assert bad.count("**not met**") == 2
     assert "| equal | 200 | 200 | 0 | 0 |" in bad
-    few = pairs_page([pair(k, rng) for k in range(4)], ORIGIN)
+    few = table([pair(k, rng) for k in range(4)], ORIGIN).markdown()
     assert "within two standard errors of the bound" in few
 
 
@@ -73,7 +70,7 @@ def test_one_pair_from_simulation_to_truth():
     """An equal pair: a short chain of one test each, and every true difference is 0."""
     found = run_pair(1, 0, Settings(max_steps=20), rates=(20.0,))
     assert found["kind"] == "equal"
-    assert len(found["contrasts"]) == 21
+    assert len(found["contrasts"]) == 23
     for contrast in found["contrasts"].values():
         assert contrast["first"] == contrast["second"]
         assert contrast["low"] < contrast["high"]

@@ -7,19 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page import Origin, with_section
 from ranks import (
     _LOGNORMAL,
     DRAWS,
     Kind,
     band,
-    columns,
     drawn,
     inside,
     p_of_uniform,
     passes,
+    row,
     run,
-    section,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -123,16 +121,8 @@ print([float(abs(a - b)) for a, b in zip(before, after)])
     assert (prior > 0.1, likelihood > 0.1) == (broken == "jacobian", broken == "noise")
 
 
-def test_the_section_is_replaced_and_others_stay():
-    origin = Origin("command", "2026-11-28", "abc", "a machine")
-    text = section({Kind("floor"): fits_of(range(DRAWS + 1))}, origin)
-    assert text.startswith("## Calibrated by simulation\n")
-    assert (
-        "**Floor noise**: 100 pads, 100 of them converged; ranks are uniform (p of no bias" in text
-    )
-    assert columns(fits_of([3, 4])) == {"m": [3, 4]}
-    page = "# Page\n\n## Calibrated by simulation\n\nold\n\n## Bad readings\n\nkept\n"
-    page = with_section(page, text)
-    assert "old" not in page
-    assert "## Bad readings\n\nkept\n" in page
-    assert with_section(page, text) == page
+def test_a_row_has_the_least_p_and_the_range_of_shares():
+    cells = row(Kind("floor"), fits_of(range(DRAWS + 1)))
+    assert cells[:3] == ["floor noise", "100", "uniform"]
+    assert cells[-1] == "90% to 90%"
+    assert "**not uniform**" in row(Kind("floor", "noise"), fits_of([5] * 100))

@@ -1,6 +1,7 @@
 """The names of a diagnosis: the decision by probabilities, of effects whose certainty is enough.
 
-An effect that is probable by the fit is named if its certainty is enough: it is calibrated on blind
+What is measured in the records beyond doubt, as a pull or a mass, decides between names. Any other
+effect that is probable by the fit is named if its certainty is enough: it is calibrated on blind
 studies, by how much and how surely tests left out are predicted better with it, and by how much of
 its force one strength makes (`certainty`). It also needs a probability of its own over all
 hypotheses, free curves among them.

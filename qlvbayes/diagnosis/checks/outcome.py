@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from qlvbayes.diagnosis.checks.heldout import (
 )
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
-from qlvbayes.diagnosis.decision import probabilities
+from qlvbayes.diagnosis.decision import probabilities, require
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.progress import weights_of
 from qlvbayes.diagnosis.result import (
@@ -38,6 +38,7 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
@@ -58,14 +59,19 @@ class SearchOutcome:
     Figures that take a fit are computed once. ``candidates``, ``weights`` and ``shares`` (H,) hold
     each hypothesis, its weight and its probability, ``draws`` (D, H) the probabilities within the
     errors of the evidences, ``unpredicted`` the hypotheses that predict no finite force at some
-    samples.
+    samples. Effects that are ``measured`` in the records beyond doubt are in every hypothesis that
+    counts, where the search knows one with all of them.
     """
 
-    def __init__(self, experiment: Experiment, search: Search) -> None:
+    def __init__(
+        self, experiment: Experiment, search: Search, measured: Collection[str] = ()
+    ) -> None:
         self.experiment, self.search = experiment, search
+        candidates = set(search.families.nameable) - search.baseline.effects
+        self.measured = candidates.intersection(measured)
         self.samples = Samples.from_experiment(experiment, search.density.space)
         self.candidates = list(search.candidates.values())
-        self.weights = weights_of(search)
+        self.weights = require(weights_of(search), self.measured)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
         self._predictions: dict[Hypothesis, list[Predicted]] = {}
@@ -88,6 +94,22 @@ class SearchOutcome:
     def heldout_parts(self, candidate: Candidate) -> HeldOut:
         """Return the errors on tests left out (N), of all and of each part."""
         return errors(self.samples, self._parts, [self._predicted(candidate)])
+
+    def heldout_residuals(self, candidate: Candidate) -> list[Array]:
+        """Return measured minus predicted force (N) of each part, by a fit to all others."""
+        return [
+            self.samples.observed[part.test][part.rows] - one.force
+            for part, one in zip(self._parts, self._predicted(candidate), strict=True)
+        ]
+
+    def acting(self, candidate: Candidate, effect: str) -> list[Array]:
+        """Return the force (N) of an effect of a candidate at the samples of each part."""
+        point, space = candidate.point, self.search.density.space
+        less = candidate.hypothesis.less(effect)
+        theta = transferred(point.own, point.theta, space.parameters(less))
+        without = self.samples.predict(less, space.parameters(less).constants(theta[None]))
+        having = self.samples.predict(candidate.hypothesis, point.constants[None])
+        return [(having[part.test][0] - without[part.test][0])[part.rows] for part in self._parts]
 
     @cached_property
     def _parts(self) -> list[HeldOutPart]:

@@ -1,11 +1,16 @@
 r"""Measure the support for an effect: signs for or against it in addition to its evidence.
 
-All figures compare the most probable hypothesis that has the effect with the same without it. With
-E the errors on tests left out and n the number of parts left out,
+All figures compare the most probable hypothesis that has the effect with the same without it. The
+errors on tests left out count where the effect acts: with e the force that it adds and r the
+residual of a test by a fit to all others, over the samples of the n parts left out,
 
-.. math:: \text{gain} = \ln \frac{E_{without}}{E_{with}}, \quad
-          \text{sds} = \frac{\bar d}{s_d / \sqrt n},\ d = E_{without}^2 - E_{with}^2
-          \text{ of each part}.
+.. math:: E^2 = \frac{\sum e^2 r^2}{\sum e^2}, \quad
+          \text{gain} = \ln \frac{E_{without}}{E_{with}}, \quad
+          \text{sds} = \frac{\bar d}{s_d / \sqrt n},\ d = \sum_{part}
+          e^2 (r_{without}^2 - r_{with}^2).
+
+A drag acts in ramps, which have few of the samples: what something unlisted does in long holds
+says nothing about it.
 """
 
 from __future__ import annotations
@@ -39,25 +44,34 @@ def with_support(outcome: SearchOutcome, ranked: Ranked, index: int) -> Ranked:
     """Return an effect with the support for it, and its certainty, in one hypothesis."""
     own = support(outcome, ranked.effect, index)
     sure = certainty(ranked.inclusion, ranked.log_bayes_factor, own)
+    if ranked.effect in outcome.measured:
+        sure = max(sure or 0.0, outcome.search.settings.measured)
     return structs.replace(ranked, support=own, certainty=sure)
 
 
 def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
     """Return the support for an effect in a hypothesis that has it.
 
-    It is None where the same without the effect predicts no finite force.
+    It is None where the effect adds no force, or the same without it predicts no finite one.
     """
     search = outcome.search
     having, form = outcome.candidates[index], outcome.weights[index].forms.get(effect, effect)
     without = search.without(having, effect)
     if without is None:
         return None
-    errors = [outcome.heldout_parts(one) for one in (without, having)]
+    weights = [np.square(one) for one in outcome.acting(having, form)]
+    total = float(sum(one.sum() for one in weights))
+    if not (total > 0.0 and math.isfinite(total)):
+        return None
+    squares = [
+        np.array([w @ np.square(r) for w, r in zip(weights, left, strict=True)])
+        for left in map(outcome.heldout_residuals, (without, having))
+    ]
     noise = outcome.experiment.floor.total
     return Support(
-        heldout_gain=_log_ratio(*(one.rmse for one in errors)),
-        heldout_sds=_paired(*(np.square(one.by_part) for one in errors)),
-        heldout=finite_or_none(errors[1].rmse),
+        heldout_gain=0.5 * _log_ratio(*(float(one.sum()) for one in squares)),
+        heldout_sds=_paired(*squares),
+        heldout=finite_or_none(math.sqrt(float(squares[1].sum()) / total)),
         error_left=_log_ratio(outcome.samples.error(outcome.residuals(having)), noise),
         p_left=outcome.adequacy(having).p_value,
         effects=len(search.added(having.hypothesis)),

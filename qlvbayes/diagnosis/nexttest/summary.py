@@ -31,7 +31,7 @@ from qlvbayes.io.wording import plain
 _CONSTANTS_ERROR, _CAUSE_ERROR = 0.016, 0.2
 """Errors of the closed form, one sd: share of the bits about constants, and of the distance between
 the bounds of those about the cause. Each is the sd, over 72 tests of simulated pads, of what nested
-Monte Carlo gives instead (validation/design_error.py).
+Monte Carlo gives instead (docs/reliability.md).
 """
 _DOUBT = 0.5  # probability of something unmodelled from which a notice says so
 

@@ -164,7 +164,7 @@ def _strengths(d: DiagnosisResult) -> list[str]:
         removed = 1.0 - math.exp(-own.heldout_gain)
         if removed > 0.0 and own.heldout is not None:
             text.append(
-                f"{capitalized(name)} removes {percent(removed)} of the error on tests left out; "
+                f"Where it acts, {name} removes {percent(removed)} of the error on tests left out; "
                 f"{_error(d, own.heldout)} remain."
             )
         if own.strengths is not None and own.strengths.spread > 0.0:
@@ -384,7 +384,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
-    taken = {*d.tried, *d.group, "none", *(one.effect for one in d.not_identifiable)}
+    taken = {*d.tried, *d.effects, *d.group, "none", *(one.effect for one in d.not_identifiable)}
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []

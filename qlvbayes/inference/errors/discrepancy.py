@@ -130,11 +130,13 @@ class Discrepancy:
         lengths: Array,
         parts: Callable[[], Array] | None = None,
         scatter: Scatter = NONE,
+        errors: Array | None = None,
     ) -> Separation:
         """Return the separation from what the derivatives (F, T, B) of the force can follow.
 
         lengths (F,): natural lengths of the free parameters; parts: function to the parts (G, T, B)
-        of the force whose scale differs between tests; scatter: of these scales.
+        of the force whose scale differs between tests; scatter: of these scales; errors (K, n): of
+        the force at the blocks that count.
         """
         slopes = self.whitener.flattened(responses)
         if not len(self.features):
@@ -158,6 +160,7 @@ class Discrepancy:
             self.whitener.whiten,
             scaled if parts is not None and self.scatter is not None else None,
             scatter if self.scatter is not None else NONE,
+            errors,
         )
 
     def _coupled_moments(self, rows: Array) -> Array:
@@ -175,6 +178,8 @@ class Discrepancy:
         scaled = separation.scattered(separation.scaled_rows[0])
         scaled = scaled - (scaled @ rows.T) @ rows
         between: Array = scaled.T @ scaled
+        if separation.errors is not None:
+            between += separation.errors.T @ separation.errors
         if size == 0.0:
             return between
         rest = self.block_features - (self.block_features @ rows.T) @ rows

@@ -94,27 +94,26 @@ def likeliest(
     count = int(groups.max(initial=-1)) + 1
     chosen = np.zeros(count, dtype=np.intp)
 
-    def loss(indices: NDArray[np.intp]) -> float:
-        root = grid[indices][groups]
-        inside = np.flatnonzero(root)
-        total = float((log_prior[0] - log_prior[indices]).sum())
-        if inside.size:
-            root = root[inside]
-            scaled = curvature[np.ix_(inside, inside)] * np.outer(root, root)
-            factor = np.linalg.cholesky(scaled + np.eye(inside.size))
-            half = np.linalg.solve(factor, root * slope[inside])
-            total += float(np.log(np.diag(factor)).sum()) - 0.5 * float(half @ half)
-        return total
+    def losses(some: NDArray[np.intp]) -> Array:
+        """Return the loss (R,) of R choices of the sizes (R, G), as indices."""
+        roots = grid[some][:, groups]
+        scaled = curvature * roots[:, :, None] * roots[:, None, :] + np.eye(groups.size)
+        factors = np.linalg.cholesky(scaled)
+        halves = np.linalg.solve(factors, (roots * slope)[..., None])[..., 0]
+        volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+        costs = (log_prior[0] - log_prior[some]).sum(axis=1)
+        return np.asarray(costs + volumes - 0.5 * (halves**2).sum(axis=1))
 
-    best = loss(chosen)
+    best = 0.0
     for _ in range(_SWEEPS):
         before = chosen.copy()
         for k in range(count):
-            trials = np.tile(chosen, (grid.size, 1))
-            trials[:, k] = np.arange(grid.size)
-            losses = [loss(one) for one in trials]
-            if min(losses) < best:
-                best, chosen = min(losses), trials[int(np.argmin(losses))]
+            some = np.tile(chosen, (grid.size, 1))
+            some[:, k] = np.arange(grid.size)
+            found = losses(some)
+            least = int(np.argmin(found))
+            if found[least] < best:
+                best, chosen = float(found[least]), some[least]
         if np.array_equal(before, chosen):
             break
     cost = float((log_prior[0] - log_prior[chosen]).sum())

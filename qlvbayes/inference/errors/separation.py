@@ -36,7 +36,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,8 @@ class Separation:
     parameters; coupled: function from Q (R, n) to the parts Y of K and of the moments, both (R, n);
     whiten: function that whitens block means (M, n); scaled: function to the rows V (K, n) of the
     parts of the force whose scale differs between tests, not whitened, and the group (K,) of each;
-    scatter: the relative sds of the scales of each group.
+    scatter: the relative sds of the scales of each group; errors (K, n): independent errors of the
+    force, not whitened, each one sd, which are not separated.
     """
 
     slopes: Array
@@ -76,6 +77,7 @@ class Separation:
     whiten: Callable[[Array], Array]
     scaled: Callable[[], tuple[Array, NDArray[np.intp]]] | None = None
     scatter: Scatter = NONE
+    errors: Array | None = None
     _by_size: dict[float, Separated] = field(default_factory=dict)
 
     @cached_property
@@ -110,18 +112,38 @@ class Separation:
 
     def unseparated(self, discrepancy: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
         """Return a discrepancy with the scatter, neither of them separated."""
-        if not any(self.scatter.sizes):
+        if not self.has_rows:
             return discrepancy
-        rows = self.scattered(self.whiten(self.scaled_rows[0]))
+        rows = self._with_errors(self.scattered(self.whiten(self.scaled_rows[0])))
         return Separated.from_unseparated(discrepancy, rows[:0], rows[:0], rows, 0.0)
+
+    @property
+    def has_rows(self) -> bool:
+        """True if there is scatter, or are errors of the force."""
+        return any(self.scatter.sizes) or (self.errors is not None and len(self.errors) > 0)
+
+    @cached_property
+    def _whitened_errors(self) -> Array:
+        return self.slopes[:0] if self.errors is None else self.whiten(self.errors)
+
+    def _with_errors(self, rows: Array) -> Array:
+        return np.concatenate([rows, self._whitened_errors])
 
     def with_scatter(self, scatter: Scatter) -> Separation:
         """Return the separation with other sds of the scales of each group."""
-        if scatter == self.scatter:
+        known = ("rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
+        return self if scatter == self.scatter else self._changed(known, scatter=scatter)
+
+    def with_errors(self, errors: Array | None) -> Separation:
+        """Return the separation with other errors of the force."""
+        if errors is self.errors:
             return self
-        other = replace(self, scatter=scatter, _by_size={})
-        # what does not depend on the scatter is not computed again
         known = ("rows", "_parts", "scaled_rows", "separated_rows")
+        return self._changed(known, errors=errors)
+
+    def _changed(self, known: tuple[str, ...], **fields: Any) -> Separation:
+        """Return the separation with other fields, on which what is known does not depend."""
+        other = replace(self, _by_size={}, **fields)
         other.__dict__.update({k: v for k, v in self.__dict__.items() if k in known})
         return other
 
@@ -141,17 +163,19 @@ class Separation:
         """Discard what was computed for sizes other than one (N), to save megabytes a point."""
         for other in [known for known in self._by_size if known != size]:
             self._by_size.pop(other, None)
+        for rows in ("scaled_rows", "separated_rows"):
+            self.__dict__.pop(rows, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
         """Return the separated discrepancy, with the scatter, of one that is not separated."""
         separates = unseparated.size > 0.0 and self.rank > 0
-        if not separates and not any(self.scatter.sizes):
+        if not separates and not self.has_rows:
             return unseparated
         known = self._by_size.get(unseparated.size)
         if known is None:
             basis, ties, moments = self._parts if separates else 3 * (self.slopes[:0],)
             coupled = unseparated.size**2 * ties + moments
-            scattered = self.scattered(self.separated_rows)
+            scattered = self._with_errors(self.scattered(self.separated_rows))
             known = Separated.from_unseparated(
                 unseparated, basis, coupled, scattered, 2.0 * self.scatter.cost
             )

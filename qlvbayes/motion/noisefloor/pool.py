@@ -21,6 +21,10 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.averages import rate, variance
 from qlvbayes.motion.noisefloor.dwells import Dwell, run_scale, trend
 
+_NEAREST, _NEAREST_SMOOTH = 1e-9, 1e-4
+"""Of the correlation time: between nearer readings a process moves by less than 2 % of the white
+noise, however large it is, and the digits of its precision would not suffice."""
+
 
 @dataclass(frozen=True)
 class Pool:
@@ -128,6 +132,7 @@ def _side_by_side(trends: list[Array]) -> Array:
 
 def _precision(x: Array) -> tuple[Array, float]:
     """Return the upper band (2, n) of an OU process's precision, and its log det."""
+    x = np.maximum(x, _NEAREST)
     a, left = np.exp(-x), -np.expm1(-2.0 * x)
     band = np.zeros((2, x.size + 1))
     band[1] = 1.0
@@ -143,7 +148,7 @@ def _smooth_precision(x: Array) -> tuple[Array, float]:
     A second-order low-pass (Butterworth's) of white noise: over a gap the state moves by A = e^-x
     [[cos x + sin x, 2^(1/2) sin x], [-2^(1/2) sin x, cos x - sin x]] and gains W = 1 - A A^T.
     """
-    x = np.minimum(x, 300.0)
+    x = np.clip(x, _NEAREST_SMOOTH, 300.0)
     decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
     off_diagonal = np.sqrt(2.0) * sine
     A = decay * np.array([[cosine + sine, off_diagonal], [-off_diagonal, cosine - sine]])

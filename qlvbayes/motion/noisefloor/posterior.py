@@ -126,7 +126,7 @@ class Dwells:
         mode reaches what they leave open. -inf for log ratio is white noise alone.
         """
         points, density = self._proposed()
-        inside = np.all((points > self.bounds[0]) & (points < self.bounds[1]), axis=1)
+        inside = np.all((points >= self.bounds[0]) & (points <= self.bounds[1]), axis=1)
         points, count = points[inside], density.size
         likelihoods = [
             self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in points.tolist()
@@ -141,17 +141,23 @@ class Dwells:
         return points, variances, weights / weights.sum()
 
     def _proposed(self) -> tuple[Array, Array]:
-        """Return points (n, 2) about the mode and all over the prior, and their density."""
-        from scipy.stats import norm, qmc
+        """Return points (n, 2) about the mode and all over the prior, and their density.
+
+        Those of the prior are within the bounds, however little room these leave.
+        """
+        from scipy.stats import qmc, truncnorm
 
         mode, root = np.array([self.ratio, self.tau]), self._spread()
         near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
-        z = norm.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
-        points = np.concatenate([near, [0.0, self.prior_log_tau] + z * [_RATIO_SD, TAU_SD]])
+        middle, sds = np.array([0.0, self.prior_log_tau]), np.array([_RATIO_SD, TAU_SD])
+        prior = truncnorm(*((self.bounds - middle) / sds), loc=middle, scale=sds)
+        drawn = prior.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
+        points = np.concatenate([near, np.clip(drawn, *self.bounds)])
         z = np.linalg.solve(root, (points - mode).T)
         peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
         about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
-        return points, (_POINTS * about + _PRIOR_POINTS * self._prior(points)) / len(points)
+        density = _POINTS * about + _PRIOR_POINTS * prior.pdf(points).prod(axis=1)
+        return points, density / len(points)
 
     def _prior(self, points: Array) -> Array:
         """Return the density (n,) of (log ratio, log tau), which are independent normals."""
@@ -169,9 +175,13 @@ class Dwells:
         )
 
     def _spread(self) -> Array:
-        """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
-        mode = np.array([self.ratio, self.tau])
-        mode = np.clip(mode, self.bounds[0] + _STEP, self.bounds[1] - _STEP)
+        """Square root (2, 2) of the covariance at the mode; wide in directions left open.
+
+        Bounds count as what they say: a range is a uniform distribution, with its own variance.
+        """
+        mode, ranges = np.array([self.ratio, self.tau]), self.bounds[1] - self.bounds[0]
+        room = np.minimum(_STEP, 0.5 * ranges)
+        mode = np.clip(mode, self.bounds[0] + room, self.bounds[1] - room)
         here = self.loss(mode)
         e = _STEP * np.eye(2)
         up, down = ([self.loss(mode + sign * row) for row in e] for sign in (1.0, -1.0))
@@ -179,6 +189,7 @@ class Dwells:
         diagonal = np.array(up) + np.array(down) - 2.0 * here
         cross = 0.5 * (both - 2.0 * here - diagonal.sum())
         curvature = np.array([[diagonal[0], cross], [cross, diagonal[1]]]) / _STEP**2
+        curvature += np.diag(12.0 / ranges**2)
         values, vectors = np.linalg.eigh(curvature)
         sds = 1.2 / np.sqrt(np.maximum(values, (1.2 / _WIDEST) ** 2))
         return np.asarray(vectors * sds)

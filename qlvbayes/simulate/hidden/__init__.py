@@ -4,24 +4,18 @@ The effects change the depth on its way in and the force on its way out, from th
 pad, contact and frame to the sensor; see `HiddenPad`.
 """
 
-from .catalogue import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE, effect_class
-from .contact_effects import NearContact
+from .catalogue import HIDDEN, effect_class
 from .draw import draw_effect, draw_effect_in
 from .effect import Effect
 from .pad import HiddenPad
 from .parse import parse_effect
 
-_KINDS = {kind.__name__: kind for kinds in (HIDDEN, FORMS, OUTSIDE) for kind in kinds.values()}
+_KINDS = {kind.__name__: kind for kind in HIDDEN.values()}
 
 __all__ = [
-    "FOREIGN",
-    "FORMS",
-    "FURTHER",
     "HIDDEN",
-    "OUTSIDE",
     "Effect",
     "HiddenPad",
-    "NearContact",
     "draw_effect",
     "draw_effect_in",
     "effect_class",

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from qlvbayes.io.checks import InputError
 
-from . import (
-    contact_effects,
-    foreign,
-    forms,
-    further,
-    outside,
-    pad_effects,
-    sensor_effects,
-)
+from . import contact_effects, pad_effects, sensor_effects
 from .effect import Effect
 
 
-def _by_name(*classes: type[Effect]) -> dict[str, type[Effect]]:
+def by_name(*classes: type[Effect]) -> dict[str, type[Effect]]:
+    """Return some effects' classes by their names."""
     return {effect.name: effect for effect in classes}
 
 
-HIDDEN = _by_name(
+HIDDEN = by_name(
     pad_effects.ExtraRelaxationMode,
     pad_effects.StrainDependentRate,
     pad_effects.StrainDependentStrength,
@@ -49,64 +42,15 @@ HIDDEN = _by_name(
 )
 """The listed effects, from the material to the sensor."""
 
-FORMS = _by_name(
-    forms.StretchedRelaxation,
-    forms.LinearRate,
-    forms.ExponentialSoftening,
-    forms.SaturatingLeak,
-    forms.GrowingDrag,
-    forms.SteepSqueezeFilm,
-    forms.QuadraticPressure,
-    forms.CoulombFriction,
-    forms.Toe,
-    forms.BendingFrame,
-    forms.SaturatingDrift,
-    forms.ChannelLowPass,
-    forms.AdhesionAtAStretch,
-)
-"""Other forms of the listed effects; `family` names which."""
-
-OUTSIDE = _by_name(
-    outside.Slip,
-    outside.TemperatureSwing,
-    outside.Rezeroed,
-    outside.SlowCreepJump,
-    outside.SensorNonlinearity,
-    outside.AmplifierClipping,
-)
-"""Effects that no entry of the list explains."""
-
-
-FOREIGN = _by_name(
-    foreign.CavitatingFilm,
-    foreign.PoroelasticDiffusion,
-    foreign.TiltedPlaten,
-    foreign.RootLeak,
-    foreign.OneWayFriction,
-    foreign.HealingSoftening,
-    outside.Ringing,
-)
-"""Forms of listed effects that no form of the diagnosis was written with in view."""
-
-FURTHER = _by_name(
-    further.ViscousHeating,
-    further.DriveRipple,
-    further.StickSlip,
-    further.SnapThrough,
-    further.Curing,
-    further.Bubble,
-    further.MainsHum,
-    further.CrackingSkin,
-    further.RollingSpecimen,
-    further.Swelling,
-    further.DriveWarmth,
-)
-"""Effects outside the list that nothing of the package stands for."""
-
 
 def effect_class(name: str) -> type[Effect]:
-    """Return the class of the effect with this name, of any kind."""
-    known = {**HIDDEN, **FORMS, **OUTSIDE, **FOREIGN, **FURTHER}
-    if name not in known:
-        raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(known)}")
-    return known[name]
+    """Return the class of the effect with this name.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if name not in HIDDEN:
+        raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(HIDDEN)}")
+    return HIDDEN[name]

@@ -30,7 +30,7 @@ _SOON_S = np.linspace(0.0, 0.15, 16)
 
 
 def draw_effect(
-    name: str,
+    kind: str | type[Effect],
     rng: np.random.Generator,
     pad_peak_force: float,
     depth: float,
@@ -41,23 +41,36 @@ def draw_effect(
 ) -> Effect:
     """Draw an effect whose largest contribution to the force in a study is `size` of the peak.
 
-    The contribution is measured in trial runs of six tests (depth in mm, speed in mm/s, peak force
-    in N) with the effect and without. Where an effect cannot be that large, such as a fast extra
-    mode at slow rates, it is as large as it sensibly gets. Signs are random where both are
-    physical. The pad is like the paper's B and the protocol the paper's, where none is given;
-    softening and adhesion, which show on the way back only, have two full retractions.
+    The contribution is measured in trial runs of six tests with the effect and without. Where
+    an effect cannot be that large, such as a fast extra mode at slow rates, it is as large as it
+    sensibly gets. Signs are random where both are physical.
+
+    Parameters
+    ----------
+    kind : name of a listed effect, or the class of any
+    rng : source of all randomness
+    pad_peak_force : N, largest force of the pad in the study
+    depth, top_speed : of the study, mm and mm/s
+    size : share of the peak force
+    constants : of the pad; without, a pad like the paper's B of the same peak force
+    protocol : of the tests; without, the paper's, or two full retractions for the effects that
+        show on the way back only (softening and adhesion)
+
+    Raises
+    ------
+    InputError
+        Unknown name, or a number that is not above 0.
     """
-    effect_class(name)  # refuses one that is not known
+    cls = effect_class(kind) if isinstance(kind, str) else kind
     if not min(pad_peak_force, depth, top_speed, size) > 0 or not size < 1:
         raise InputError("peak force, depth, speed and size must be above 0, and size below 1")
-    recipe = effect_class(name).recipe
-    trial = _trial(constants, protocol or recipe.protocols[0], pad_peak_force, depth, top_speed)
+    trial = _trial(constants, protocol or cls.recipe.protocols[0], pad_peak_force, depth, top_speed)
     draw = Draw(rng, trial.peak, depth, trial.pad.constants.v, trial.study_s)
-    return _drawn(name, draw, trial, size)
+    return _drawn(cls, draw, trial, size)
 
 
 def draw_effect_in(
-    name: str,
+    kind: str | type[Effect],
     rng: np.random.Generator,
     pad: HiddenPad,
     motions: Sequence[Motion],
@@ -74,14 +87,14 @@ def draw_effect_in(
     peak = max(float(f.max()) for f in forces)
     depth = max(float(p.displacement(t).max()) for p, t in zip(motions, times, strict=True))
     trial = _DrawnTests(pad, tuple(motions), times, forces, peak)
-    return _drawn(name, Draw(rng, peak, depth, tuple(rates), trial.study_s), trial, size)
+    cls = effect_class(kind) if isinstance(kind, str) else kind
+    return _drawn(cls, Draw(rng, peak, depth, tuple(rates), trial.study_s), trial, size)
 
 
-def _drawn(name: str, draw: Draw, trial: _DrawnTests, size: float) -> Effect:
-    cls, rng = effect_class(name), draw.rng
-    recipe = cls.recipe
-    if name == "amplifier_clipping":
-        return cls(**{recipe.size: trial.peak * (1.0 - size)})
+def _drawn(cls: type[Effect], draw: Draw, trial: _DrawnTests, size: float) -> Effect:
+    recipe, rng = cls.recipe, draw.rng
+    if recipe.known is not None:
+        return cls(**{recipe.size: recipe.known(draw, size)})
     shape = recipe.shape(draw)
     sign = rng.choice([-1.0, 1.0]) if recipe.size in cls.signed else 1.0
     unit = recipe.per(draw)

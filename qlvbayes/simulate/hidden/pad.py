@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..constants import Constants
-from ..laws import Law
 from ..material import check_times
 from ..motion import Motion, Piece
 from .effect import CONTACT, FRAME, Effect
@@ -21,32 +20,63 @@ _COARSER = 4  # times, that mesh
 _OFF_MM = 0.01  # farther off the surface a loose pad stays behind; a hold's creep is less
 
 
+class QuasiLinear(Protocol):
+    """Constants of a quasi-linear law, as `Constants` and others have them."""
+
+    @property
+    def c(self) -> tuple[float, ...]:
+        """Shares (c0, c1, ...) of the relaxation, sum 1."""
+
+    @property
+    def v(self) -> tuple[float, ...]:
+        """Its rates (v1, ...), 1/s."""
+
+    def force(self, depth: Array) -> Array:
+        """Return the force (N) of an infinitely fast test to `depth` (mm)."""
+
+    def stiffness(self, depth: Array) -> Array:
+        """Return the slope of that force (N/mm)."""
+
+
 @dataclass(frozen=True)
 class HiddenPad:
     """A quasi-linear pad with any number of hidden effects.
 
-    w_i' = v_i (F_e(d) - w_i), w_i(0) = F_e(d(0)), F = c0 F_e + sum c_i (F_e - w_i)
+    w_i' = v_i (F_e(d) - w_i), w_i(0) = F_e(d(0)),  F = c0 F_e + sum c_i (F_e - w_i)
 
-    which is the pad's law with q_i = F_e - w_i, and needs no velocity. The effects change the depth
-    on its way in and the force on its way out, always in the same order of nesting.
+    which is the pad's law with q_i = F_e - w_i, and needs no velocity. The effects change the
+    depth on its way in and the force on its way out, always in the same order of nesting.
 
-    Every state obeys a linear equation along a known depth, solved by Radau IIA in cells that are
-    fine where the motion or the contact changes. A frame that yields makes the depth unknown; then
-    depth and force are iterated along the whole test until they agree.
+    Every state obeys a linear equation along a known depth, solved by Radau IIA in cells that
+    are fine where the motion or the contact changes. A frame that yields makes the depth unknown;
+    then depth and force are iterated along the whole test until they agree.
+
+    Parameters
+    ----------
+    constants : of the quasi-linear law
+    effects : in any order
+    bonded : the pad can pull
+    cells : of time, in each stretch of constant acceleration
+    frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that
+        of an elastic pad of stiffness K, in place of the platen's V
+    settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
     """
 
-    constants: Constants | Law
+    constants: QuasiLinear
     effects: tuple[Effect, ...] = ()
-    bonded: bool = False  # whether the pad can pull
-    cells: int = 600  # cells of time in each stretch of constant acceleration
-    # where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that of an elastic
-    # pad of stiffness K, in place of the platen's V
+    bonded: bool = False
+    cells: int = 600
     frame_speed: bool = False
-    # change of the frame's yielding at which frame and pad agree, as a share of the stroke
     settled: float = 1e-10
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force (N) at ascending `times` (s); continuous from the right where it jumps."""
+        """Force (N) at ascending `times` (s); continuous from the right where it jumps.
+
+        Raises
+        ------
+        InputError
+            The times are not ascending or leave the program.
+        """
         check_times(platen, times)
         late = sum(effect.late() for effect in self._nested)
         seen = np.clip(times - late, 0.0, platen.duration)

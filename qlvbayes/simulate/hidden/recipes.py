@@ -51,7 +51,8 @@ class Draw:
 class Recipe:
     """Recipe by which an effect is drawn: its shape, and the parameter that sets its size.
 
-    `guess` in the units of `per`: 'peak' (N), 'depth' (mm) or 1; `cap` likewise.
+    `guess` in the units of `per`: 'peak' (N), 'depth' (mm) or 1; `cap` likewise. `known` gives the
+    parameter of a size outright, where no trial is needed.
     """
 
     size: str
@@ -60,6 +61,7 @@ class Recipe:
     per: Callable[[Draw], float] = lambda draw: 1.0
     shape: Callable[[Draw], dict[str, Any]] = lambda draw: {}
     protocols: tuple[Protocol, ...] = field(default=(paper_protocol,))
+    known: Callable[[Draw, float], float] | None = None
 
 
 def peak_of(draw: Draw) -> float:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.material import POISSON, AbstractDeck, Moduli, terms
+from qlvbayes.use.exports.card import card, commented
+from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure, terms
 from qlvbayes.use.exports.pad import ExportedPad
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 
-class Abaqus(AbstractDeck):
+class Abaqus(AbstractTarget):
     r"""``*VISCOELASTIC, TIME=PRONY`` on constants of the fast limit.
 
     .. math:: G(t) = G_0 (1 - \sum_i g_i (1 - e^{-t/\tau_i})), \qquad g_i = c_i, \tau_i = 1/v_i
@@ -17,10 +19,11 @@ class Abaqus(AbstractDeck):
 
     name = "abaqus"
     what = "*ELASTIC or *HYPERELASTIC with *VISCOELASTIC, TIME=PRONY (N, mm, s, MPa)"
-    mark = "**"
+    cannot = CANNOT
 
-    def lines(self, pad: ExportedPad, modulus: Moduli) -> dict[str, list[str]]:
-        """Return the lines of ``pad_B.inp``."""
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
+        """Return the content of ``pad_B.inp``, the card on top."""
+        modulus = moduli(pad, specimen)
         lines = [f"*MATERIAL, NAME={pad.identifier.upper()}"]
         if type(pad.elastic).name == "linear":
             lines += ["*ELASTIC, MODULI=INSTANTANEOUS", f"{modulus.young!r}, {POISSON}"]
@@ -30,4 +33,5 @@ class Abaqus(AbstractDeck):
             lines += [f"{modulus.shear / 2.0!r}, {2.0 / modulus.bulk!r}"]
         lines += ["*VISCOELASTIC, TIME=PRONY", "** g, k, tau"]
         lines += [f"{g!r}, 0.0, {tau!r}" for g, tau in terms(pad)]
-        return {".inp": lines}
+        head = commented(card(pad, type(self), structure(pad)), "**")
+        return {f"{pad.identifier}.inp": (head + "\n".join(lines) + "\n").encode()}

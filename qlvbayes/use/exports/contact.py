@@ -27,17 +27,6 @@ def hunt_crossley(depth: Floats, speed: Floats, stiffness: float, dissipation: f
     return stiffness * np.maximum(depth, 0.0) * np.maximum(1.0 + dissipation * speed, 0.0)
 
 
-def spring_damper(depth: Floats, speed: Floats, stiffness: float, damping: float) -> Floats:
-    r"""Return the force of PhysX's compliant contact, in steps short against c/k.
-
-    .. math:: F = (k\, x + c\, v)_+ \quad (x > 0)
-
-    stiffness k (N/m), damping c (N s/m), of all points in which two bodies touch together. PhysX,
-    ``PxMaterial::setRestitution`` and ``setDamping`` under ``eCOMPLIANT_CONTACT``.
-    """
-    return np.where(depth > 0.0, np.maximum(stiffness * depth + damping * speed, 0.0), 0.0)
-
-
 def impedance(
     depth: Floats, least: float, most: float, width: float, midpoint: float, power: float
 ) -> Floats:

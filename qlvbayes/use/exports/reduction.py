@@ -119,7 +119,7 @@ def pressing(pad: ExportedPad) -> Pressing:
     if pad.units.dimensionless:
         raise InputError(
             f"pad {pad.name} has strain and stress, not displacement and force",
-            remedy="use --to abaqus, ansys, febio or comsol",
+            remedy="use --to abaqus, febio or prony",
         )
     if pad.covered is None:
         raise InputError(

@@ -1,0 +1,510 @@
+"""The wide population: balance, determinism, simulator's additions, the count, registration."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import registration
+from blind.catalogue import FOREIGN, FURTHER
+from blind.contact import NearContact
+from blind.counting import (
+    Rate,
+    is_grouped,
+    is_named,
+    lower,
+    names_kin,
+    names_wrongly,
+    upper,
+)
+from blind.disturbed import RECORDS, unequal_holds
+from blind.laws import ELASTIC, RELAXATION, Law, draw_law
+from blind.loadcell import CELLS, LoadCell, draw_cell
+from blind.population import STRATA, Population, kin
+from blind.programmes import PROTOCOL_NAMES, session, sine, swing
+from blind.report import Report
+from blind.study import _disturbed, make_study
+from blind.visible import visible
+from registration import Registration
+from runs import read_cases
+from scipy.integrate import solve_ivp
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.simulate import (
+    HiddenPad,
+    Hold,
+    Move,
+    Platen,
+    draw_effect_in,
+    full_retraction_protocol,
+)
+from qlvbayes.simulate.motion import Piece, Track
+
+LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
+
+
+# the population
+
+
+def test_every_level_comes_equally_often():
+    items = [Population(3).item(k) for k in range(240)]
+    for stratum, levels in STRATA.items():
+        count = Counter(item.levels[stratum] for item in items)
+        assert set(count) == set(levels)
+        assert min(count.values()) == max(count.values()) == 240 // len(levels) >= 20
+
+
+def test_strata_are_crossed():
+    """No level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees."""
+    pairs = Counter(
+        (i.levels["protocol"], i.levels["noise"]) for i in map(Population(0).item, range(800))
+    )
+    assert sum((pairs[p, n] - 10) ** 2 / 10 for p in PROTOCOL_NAMES for n in CELLS) < 110.0
+
+
+def test_the_population_repeats_and_the_seed_changes_it():
+    items = [Population(1).item(k) for k in range(60)]
+    assert items == [Population(1).item(k) for k in range(60)]
+    assert items != [Population(2).item(k) for k in range(60)]
+
+
+def test_hidden_effects_are_of_their_kind():
+    for item in map(Population(4).item, range(120)):
+        kind, names = item.levels["kind"], item.names
+        listed = [name for name in names if name in kin(name)]
+        want = {"none": (0, 0), "single": (1, 1), "double": (2, 2), "form": (1, 0)}
+        want |= {"outside": (1, 0), "outside_beside": (2, 1)}
+        assert (len(names), len(listed)) == want[kind]
+
+
+# disturbed records
+
+
+def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
+    plain, own = Population(3), Population(3, disturbed=True)
+    items = [own.item(k) for k in range(260)]
+    count = Counter(item.levels["record"] for item in items)
+    assert count == {"plain": 160} | dict.fromkeys(RECORDS[1:], 20)
+    for index, item in enumerate(items):
+        before = plain.item(index)
+        assert item.names == before.names
+        assert item.levels == before.levels | {"record": item.levels["record"]}
+    assert plain.key != own.key
+    assert "record" not in plain.strata
+
+
+def test_a_registered_run_makes_its_old_studies_again():
+    registered = Registration.read("support")
+    cases = read_cases("support")
+    for case in cases:
+        item = registered.population.item(case["index"])
+        assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
+        assert item.levels == case["strata"]
+    quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
+    assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
+
+
+def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
+    new = Registration.of_present("some", 1, 5)
+    assert new.population == Population(1, disturbed=True)
+    later = replace(new, lists=new.lists | {"forms": new.lists["forms"][:-1]})
+    assert later.population.key != new.population.key
+    assert new.strata["record"] == list(RECORDS)
+    assert not new.broken()
+    old = Registration.read("bounds")
+    assert "record" not in old.strata
+    assert "the strata" not in old.broken()
+
+
+def test_noise_that_changes_changes_the_noise_alone():
+    """Forces of a study with and without it differ by the noise times the factor less one."""
+    wanted = {"protocol": "three_tests", "logger": "thinned", "history": "rested"}
+    wanted |= {"record": "changing_noise"}
+    own_population = Population(0, disturbed=True)
+    items = map(own_population.item, range(20_000))
+    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    plain, own = make_study(Population(0), index), make_study(own_population, index)
+    assert own.peak == plain.peak
+    motions = own.session.motions.values()
+    for one, two, time, motion in zip(
+        plain.pad.tests, own.pad.tests, own.times, motions, strict=True
+    ):
+        np.testing.assert_array_equal(one.displacement, two.displacement)
+        more = own.gain.at(time, motion.duration) - 1.0
+        changed = np.abs(two.force - one.force)
+        assert np.all(changed[more == 0.0] == 0.0)
+        large, small = more > 0.5 * more.max(), more < 0.05 * more.max()
+        if small.any():
+            assert np.mean(changed[large] ** 2) > 9.0 * np.mean(changed[small] ** 2)
+
+
+def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
+    time = np.arange(0.0, 10.0, 0.01)
+    way = np.minimum(time, 1.6)
+    one = Test("a", "p", time, way, 2.0 * way, start_s=50.0)
+    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    kept, late = _disturbed("late_start", times, pad, np.random.default_rng(0))
+    begun = [test.start_s - 50.0 for test in late.tests]
+    assert 4 <= sum(start > 0.0 for start in begun) <= 16
+    assert all(start < 0.5 * 1.6 for start in begun)
+    for test, clock, start in zip(late.tests, kept, begun, strict=True):
+        assert test.time[0] == 0.0
+        assert test.displacement[0] == pytest.approx(start)
+        assert np.allclose(clock, test.time + start)
+
+
+def test_lost_readings_are_few_zeros_in_one_channel():
+    time = np.arange(0.0, 10.0, 0.01)
+    one = Test("a", "p", time, 1.0 + time, 2.0 + time)
+    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    _, found = _disturbed("lost_readings", times, pad, np.random.default_rng(0))
+    for test in found.tests:
+        lost = [np.count_nonzero(x == 0.0) for x in (test.displacement, test.force)]
+        assert min(lost) == 0 < max(lost) <= 0.01 * time.size
+    assert _disturbed("plain", times, pad, np.random.default_rng(0)) == (times, pad)
+
+
+@pytest.mark.parametrize("protocol", ["paper", "staircase", "other_speeds"])
+def test_unequal_holds_change_rests_alone(protocol):
+    plan = session(protocol, False, 30.0, 3e-4, np.random.default_rng(1))
+    own = unequal_holds(plan, np.random.default_rng(2))
+    same = [a.duration == b.duration for a, b in zip(*both(plan, own), strict=True)]
+    assert sum(same) == 1
+    for one, two in zip(*both(plan, own), strict=True):
+        assert two.duration <= one.duration
+        assert one.displacement(one.duration) == pytest.approx(
+            two.displacement(two.duration), abs=2e-3
+        )
+        speeds = [max(abs(p.velocity) for p in m.pieces) for m in (one, two)]
+        assert speeds[0] == speeds[1]
+    starts = [motion.start_s for motion in own.motions.values()]
+    assert np.all(np.diff(starts) > own.pause)
+
+
+def test_a_held_force_stays_while_the_platen_goes_on():
+    """The force of a path that is found is solved finer along that path, and again by its rest."""
+    wanted = {"protocol": "paper", "logger": "uniform"}
+    wanted |= {"record": "held_force", "history": "rested", "kind": "none"}
+    population = Population(0, disturbed=True)
+    items = map(population.item, range(20_000))
+    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    plain, own = make_study(Population(0), index), make_study(population, index)
+    held = 0
+    for one, two in zip(*both(plain.session, own.session), strict=True):
+        if one.duration == two.duration and len(one.pieces) == len(two.pieces):
+            continue  # this test has none
+        held += 1
+        rest = next(p for p in one.pieces if p.duration > 5.0 and abs(p.velocity) < 1e-3)
+        times = rest.start + rest.duration * np.linspace(0.02, 0.999, 200)
+        finer = replace(own.material(own.law, ()), cells=600)
+        force = finer.force(two, times)
+        assert np.ptp(force) < 0.006 * force.mean()  # straight between its moments
+        assert np.ptp(finer.force(one, times)) > 0.02 * force.mean()
+        way = two.displacement(times)
+        assert np.all(np.diff(way) > 0.0)
+        assert way[-1] - way[0] > 0.02
+    assert 1 <= held <= 6
+
+
+def both(one, two):
+    return one.motions.values(), two.motions.values()
+
+
+# motion, law, noise
+
+
+def test_the_sine_is_one():
+    track = sine(1.6, 0.5, 3)
+    t = np.linspace(0.0, track.duration, 5000, endpoint=False)
+    turn = 2.0 * np.pi * 0.5
+    speed = 0.8 * turn
+    assert np.abs(track.displacement(t) - 0.8 * (1 - np.cos(turn * t))).max() < 1e-3 * 1.6
+    assert np.abs(track.velocity(t) - speed * np.sin(turn * t)).max() < 2e-3 * speed
+    assert (
+        np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
+    )
+
+
+def test_a_swing_goes_from_rest_to_rest_over_its_stroke():
+    pieces = swing(-0.7, 3.0)
+    assert pieces[-1].end == pytest.approx(-0.7, rel=1e-12)
+    assert min(p.velocity for p in pieces) == pytest.approx(-3.0)
+    with pytest.raises(InputError, match="gap"):
+        Track((Piece(0.0, 1.0, 0.0, 1.0, 0.0), Piece(1.0, 1.0, 0.0, 0.0, 0.0)))
+
+
+def test_a_creeping_hold_moves_on():
+    platen = Platen((Move(1.0, 10.0), Hold(5.0, creep=3e-4)))
+    assert platen.displacement(platen.duration) == pytest.approx(1.0003, abs=1e-12)
+
+
+@pytest.mark.parametrize("relaxation", RELAXATION)
+def test_modes_carry_the_closed_form(relaxation):
+    law = draw_law("hertz", relaxation, np.random.default_rng(2), 1.6)
+    t = np.append(0.0, np.logspace(-3.0, 3.0, 300))
+    modes = law.c[0] + np.exp(-np.outer(t, law.v)) @ np.array(law.c[1:])
+    assert sum(law.c) == pytest.approx(1.0)
+    assert np.abs(modes - law.fade(t)).max() < 2e-3
+
+
+@pytest.mark.parametrize("elastic", ELASTIC)
+def test_a_held_pad_falls_like_its_relaxation(elastic):
+    """After a ramp of 16 ms the force at t is between g(t) and g(t - 16 ms) of the elastic one."""
+    law = draw_law(elastic, "prony:3", np.random.default_rng(1), 1.6)
+    platen = Platen((Move(1.6, 1e4), Hold(10.0)), acceleration_limit=1e6)
+    t = np.linspace(0.1, 10.0, 40)
+    whole = law.force(np.array([1.6]))
+    force = HiddenPad(law).force(platen, t)
+    assert np.all(force >= whole * law.fade(t) * (1 - 1e-9))
+    assert np.all(force <= whole * law.fade(t - 0.016) * (1 + 1e-9))
+
+
+def test_a_carried_test_remembers_and_a_long_pause_forgets():
+    rng = np.random.default_rng(0)
+    near, far = session("paper", True, 10.0, 0.0, rng), session("paper", False, 10.0, 0.0, rng)
+    pad = HiddenPad(LAW, cells=60)
+    second = list(near.motions.values())[1]
+    t = np.array([second.duration])
+    rested = pad.force(list(far.motions.values())[1], t)
+    carried = pad.force(near.whole, t + second.start_s)
+    slow = 0.2 * np.exp(-0.2 * second.duration)  # what the slow mode still can hold of it
+    assert 0.0 < abs(carried - rested) < slow * LAW.force(np.array([1.6]))
+
+
+@pytest.mark.parametrize("kind", CELLS)
+def test_errors_have_the_covariance_that_is_stated(kind):
+    rng = np.random.default_rng(5)
+    cell = draw_cell(kind, 1.0, 30.0, rng)
+    t = np.array([0.0, 0.001, 0.01, 0.5])
+    # one walk of 20 000 stretches: the longest memory is 7.5 s, of which e^-133 are left
+    apart = np.arange(20_000)[:, None] * 1000.0
+    draws = cell.draw((apart + t).ravel(), rng).reshape(apart.size, t.size)
+    zero = np.zeros(4)
+    wanted = cell.covariance(t, zero, zero, zero, 1.0) - cell.step**2 / 12.0 * np.eye(4)
+    scale = wanted[0, 0] + 1e-30
+    # the standard error of a covariance of normals is at most sqrt(2 / n) of the variance
+    assert np.abs(np.cov(draws.T) - wanted).max() <= 5.0 * np.sqrt(2.0 / 20_000) * scale
+
+
+def test_readings_are_steps_and_errors_grow_with_force():
+    cell = LoadCell(growth=3.0, step=0.01)
+    reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
+    np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
+    assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
+
+
+# effects of no list
+
+
+NEW = {**FOREIGN, **FURTHER}
+VALUES = {
+    "cavitating_film": (1e-3, 2.5, 0.02), "poroelastic_diffusion": (0.2, 3.0),
+    "tilted_platen": (0.3,), "root_leak": (0.01,), "one_way_friction": (0.05, 0.05),
+    "healing_softening": (0.4, 1.0), "viscous_heating": (0.3, 2.0, 5.0), "backlash": (0.05,),
+    "drive_ripple": (0.05, 0.4), "load_cell_creep": (0.2, 10.0), "stick_slip": (0.05, 0.2),
+    "snap_through": (0.05, 1.0), "thixotropy": (0.2, 5.0, 0.5), "curing": (0.3, 40.0, 10.0),
+    "ringing": (0.05, 10.0, 0.3), "bubble": (0.02, 2.5, 20.0), "mains_hum": (0.05, 50.01, 1.0),
+    "cracking_skin": (0.05, 1.6, 1.0, 3), "rolling_specimen": (0.1, 1.6, 3),
+    "swelling": (0.3, 100.0, 5.0, 1.6), "drive_warmth": (0.1, 1.6, 10.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_new_effects_vanish_at_their_null(name):
+    program = (Move(1.6, 20.0), Hold(3.0), Move(0.4, 5.0), Hold(3.0))
+    platen = Platen(program, start_s=50.0)
+    t = np.linspace(0.0, platen.duration, 300)
+    plain = HiddenPad(LAW, cells=90).force(platen, t)
+    null = NEW[name](0.0, *VALUES[name][1:])
+    there = NEW[name](*VALUES[name])
+    assert np.abs(HiddenPad(LAW, (null,), cells=90).force(platen, t) - plain).max() < 1e-8
+    assert np.abs(HiddenPad(LAW, (there,), cells=90).force(platen, t) - plain).max() > 5e-3
+
+
+LATEST = [
+    "bubble", "mains_hum", "cracking_skin", "rolling_specimen", "swelling", "drive_warmth",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LATEST)
+def test_an_outsider_has_the_size_asked_for_and_follows_from_its_seed(name):
+    """Sizes of 0.5, 5 and 15 % of the peak force are met within a tenth in a study's tests."""
+    motions = [
+        Platen(full_retraction_protocol(rate), start_s=300.0 * k, number=k)
+        for k, rate in enumerate((1.0, 20.0))
+    ]
+    pad = HiddenPad(LAW, cells=45)
+    times = [np.linspace(0.0, motion.duration, 3000) for motion in motions]
+    plain = [pad.force(m, t) for m, t in zip(motions, times, strict=True)]
+    peak = max(force.max() for force in plain)
+    for size in (0.005, 0.05, 0.15):
+        kind = FURTHER[name]
+        one, two = (
+            draw_effect_in(kind, np.random.default_rng(7), pad, motions, size) for _ in range(2)
+        )
+        assert one == two
+        hidden = replace(pad, effects=(one,))
+        forces = [hidden.force(m, t) for m, t in zip(motions, times, strict=True)]
+        added = max(np.abs(a - b).max() for a, b in zip(forces, plain, strict=True))
+        assert 0.9 * size < added / peak < 1.1 * size
+        again = hidden.force(motions[0], times[0])
+        np.testing.assert_array_equal(again, forces[0])
+
+
+def test_gas_dissolves_as_its_equation_says():
+    """n' = n (1 - n q) / time, by a general solver along a press and a hold."""
+    platen = Platen((Move(1.6, 20.0), Hold(10.0)))
+    times = np.linspace(0.0, platen.duration, 200)
+
+    def squeezed(t):
+        return (1.0 - platen.displacement(np.array([t]))[0] / 2.5) ** -1.4
+
+    gas = solve_ivp(
+        lambda t, n: n * (1.0 - n * squeezed(t)) / 4.0, (0.0, platen.duration), [1.0], "LSODA",
+        times, rtol=1e-9, atol=1e-12, max_step=0.01,
+    ).y[0]  # fmt: skip
+    added = HiddenPad(LAW, (FURTHER["bubble"](0.05, 2.5, 4.0),)).force(platen, times)
+    added -= HiddenPad(LAW).force(platen, times)
+    expected = 0.05 * (gas * np.array([squeezed(t) for t in times]) - 1.0)
+    assert added == pytest.approx(expected, abs=1e-6)
+
+
+def test_contact_comes_where_the_gap_ends():
+    """Far beyond it, the depth is less by the gap; at the start the pad rests."""
+    depth, _ = NearContact(0.02, 0.002).on_depth(np.array([0.0, 0.02, 1.0]), np.ones(3))
+    assert depth[0] == 0.0
+    assert depth[1] == pytest.approx(0.002 * np.log(2.0), rel=1e-3)
+    assert depth[2] == pytest.approx(0.98, abs=1e-6)
+
+
+# a study
+
+
+@pytest.fixture(scope="module")
+def place():
+    """The first study with one listed effect, three tests and a thinned record."""
+    for index in range(2000):
+        levels = Population(0).item(index).levels
+        quick = levels["logger"] == "thinned" and levels["history"] == "rested"
+        if quick and levels["kind"] == "single" and levels["protocol"] == "three_tests":
+            return index
+    raise AssertionError
+
+
+def test_a_study_repeats_and_its_effect_counts(place):
+    one, two = (make_study(Population(0), place) for _ in range(2))
+    for first, second in zip(one.pad.tests, two.pad.tests, strict=True):
+        np.testing.assert_array_equal(first.force, second.force)
+    found = visible(one)
+    assert set(found) == set(one.item.names)
+    assert found == visible(two)
+
+
+# the count
+
+
+def case(kind="single", names=("friction",), verdict="missing_effect", effects=(), group=()):
+    return {
+        "kind": kind, "names": list(names), "kin": {n: sorted(kin(n)) for n in names},
+        "verdict": verdict, "effects": list(effects), "group": list(group), "seen": True,
+    }  # fmt: skip
+
+
+def test_named_is_exactly_what_is_hidden():
+    assert is_named(case(effects=("friction",)))
+    assert not is_named(case(effects=("friction", "inertia")))
+    assert not is_named(case(verdict="ambiguous", effects=("friction",)))
+    assert is_named(case("none", (), "adequate"))
+    assert is_named(case("outside", ("slip",), "unexplained"))
+    hidden = ("slip", "friction")
+    assert is_named(case("outside_beside", hidden, "partly_explained", ("friction",)))
+    assert not is_named(case("outside_beside", hidden, "unexplained"))
+
+
+def test_a_group_is_the_verdicts_own_and_small():
+    def ambiguous(*group):
+        return case(verdict="ambiguous", effects=("inertia",), group=group)
+
+    assert is_grouped(ambiguous("inertia", "friction"))
+    assert not is_grouped(ambiguous("inertia", "adhesion"))
+    assert not is_grouped(ambiguous("inertia", "friction", "adhesion", "channel_lag"))
+    wrong = case(effects=("inertia",), group=("friction",))
+    assert not is_grouped(wrong | {"not_ruled_out": [["inertia"], ["friction"]]})
+    assert names_wrongly(wrong)
+    assert not is_grouped(case("none", (), "ambiguous", ("inertia",), ("inertia",)))
+
+
+def test_a_form_may_be_called_by_its_family():
+    assert names_kin(case("form", ("root_leak",), effects=("fluid_leak",)))
+    assert not names_kin(case("form", ("root_leak",), effects=("fluid_leak", "inertia")))
+    assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
+
+
+def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
+    rig, gap = {"rig": {"gap_mm": 0.01}}, "contact_offset"
+    assert is_named(case(effects=("friction", gap)) | rig)
+    assert not is_named(case(effects=(gap,)) | rig)
+    assert not names_wrongly(case(effects=(gap,)) | rig)
+    assert is_named(case("none", (), effects=(gap,)) | rig)
+    assert not is_named(case("none", (), effects=(gap, "friction")) | rig)
+    assert is_named(case("outside", ("slip",), "partly_explained", (gap,)) | rig)
+    assert names_wrongly(case(effects=("friction", gap)))  # where there is none
+    assert not is_named(case(names=(gap,), effects=()) | rig)  # hidden, it is wanted
+    rivals = case(verdict="ambiguous", effects=(gap, "inertia"), group=("inertia", "friction"))
+    assert is_grouped(rivals | rig)
+
+
+def test_a_mode_that_the_base_law_lacks_is_neither_wanted_nor_wrong():
+    def on_laws(true, base, *effects):
+        laws = {"strata": {"relaxation": true}, "base": {"relaxation": base}}
+        return case("none", (), effects=effects) | laws
+
+    mode = "extra_relaxation_mode"
+    assert is_named(on_laws("prony:3", "prony:2", mode))
+    assert not is_named(on_laws("prony:3", "prony:2", mode, "friction"))
+    assert not is_named(on_laws("prony:2", "prony:2", mode))
+    assert not is_named(on_laws("prony:3", "fung", mode))
+    assert not is_named(on_laws("fung", "prony:2", mode))
+
+
+def test_bounds_are_those_of_clopper_and_pearson():
+    """Without a hit in n the bound is p with (1 - p)^n = 0.05; with all hits it is its mirror."""
+    assert upper(Rate(0, 30)) == pytest.approx(1.0 - 0.05 ** (1 / 30))
+    assert lower(Rate(30, 30)) == pytest.approx(0.05 ** (1 / 30))
+    assert lower(Rate(0, 30)) == 0.0
+    assert upper(Rate(30, 30)) == 1.0
+
+
+# registration
+
+
+def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(registration, "FOLDER", tmp_path)
+    registered = Registration.of_present("a", 1, 10)
+    registered.write()
+    assert Registration.read("a") == registered
+    assert not Registration.read("a").broken()
+    with pytest.raises(FileExistsError):
+        registered.write()
+    monkeypatch.setattr(registration, "code_digest", lambda: "other")
+    monkeypatch.setattr(registration, "rules_digest", lambda: "other")
+    assert registered.broken() == ["the code", "the rules of the count"]
+    assert registered.broken(finished=True) == ["the rules of the count"]
+
+
+def test_a_stated_probability_is_right_where_the_effect_is_hidden():
+    """The rig's own gap is neither wanted nor wrong; a refused one is counted apart."""
+    base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
+    probabilities = {"none": 0.0, "friction": 0.97, "inertia": 0.93, "contact_offset": 0.99}
+    single = case("single", ("friction",), "missing_effect", ["friction"]) | base
+    single |= {"probabilities": probabilities, "refused": [["inertia", "a reason"]]}
+    outside = case("outside", ("ringing",), "unexplained") | base
+    outside |= {"probabilities": {"friction": 0.95, "inertia": 0.35}}
+    low, high = Report(Population(1), (single, outside)).reliability()
+    assert (low["low"], low["all"]["hits"], low["all"]["n"]) == (0.3, 0, 1)
+    assert (high["all"]["hits"], high["all"]["n"]) == (1, 3)
+    assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
+    assert high["kept"]["mean"] == pytest.approx(0.96)
+    assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]
