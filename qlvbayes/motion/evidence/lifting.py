@@ -1,0 +1,215 @@
+"""Direct evidence from platens that move back: adhesion, or a bond, and friction of the guide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.io.arrays import Array
+from qlvbayes.io.data import Control
+from qlvbayes.io.wording import plain
+from qlvbayes.motion.accelerating import speed_changes
+from qlvbayes.motion.evidence.record import (
+    CLEAR,
+    DirectEvidence,
+    Level,
+    Place,
+    exponent,
+    level_of,
+    mean_speed,
+    moves_of,
+    names_of,
+    pooled,
+    rows_between,
+)
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import Phase
+
+_WIDTH = 5  # readings whose mean is a force
+_NEAR = 3  # readings about a change of the speed, where a moved mass pulls
+_SLOW = 0.1  # of the largest acceleration, below which a mass pulls little
+_LEAST = 0.02  # of the peak: a smaller pull may be a tare that wanders
+_FLAT = 0.25  # power of the speed, below which a force does not depend on it: drags have 0.5 to 1
+_AFTER = 0.1  # of a rest: a lag or a ringing is over,
+_LATE = 0.8  # and where the end of it begins
+_LASTS = 20  # readings that are one long place
+_SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
+_AGREE = 1.5  # largest ratio of one friction in two tests
+_STILL = 2.0  # encoder steps, within which the platen has not left its start
+_END = 0.3  # of a movement, at its end
+
+
+@dataclass(frozen=True)
+class Lift:
+    """A movement back: what it pulls by as it moves, and at rest after it."""
+
+    moving: Place
+    resting: Place | None
+    lasts: bool  # whether the pull at rest is that of many readings
+
+
+def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
+    """Return the evidence of a force of the other sign after contact; empty for bonded pads.
+
+    It counts from the lowest force that the test shows before the contact and at its end, so that
+    a tare that is off or a guide that rubs is none. A drag pulls too, in proportion to the speed or
+    a power of it, and no longer when the platen rests. It is beyond doubt where the pull lasts at
+    rest, or does not grow with the speed.
+    """
+    if bonded or experiment.units.dimensionless:
+        return ()
+    lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial)]
+    least = _LEAST * experiment.peak
+    resting = [
+        (one.resting, one.lasts)
+        for one in lifts
+        if one.resting is not None and one.resting.is_clear and one.resting.value > least
+    ]
+    moving = [one.moving for one in lifts if one.moving.is_clear and one.moving.value > least]
+    if not resting and not moving:
+        return ()
+    power = exponent(moving) if len(moving) > 1 else None
+    speedless = power is not None and power[0] + 2.0 * power[1] < _FLAT and power[0] > -1.0
+    at_rest = len(resting) > 1 or any(lasts for _, lasts in resting)
+    places = [one for one, _ in resting] if at_rest else moving or [one for one, _ in resting]
+    largest = max(places, key=lambda one: one.value)
+    low, high = min(one.value for one in places), largest.value
+    unit = experiment.units.force
+    why = (
+        "and it goes on while the platen rests"
+        if at_rest
+        else "and it does not grow with the speed"
+        if speedless
+        else "which a drag or a film may also do"
+    )
+    tests, phases = names_of(places)
+    sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
+    return (
+        DirectEvidence(
+            "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
+            f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
+            f"{len(tests)} of {len(experiment.trials)} tests, {why}: it sticks, or it is bonded",
+            at_rest or speedless,
+        ),
+    )  # fmt: skip
+
+
+def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
+    path, test = trial.trajectory, trial.test
+    slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
+    steady = slow & ~speed_changes(test, path, _NEAR)
+    before = _before(experiment, trial)
+    lifts = []
+    for move, rest in moves_of(trial):
+        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
+            continue
+        late = rest.start + _LATE * (rest.stop - rest.start)
+        end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
+        levels = [one for one in (before, end) if one is not None]
+        rows = rows_between(trial, move.start, move.stop)
+        rows = rows[steady[rows]]
+        if end is None or rows.size < _WIDTH:
+            continue
+        zero = min(levels, key=lambda one: one.value)
+        means = np.convolve(test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
+        lowest = int(np.argmin(means))
+        speed = mean_speed(trial, move)
+        moving = _pull(experiment, trial, move, rows[lowest : lowest + _WIDTH], zero, speed)
+        begin = rest.start + _AFTER * (rest.stop - rest.start)
+        early = rows_between(trial, begin, rest.start + 2.0 * _AFTER * (rest.stop - rest.start))
+        resting = _pull(experiment, trial, rest, early, zero, speed)
+        if moving is not None:
+            lifts.append(Lift(moving, resting, early.size >= _LASTS))
+    return lifts
+
+
+def _pull(
+    experiment: Experiment, trial: Trial, phase: Phase, rows: Array, zero: Level, speed: float
+) -> Place | None:
+    level = level_of(experiment, trial, rows)
+    if level is None:
+        return None
+    sd = float(np.hypot(level.sd, zero.sd))
+    return Place(trial, phase.kind, zero.value - level.value, sd, speed)
+
+
+def _before(experiment: Experiment, trial: Trial) -> Level | None:
+    """Return the force before the platen first moves."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    if first is None or first.control != Control.DISPLACEMENT:
+        return None
+    path, test = trial.trajectory, trial.test
+    start, depth = path.displacement(np.array([test.time[0], first.stop]))
+    if abs(start) > 0.01 * experiment.depth:
+        return None
+    near = np.abs(path.displacement(test.time) - start) <= max(
+        _STILL * path.resolution, 1e-3 * abs(depth - start)
+    )
+    leaves = int(np.argmin(near)) if not np.all(near) else near.size
+    return level_of(experiment, trial, np.arange(leaves))
+
+
+def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+    """Return the evidence of a force that turns with the direction, at any speed.
+
+    Where a platen has moved back, the force is flat at the end of the movement, the same after the
+    stop, and lower than before the contact. A drag ends with the motion; a specimen that pulls
+    lets go, or relaxes.
+    """
+    places = [
+        place for trial in experiment.trials for place in _rubs(experiment, trial) if place.is_clear
+    ]
+    if len(places) < 2:
+        return ()
+    values = [one.value for one in places]
+    speeds = [one.speed for one in places]
+    agree = max(values) < _AGREE * min(values) and max(speeds) > 2.0 * min(speeds)
+    value, sd = pooled(places)
+    tests, phases = names_of(places)
+    unit = experiment.units.force
+    return (
+        DirectEvidence(
+            "friction", "force on the way back, and at rest after it", value, sd, unit, tests,
+            phases,
+            f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} below that "
+            f"before the contact, at {'every speed' if agree else 'some speeds'} and at rest: "
+            "something rubs",
+            agree and value > CLEAR * sd,
+        ),
+    )  # fmt: skip
+
+
+def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
+    before = _before(experiment, trial)
+    if before is None:
+        return []
+    steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
+    places = []
+    for move, rest in moves_of(trial):
+        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
+            continue
+        spans = [
+            (move.stop - _END * (move.stop - move.start), 0.5),
+            (move.stop - 0.5 * _END * (move.stop - move.start), 0.5),
+        ]
+        parts = [
+            rows_between(trial, begin, begin + share * _END * (move.stop - move.start))
+            for begin, share in spans
+        ]
+        late = rest.start + _LATE * (rest.stop - rest.start)
+        early = rest.start + _AFTER * (rest.stop - rest.start)
+        levels = [
+            *(level_of(experiment, trial, rows[steady[rows]]) for rows in parts),
+            level_of(experiment, trial, rows_between(trial, early, 2.0 * early - rest.start)),
+            level_of(experiment, trial, rows_between(trial, late, rest.stop)),
+        ]
+        known = [one for one in levels if one is not None]
+        if len(known) < len(levels):
+            continue
+        value = before.value - known[-1].value
+        sd = float(np.hypot(before.sd, known[-1].sd))
+        off = np.ptp([one.value for one in known])
+        if off <= _SETTLED * value + 3.0 * max(one.sd for one in known):
+            places.append(Place(trial, move.kind, value, sd, mean_speed(trial, move)))
+    return places
