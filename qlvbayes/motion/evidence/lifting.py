@@ -76,20 +76,18 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
     largest = max(places, key=lambda one: one.value)
     low, high = min(one.value for one in places), largest.value
     unit = experiment.units.force
-    why = (
-        "and it goes on while the platen rests"
-        if at_rest
-        else "and it does not grow with the speed"
-        if speedless
-        else "which a drag or a film may also do"
-    )
+    why = "which a drag or a film may also do"
+    if at_rest:
+        why = "and it goes on while the platen rests: it sticks, or it is bonded"
+    elif speedless:
+        why = "and it does not grow with the speed: it sticks, or it is bonded"
     tests, phases = names_of(places)
     sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
     return (
         DirectEvidence(
             "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
             f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
-            f"{len(tests)} of {len(experiment.trials)} tests, {why}: it sticks, or it is bonded",
+            f"{len(tests)} of {len(experiment.trials)} tests, {why}",
             at_rest or speedless,
         ),
     )  # fmt: skip
