@@ -76,9 +76,10 @@ def test_nothing_is_beyond_doubt_on_a_spring_that_is_left():
 
 def test_a_pad_that_sticks_pulls_beyond_doubt_and_one_that_is_bonded_may():
     sticks = lambda _, depth, *__: spring(depth) + 0.3 * np.minimum(depth, 0.0)  # noqa: E731
-    experiment = pressed(lambda *motion: np.where(motion[1] > -0.3, sticks(*motion), 0.0))
+    holds = lambda *motion: np.where(motion[1] > -0.8, sticks(*motion), 0.0)  # noqa: E731
+    experiment = pressed(holds, speeds=(1.0, 4.0), back=4.0)
     assert beyond_doubt(experiment) == {"adhesion"}
-    assert seen(experiment)["adhesion"].value == pytest.approx(0.09, abs=0.03)
+    assert seen(experiment)["adhesion"].value == pytest.approx(0.24, abs=0.04)
     assert seen(experiment, bonded=True) == {}
 
 
@@ -109,7 +110,7 @@ def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(lost):
             turned[k] = z
         return np.where(speed < 0.0, 1.0 - lost, 1.0) * spring(depth) + 0.1 * turned
 
-    experiment = pressed(force)
+    experiment = pressed(force, speeds=(1.0, 4.0), back=4.0)
     assert beyond_doubt(experiment) == {"friction"}
     assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
 

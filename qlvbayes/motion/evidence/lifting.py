@@ -37,7 +37,7 @@ _LASTS = 20  # readings that are one long place
 _SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
 _AGREE = 1.5  # largest ratio of one friction in two tests
 _STILL = 2.0  # encoder steps, within which the platen has not left its start
-_END = 0.3  # of a movement, at its end
+_END = 0.2  # of a movement, at its end
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Lift:
 def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force of the other sign after contact; empty for bonded pads.
 
-    It counts from the lowest force that the test shows before the contact and at its end, so that
-    a tare that is off or a guide that rubs is none. A drag pulls too, in proportion to the speed or
-    a power of it, and no longer when the platen rests. It is beyond doubt where the pull lasts at
+    It counts from the lowest of the file's zero and what the test shows before the contact and at
+    its end, so that a tare that is off or a guide that rubs is none. A drag pulls too, by a power
+    of the speed, and no longer when the platen rests. It is beyond doubt where the pull lasts at
     rest, or does not grow with the speed.
     """
     if bonded or experiment.units.dimensionless:
@@ -104,7 +104,10 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
             continue
         late = rest.start + _LATE * (rest.stop - rest.start)
         end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
-        levels = [one for one in (before, end) if one is not None]
+        # a specimen that is still pressed at the end has its own zero in the file's
+        flat = _flat(experiment, trial, move, rest)
+        every = (before, end, flat, Level(0.0, experiment.floor.ou))
+        levels = [one for one in every if one is not None]
         rows = rows_between(trial, move.start, move.stop)
         rows = rows[steady[rows]]
         if end is None or rows.size < _WIDTH:
@@ -182,32 +185,38 @@ def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
     before = _before(experiment, trial)
     if before is None:
         return []
-    steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
     places = []
     for move, rest in moves_of(trial):
         if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
             continue
-        spans = [
-            (move.stop - _END * (move.stop - move.start), 0.5),
-            (move.stop - 0.5 * _END * (move.stop - move.start), 0.5),
-        ]
-        parts = [
-            rows_between(trial, begin, begin + share * _END * (move.stop - move.start))
-            for begin, share in spans
-        ]
-        late = rest.start + _LATE * (rest.stop - rest.start)
-        early = rest.start + _AFTER * (rest.stop - rest.start)
-        levels = [
-            *(level_of(experiment, trial, rows[steady[rows]]) for rows in parts),
-            level_of(experiment, trial, rows_between(trial, early, 2.0 * early - rest.start)),
-            level_of(experiment, trial, rows_between(trial, late, rest.stop)),
-        ]
-        known = [one for one in levels if one is not None]
-        if len(known) < len(levels):
-            continue
-        value = before.value - known[-1].value
-        sd = float(np.hypot(before.sd, known[-1].sd))
-        off = np.ptp([one.value for one in known])
-        if off <= _SETTLED * value + 3.0 * max(one.sd for one in known):
-            places.append(Place(trial, move.kind, value, sd, mean_speed(trial, move)))
+        level = _flat(experiment, trial, move, rest)
+        if level is not None:
+            sd = float(np.hypot(before.sd, level.sd))
+            place = Place(trial, move.kind, before.value - level.value, sd, mean_speed(trial, move))
+            places.append(place)
     return places
+
+
+def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Level | None:
+    """Return the force at the end of a movement and in the rest after it, if it is one force.
+
+    A specimen that pulls changes its force with the depth, and one that has let go has none. At the
+    end of a long rest a specimen may come back to the platen.
+    """
+    steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
+    lasts, early = _END * (move.stop - move.start), _AFTER * (rest.stop - rest.start)
+    parts = (
+        (move.stop - lasts, move.stop - 0.5 * lasts),
+        (move.stop - 0.5 * lasts, move.stop),
+        (rest.start + early, rest.start + 2.0 * early),
+    )
+    levels = []
+    for begin, end in parts:
+        rows = rows_between(trial, begin, end)
+        level = level_of(experiment, trial, rows[steady[rows]])
+        if level is None:
+            return None
+        levels.append(level)
+    values = [one.value for one in levels]
+    off = _SETTLED * abs(values[-1]) + 3.0 * max(one.sd for one in levels)
+    return levels[-1] if np.ptp(values) <= off else None
