@@ -33,6 +33,8 @@ _LEAST = 0.02  # of the peak: a smaller pull may be a tare that wanders
 _FLAT = 0.25  # power of the speed, below which a force does not depend on it: drags have 0.5 to 1
 _AFTER = 0.1  # of a rest: a lag or a ringing is over,
 _LATE = 0.8  # and where the end of it begins
+_HALF = 0.5  # of a pull, by which a drag falls at once as the movement begins
+_REACHED = 0.9  # of the mean speed, at which it has begun
 _LASTS = 20  # readings that are one long place
 _SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
 _AGREE = 1.5  # largest ratio of one friction in two tests
@@ -47,6 +49,7 @@ class Lift:
     moving: Place
     resting: Place | None
     lasts: bool  # whether the pull at rest is that of many readings
+    comes_at_once: bool  # whether the force falls by half of the pull as the movement begins
 
 
 def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
@@ -54,8 +57,9 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
 
     It counts from the lowest of the file's zero and what the test shows before the contact and at
     its end, so that a tare that is off or a guide that rubs is none. A drag pulls too, by a power
-    of the speed, and no longer when the platen rests. It is beyond doubt where the pull lasts at
-    rest, or does not grow with the speed.
+    of the speed, and no longer when the platen rests; it is there at once as the platen moves back,
+    as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where it lasts at
+    rest, does not grow with the speed, or comes gradually.
     """
     if bonded or experiment.units.dimensionless:
         return ()
@@ -66,7 +70,9 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
         for one in lifts
         if one.resting is not None and one.resting.is_clear and one.resting.value > least
     ]
-    moving = [one.moving for one in lifts if one.moving.is_clear and one.moving.value > least]
+    pulling = [one for one in lifts if one.moving.is_clear and one.moving.value > least]
+    moving = [one.moving for one in pulling]
+    gradual = sum(not one.comes_at_once for one in pulling) > 1
     if not resting and not moving:
         return ()
     power = exponent(moving) if len(moving) > 1 else None
@@ -81,6 +87,8 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
         why = "and it goes on while the platen rests: it sticks, or it is bonded"
     elif speedless:
         why = "and it does not grow with the speed: it sticks, or it is bonded"
+    elif gradual:
+        why = "and it comes gradually as the platen moves back: it sticks, or it is bonded"
     tests, phases = names_of(places)
     sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
     return (
@@ -88,7 +96,7 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
             "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
             f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
             f"{len(tests)} of {len(experiment.trials)} tests, {why}",
-            at_rest or speedless,
+            at_rest or speedless or gradual,
         ),
     )  # fmt: skip
 
@@ -121,8 +129,23 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
         early = rows_between(trial, begin, rest.start + 2.0 * _AFTER * (rest.stop - rest.start))
         resting = _pull(experiment, trial, rest, early, zero, speed)
         if moving is not None:
-            lifts.append(Lift(moving, resting, early.size >= _LASTS))
+            fall = _first_fall(experiment, trial, move, speed)
+            at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
+            lifts.append(Lift(moving, resting, early.size >= _LASTS, at_once))
     return lifts
+
+
+def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float) -> Place | None:
+    """Return by how much the force falls until the movement has reached its speed."""
+    rows = rows_between(trial, move.start, move.stop)
+    fast = np.abs(trial.trajectory.velocity(trial.test.time[rows])) >= _REACHED * speed
+    rest = np.arange(max(int(rows[0]) - _WIDTH, 0), int(rows[0]))
+    before = level_of(experiment, trial, rest)
+    if before is None or not np.any(fast):
+        return None
+    after = float(trial.test.force[rows[int(np.argmax(fast))]])
+    sd = float(np.hypot(before.sd, experiment.floor.total))
+    return Place(trial, move.kind, before.value - after, sd, speed)
 
 
 def _pull(
@@ -164,8 +187,7 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     if len(places) < 2:
         return ()
     values = [one.value for one in places]
-    speeds = [one.speed for one in places]
-    agree = max(values) < _AGREE * min(values) and max(speeds) > 2.0 * min(speeds)
+    agree = max(values) < _AGREE * min(values)
     value, sd = pooled(places)
     tests, phases = names_of(places)
     unit = experiment.units.force
@@ -174,8 +196,7 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
             "friction", "force on the way back, and at rest after it", value, sd, unit, tests,
             phases,
             f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} below that "
-            f"before the contact, at {'every speed' if agree else 'some speeds'} and at rest: "
-            "something rubs",
+            "before the contact, as the platen moves back and at rest: something rubs",
             agree and value > CLEAR * sd,
         ),
     )  # fmt: skip
@@ -204,19 +225,14 @@ def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Lev
     end of a long rest a specimen may come back to the platen.
     """
     steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
-    lasts, early = _END * (move.stop - move.start), _AFTER * (rest.stop - rest.start)
-    parts = (
-        (move.stop - lasts, move.stop - 0.5 * lasts),
-        (move.stop - 0.5 * lasts, move.stop),
-        (rest.start + early, rest.start + 2.0 * early),
-    )
-    levels = []
-    for begin, end in parts:
-        rows = rows_between(trial, begin, end)
-        level = level_of(experiment, trial, rows[steady[rows]])
-        if level is None:
-            return None
-        levels.append(level)
+    moving = rows_between(trial, move.stop - _END * (move.stop - move.start), move.stop)
+    early = _AFTER * (rest.stop - rest.start)
+    resting = rows_between(trial, rest.start + early, rest.start + 2.0 * early)
+    parts = (*np.array_split(moving[steady[moving]], 2), resting)
+    every = [level_of(experiment, trial, rows) for rows in parts]
+    levels = [one for one in every if one is not None]
+    if len(levels) < len(every):
+        return None
     values = [one.value for one in levels]
     off = _SETTLED * abs(values[-1]) + 3.0 * max(one.sd for one in levels)
     return levels[-1] if np.ptp(values) <= off else None
