@@ -1,5 +1,6 @@
 """What readings show without a model: named where it is there, and never beyond doubt elsewhere."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,18 @@ def test_a_frame_that_rings_after_stops_is_heard():
     experiment = pressed(force)
     assert beyond_doubt(experiment) == {"frame_ringing"}
     assert seen(experiment)["frame_ringing"].value == pytest.approx(0.05, rel=0.3)
+
+
+@pytest.mark.parametrize(("pause", "told"), [(600.0, True), (20.0, False)])
+def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave(pause, told):
+    """A tenth is lost from the first test to the second, which a slow mode may also do at first."""
+    (trial,) = pressed(lambda _, depth, *__: spring(depth), speeds=(2.0,)).trials
+    later = replace(
+        trial.test, name="later", force=0.9 * trial.test.force, start_s=pause, start_known=True
+    )
+    experiment = prepare(Pad("p", (trial.test, later), UnitSystem("mm", "N")))
+    assert ("stress_softening" in seen(experiment)) is told
+    assert beyond_doubt(experiment) == set()
 
 
 def test_it_is_part_of_a_look_in_words_and_in_its_file():
