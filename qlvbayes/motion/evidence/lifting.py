@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.accelerating import speed_changes
@@ -15,6 +14,7 @@ from qlvbayes.motion.evidence.record import (
     DirectEvidence,
     Level,
     Place,
+    Rows,
     exponent,
     level_of,
     mean_speed,
@@ -149,7 +149,7 @@ def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float)
 
 
 def _pull(
-    experiment: Experiment, trial: Trial, phase: Phase, rows: Array, zero: Level, speed: float
+    experiment: Experiment, trial: Trial, phase: Phase, rows: Rows, zero: Level, speed: float
 ) -> Place | None:
     level = level_of(experiment, trial, rows)
     if level is None:

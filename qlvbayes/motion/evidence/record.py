@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from qlvbayes.io.arrays import Array
 from qlvbayes.io.resultfile import Part
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 
+Rows = NDArray[np.intp]
+"""Indices of readings."""
 CLEAR = 5.0
 """Errors, from which on a size is beyond doubt where it is seen in two places."""
 _FEWEST = 3  # readings of a level
@@ -58,7 +60,7 @@ class Level:
     sd: float
 
 
-def level_of(experiment: Experiment, trial: Trial, rows: Array) -> Level | None:
+def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
     """Return the mean force of readings; None of fewer than three. Slow noise is not averaged."""
     if rows.size < _FEWEST:
         return None
@@ -70,7 +72,7 @@ def level_of(experiment: Experiment, trial: Trial, rows: Array) -> Level | None:
     return Level(float(np.mean(test.force[rows])), max(sd, 1e-9 * experiment.peak))
 
 
-def rows_between(trial: Trial, start: float, stop: float) -> Array:
+def rows_between(trial: Trial, start: float, stop: float) -> Rows:
     """Return the indices of the readings from a time to another."""
     first, last = np.searchsorted(trial.test.time, [start, stop])
     return np.arange(first, last)
