@@ -11,6 +11,7 @@ from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import decimals_of, plain
+from qlvbayes.motion.evidence import DirectEvidence
 
 
 class Estimate(Part, frozen=True):
@@ -381,6 +382,8 @@ class DiagnosisResult(
         Counts of the checks for missed modes.
     discrepancy
         Most probable size of what the selected hypothesis leaves.
+    direct_evidence
+        What the readings show without any model.
     scatter
         Relative sd from test to test of the ``stiffness``, and of the strength of each effect of
         the selected hypothesis, where these differ.
@@ -421,6 +424,7 @@ class DiagnosisResult(
     checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     scatter: dict[str, float] = msgspec.field(default_factory=dict)
+    direct_evidence: tuple[DirectEvidence, ...] = ()
     tolerance: float | None = None
     remainder: RemainingStructure | None = None
     worst: Worst
@@ -435,6 +439,11 @@ class DiagnosisResult(
     def changed(self) -> list[str]:
         """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
+
+    @property
+    def pulls(self) -> bool:
+        """True if the readings show a pull that is neither a mass nor a guide's friction."""
+        return any(one.effect == "adhesion" for one in self.direct_evidence)
 
     def ranked(self, effect: str) -> Ranked | None:
         """Return the entry of an effect in the ranking; None if it has none."""

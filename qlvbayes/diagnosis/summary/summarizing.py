@@ -41,6 +41,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
 
@@ -53,7 +54,9 @@ def summarize(
     report: Report,
 ) -> Diagnosis:
     """Return the diagnosis that follows from a finished search."""
-    outcome = SearchOutcome(experiment, search)
+    evidence = direct_evidence(experiment, bonded)
+    sure = [one.effect for one in evidence if one.beyond_doubt]
+    outcome = SearchOutcome(experiment, search, sure)
     report("tests left out, and what is left")
     decision, refused, ranking = final_decision(outcome, supported(outcome))
     selected = outcome.candidates[decision.selected]
@@ -70,6 +73,7 @@ def summarize(
         **_left(outcome, selected, path),
         **_not_shown(outcome, kinds, bonded),
         notices=_notices(outcome, decision, selected),
+        direct_evidence=evidence,
     )
     adequacies = tuple(outcome.adequacy(one) for one in path)
     work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies)

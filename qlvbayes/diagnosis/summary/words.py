@@ -34,11 +34,13 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         Verdict.UNEXPLAINED: _unexplained_grounds,
     }[d.verdict]
     pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
+    pulls = pulls if d.pulls else ()
     text = [
         f"Pad {d.pad}: {paragraph_lead(d, partial(_seen, d, work))}",
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
+        *_measured(d),
         *_certainty(d),
         *_strengths(d),
         *_scatter(d),
@@ -151,6 +153,15 @@ def _certainty(d: DiagnosisResult) -> list[str]:
             f"effects with a certainty of {joined(counts, 'and with')}."
         )
     return text
+
+
+def _measured(d: DiagnosisResult) -> list[str]:
+    """Return what the readings show of effects without any model, beyond doubt."""
+    return [
+        f"The readings show {one.effect} without any model: {one.sentence.rstrip('.')}."
+        for one in d.direct_evidence
+        if one.beyond_doubt
+    ]
 
 
 def _strengths(d: DiagnosisResult) -> list[str]:
