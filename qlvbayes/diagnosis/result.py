@@ -170,7 +170,7 @@ class Support(Part, frozen=True):
     # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
     # than three parts
     heldout_sds: float
-    # that error with the effect (N); None of a single phase
+    # that error with the effect (N); None where the effect adds no force
     heldout: float | None
     error_left: float  # logarithm of the error of the fit with the effect over the noise floor
     p_left: float  # p-value of the adequacy test with the effect

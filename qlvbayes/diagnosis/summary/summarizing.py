@@ -233,7 +233,7 @@ def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
 def _not_counted(outcome: SearchOutcome) -> list[str]:
     """Return notices on hypotheses whose evidence or predictions are not finite."""
     every, notices = f"of {len(outcome.weights)} hypotheses", []
-    if count := sum(not weight.counts for weight in outcome.weights):
+    if count := outcome.without_evidence:
         notices.append(
             f"{count} {every} left out of the decision: their evidence is not a finite number"
         )
