@@ -148,7 +148,7 @@ class Strength(Part, frozen=True):
 
 
 class Strengths(Part, frozen=True):
-    """How the strength of an effect differs between tests (`checks.strengths`)."""
+    """The strength of an effect in each test, and what they share (`checks.strengths`)."""
 
     spread: float  # relative sd between tests; 0 where one strength fits all
     agreement: float  # share of its force that one strength makes, 0 to 1
