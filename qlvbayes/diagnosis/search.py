@@ -242,7 +242,7 @@ class Search:
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
     def with_unlisted(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with one more effect that is no candidate: a form, or unmodelled."""
+        """Return the hypotheses with one more effect that is a form, or names nothing."""
         if len(self.added(hypothesis)) >= self.breadth.effects:
             return []
         more = self.families.addable(hypothesis.effects)
