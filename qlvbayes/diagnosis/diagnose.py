@@ -63,7 +63,6 @@ def diagnose(
         summary = summarize(experiment, search, kinds, choices.bonded, report)
         sampled = nested_audit(search, seed, report) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    notices = notices if summary.result.pulls else ()
     result = structs.replace(
         summary.result,
         nested=sampled,

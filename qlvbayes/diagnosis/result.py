@@ -440,11 +440,6 @@ class DiagnosisResult(
         """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
 
-    @property
-    def pulls(self) -> bool:
-        """True if the readings show a pull that is neither a mass nor a guide's friction."""
-        return any(one.effect == "adhesion" for one in self.direct_evidence)
-
     def ranked(self, effect: str) -> Ranked | None:
         """Return the entry of an effect in the ranking; None if it has none."""
         return next((one for one in self.ranking if one.effect == effect), None)

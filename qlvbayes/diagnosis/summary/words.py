@@ -34,7 +34,6 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         Verdict.UNEXPLAINED: _unexplained_grounds,
     }[d.verdict]
     pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
-    pulls = pulls if d.pulls else ()
     text = [
         f"Pad {d.pad}: {paragraph_lead(d, partial(_seen, d, work))}",
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
