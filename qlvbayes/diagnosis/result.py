@@ -11,6 +11,7 @@ from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import decimals_of, plain
+from qlvbayes.motion.evidence import DirectEvidence
 
 
 class Estimate(Part, frozen=True):
@@ -147,7 +148,7 @@ class Strength(Part, frozen=True):
 
 
 class Strengths(Part, frozen=True):
-    """How the strength of an effect differs between tests (`checks.strengths`)."""
+    """The strength of an effect in each test, and what they share (`checks.strengths`)."""
 
     spread: float  # relative sd between tests; 0 where one strength fits all
     agreement: float  # share of its force that one strength makes, 0 to 1
@@ -169,7 +170,7 @@ class Support(Part, frozen=True):
     # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
     # than three parts
     heldout_sds: float
-    # that error with the effect (N); None of a single phase
+    # that error with the effect (N); None where the effect adds no force
     heldout: float | None
     error_left: float  # logarithm of the error of the fit with the effect over the noise floor
     p_left: float  # p-value of the adequacy test with the effect
@@ -343,6 +344,8 @@ class DiagnosisResult(
         Tests that would separate the members of the group.
     discrepancy
         Most probable size of what the selected hypothesis leaves.
+    direct_evidence
+        What the readings show without any model.
     scatter
         Relative sd from test to test of the ``stiffness``, and of the strength of each effect of
         the selected hypothesis, where these differ.
@@ -380,6 +383,7 @@ class DiagnosisResult(
     suggestions: tuple[Suggestion, ...] = ()
     discrepancy: float = 0.0
     scatter: dict[str, float] = msgspec.field(default_factory=dict)
+    direct_evidence: tuple[DirectEvidence, ...] = ()
     tolerance: float | None = None
     remainder: RemainingStructure | None = None
     worst: Worst

@@ -148,7 +148,7 @@ class Search:
                 self._expand_to("neighbours of", left[0], self.neighbours(left[0]))
             elif leaves and best not in self._substituted:
                 self._substituted.add(best)
-                others = [*self.forms(best), *self.unmodelled(best), *self.substitutions(best)]
+                others = [*self.forms(best), *self.with_unlisted(best), *self.substitutions(best)]
                 self._expand_to("other effects instead of those of", best, others)
             else:
                 break
@@ -207,8 +207,8 @@ class Search:
         ]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
-    def unmodelled(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Return the hypotheses with one more effect that stands for what no candidate is."""
+    def with_unlisted(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Return the hypotheses with one more effect that is a form, or names nothing."""
         if len(self.added(hypothesis)) >= self.breadth.effects:
             return []
         more = self.families.addable(hypothesis.effects)

@@ -31,6 +31,7 @@ from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, part_notice, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
+from qlvbayes.inference.errors.scatter import UNDECIDED
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
@@ -212,10 +213,15 @@ def separated_start(
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
     fitted = FitResponse(*compiled.response(posterior, points[0]))
-    discrepancy = discrepancy_of(experiment, trials, posterior.record.blocks, noise)
+    blocks = posterior.record.blocks
+    discrepancy = discrepancy_of(experiment, trials, blocks, noise)
+    if len(trials) > 1:
+        discrepancy = replace(discrepancy, scatter=UNDECIDED)
+    predicted = np.asarray(blocks.force) - fitted.residual
     # some priors have no derivative at their bounds
     slopes = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))
-    return posterior, best.normal, Spread.about(discrepancy, fitted, Terms(0.0, *slopes))
+    spread = Spread.about(discrepancy, fitted, Terms(0.0, *slopes), predicted)
+    return posterior, best.normal, spread
 
 
 def fit_pad(

@@ -16,7 +16,8 @@ the force by :math:`u = s\, \partial F / \partial \delta_0`, which is common to 
 tests of a stage where these share one contact, and adds :math:`u u^T` to the floor's covariance.
 This is a normal prior on the contact offset, integrated out to first order.
 
-The discrepancy may have moved the constants by what the derivatives have followed of it. This is
+The discrepancy, and a stiffness that differs from test to test (`scatter`), may have moved the
+constants by what the derivatives have followed of them. This is
 added to each of their draws (`Spread`), as the diagnosis adds it to its normals (`evidence`).
 """
 
@@ -135,25 +136,43 @@ class Spread:
     prior: Terms  # expansion of minus the log prior density
 
     @classmethod
-    def about(cls, discrepancy: Discrepancy, fitted: FitResponse, prior: Terms) -> Spread:
-        """Return the spread about a fit; prior: expansion of minus the log prior density there."""
-        vectors = np.concatenate([fitted.residual[None], fitted.slopes])
-        separation = discrepancy.separated(fitted.slopes, np.ones(len(fitted.slopes)))
-        return cls(discrepancy, discrepancy.whitener(vectors), separation, prior)
+    def about(
+        cls,
+        discrepancy: Discrepancy,
+        fitted: FitResponse,
+        prior: Terms,
+        predicted: Array | None = None,
+    ) -> Spread:
+        """Return the spread about a fit; prior: expansion of minus the log prior density there.
+
+        predicted (T, B): force (N) whose scale may differ from test to test (`scatter`), by as much
+        as is likeliest; None for no such scatter.
+        """
+        vectors = discrepancy.whitener(np.concatenate([fitted.residual[None], fitted.slopes]))
+        parts = None if predicted is None else (lambda: predicted[None])
+        separation = discrepancy.separated(fitted.slopes, np.ones(len(fitted.slopes)), parts)
+        _, scatter = discrepancy.likeliest(vectors[0], 0.0, separation)
+        return cls(discrepancy, vectors, separation.with_scatter(scatter), prior)
+
+    @property
+    def scatter(self) -> float:
+        """Relative sd of the stiffness from test to test."""
+        return max(self.separation.scatter.sizes, default=0.0)
 
     def covariance(self, size: float) -> Array:
-        """Return the covariance (D, D) that a discrepancy of a size (N) above 0 adds."""
+        """Return the covariance (D, D) that a discrepancy of a size (N) and the scatter add."""
         lengths = np.ones(len(self.vectors) - 1)  # of unconstrained parameters
         separated = self.discrepancy.at(size, self.separation)
         precision = gauss_newton(separated, self.vectors, self.prior).curvature
         known: Array = np.asarray(np.linalg.inv(precision + np.diag(lengths**-2.0)), float)
-        free = gauss_newton(self.discrepancy.at(size), self.vectors, self.prior)
+        whole = self.discrepancy.unseparated(size, self.separation)
+        free = gauss_newton(whole, self.vectors, self.prior)
         return positive_part(second_moment(free, lengths) - known)
 
     def draws(self, sizes: Array, rng: np.random.Generator) -> Array:
-        """Return moves (W, D) of theta for discrepancies of sizes (W,) in N; 0 for size 0."""
+        """Return moves (W, D) of theta for discrepancies of sizes (W,) in N; 0 for nothing."""
         moves = np.zeros((sizes.size, len(self.vectors) - 1))
-        for size in np.unique(sizes[sizes > 0.0]).tolist():
+        for size in np.unique(sizes if self.scatter > 0.0 else sizes[sizes > 0.0]).tolist():
             values, axes = np.linalg.eigh(self.covariance(size))
             same = sizes == size
             normal = rng.standard_normal((int(same.sum()), values.size))

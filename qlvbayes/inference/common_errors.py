@@ -14,9 +14,8 @@ their few directions R makes it larger than it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +47,7 @@ def with_common_errors(discrepancy: Discrepancy, changes: Array) -> Discrepancy:
     if not len(changes):
         return discrepancy
     whitener = discrepancy.whitener
-    rows = whitener.flattened(changes)
-    return discrepancy.with_whitener(JointWhitener(**_parts(whitener), common=rows))
+    return discrepancy.with_whitener(_joined(whitener, whitener.flattened(changes)))
 
 
 def joint_covariance(whitener: Whitener) -> Array:
@@ -76,8 +74,7 @@ class JointWhitener(Whitener):
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:
         """Return the whitener without some of the n blocks, which left_out (n,) marks."""
-        kept = super().without(left_out)
-        return JointWhitener(**_parts(kept), common=self.common[:, ~left_out])
+        return _joined(super().without(left_out), self.common[:, ~left_out])
 
     @property
     def matrix(self) -> Array:
@@ -99,5 +96,5 @@ class JointWhitener(Whitener):
         return axes.T, 1.0 - (1.0 + sizes**2) ** -0.5
 
 
-def _parts(whitener: Whitener) -> dict[str, Any]:
-    return {field.name: getattr(whitener, field.name) for field in fields(Whitener)}
+def _joined(whitener: Whitener, common: Array) -> JointWhitener:
+    return JointWhitener(whitener.blocks, whitener.covariances, whitener.timing, common)

@@ -64,7 +64,9 @@ def find_mode(
     for steps in range(1, _STEPS + 1):
         step = bounded_step(terms, damping, point)
         expected = predicted_decrease(terms, step)
-        least_rise = max(min_gain, _NEED * (terms.loss - best))
+        # where the misfit is far above the noise, a gain counts over the misfit's own scale
+        excess = max(1.0, 2.0 * terms.loss / point.residual.size)
+        least_rise = max(min_gain * excess, _NEED * (terms.loss - best))
         if stalled or (expected < least_rise and damping <= 1.0):
             likeliest, settled = density.likeliest(point, size)
             if likeliest == size and settled.separation.scatter == point.separation.scatter:
@@ -86,7 +88,7 @@ def find_mode(
         gain = rise / max(expected, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point, terms = candidate, density.terms(candidate, size)
-        stalled = max(rise, 0.2 * expected) < max(_CREEP, least_rise)
+        stalled = max(rise, 0.2 * expected) < max(_CREEP * excess, least_rise)
     size, point = density.likeliest(point, size)
     return Mode(point, size, density.terms(point, size).loss, False, steps)
 

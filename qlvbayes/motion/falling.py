@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
+from qlvbayes.motion.accelerating import moving_mass, speed_changes
 from qlvbayes.motion.phases import Phase
 from qlvbayes.motion.trajectory import Trajectory
 
@@ -42,21 +45,27 @@ def falls_of(
 ) -> tuple[ForceDrop, ...]:
     """Return the losses of force in the loading ramps of a test, in the order of time."""
     ramps = [phase for phase in phases if phase.kind == "ramp"]
-    sudden = _sudden(test, trajectory, ramps)
+    steady = ~speed_changes(test, trajectory, _LASTING)
+    sudden = _sudden(test, trajectory, ramps, steady)
     end = sudden[0].time if sudden else np.inf
-    before = (replace(ramp, stop=min(ramp.stop, end)) for ramp in ramps if ramp.start < end)
-    starts = (_gradual(test, trajectory, part, noise) for part in before)
+    before = [replace(ramp, stop=min(ramp.stop, end)) for ramp in ramps if ramp.start < end]
+    mass = moving_mass(test, trajectory, _LASTING) if before else 0.0
+    free = test.force - mass * trajectory.acceleration(test.time)
+    starts = (_gradual(test, free, trajectory, part, steady, noise) for part in before)
     first = next((fall for fall in starts if fall is not None), None)
     return sudden if first is None else (first, *sudden)
 
 
-def _sudden(test: Test, trajectory: Trajectory, ramps: Sequence[Phase]) -> tuple[ForceDrop, ...]:
+def _sudden(
+    test: Test, trajectory: Trajectory, ramps: Sequence[Phase], steady: NDArray[np.bool_]
+) -> tuple[ForceDrop, ...]:
     change = np.diff(test.force)
     least = _SUDDEN * float(np.max(np.abs(test.force)))
-    at = np.flatnonzero(change < -least)  # in a noisy record of many readings these are many
+    # in a noisy record of many readings these are many
+    at = np.flatnonzero((change < -least) & steady[:-1] & steady[1:])
     before = np.nanmedian(_around(test.force, at, range(1 - _LASTING, 1)), axis=1)
     after = np.nanmedian(_around(test.force, at, range(1, 1 + _LASTING)), axis=1)
-    stays = before - after > 0.5 * np.maximum(least, -change[at])
+    stays = np.maximum(before, 0.0) - np.maximum(after, 0.0) > 0.5 * np.maximum(least, -change[at])
     at, after = at[stays], after[stays]
     nearby = _around(change, at, [k for k in range(-_AROUND, _AROUND + 1) if k != 0])
     middle = np.nanmedian(nearby, axis=1, keepdims=True)
@@ -96,17 +105,29 @@ def _goes_on(trajectory: Trajectory, ramp: Phase, test: Test, k: int) -> bool:
     return bool((after - before) / (end - begin) > _MOVING * mean_speed)
 
 
-def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> ForceDrop | None:
-    """Return the first gradual fall of a ramp, down to the ramp's lowest force after it."""
+def _gradual(
+    test: Test,
+    free: Array,
+    trajectory: Trajectory,
+    ramp: Phase,
+    steady: NDArray[np.bool_],
+    noise: float,
+) -> ForceDrop | None:
+    """Return the first gradual fall of a ramp, down to the ramp's lowest force after it.
+
+    free: the force without that of the moving mass; steady: readings away from changes of speed.
+    """
     first, stop = np.searchsorted(test.time, [ramp.start, ramp.stop])
-    if stop - first < _FEWEST:
+    rows = first + np.flatnonzero(steady[first:stop])
+    if rows.size < _FEWEST:
         return None
-    force = test.force[first:stop]
-    runs = np.median(np.stack([force[k : force.size - 2 + k] for k in range(3)]), axis=0)
-    speed = np.maximum(trajectory.velocity(test.time[first + 1 : stop - 1]), 0.0)
+    force = free[rows]
+    medians = np.median(np.stack([force[k : force.size - 2 + k] for k in range(3)]), axis=0)
+    runs = np.maximum(medians, 0.0)
+    speed = np.maximum(trajectory.velocity(test.time[rows[1:-1]]), 0.0)
     speed_kept = speed / np.maximum(np.maximum.accumulate(speed), np.finfo(float).tiny)
     below = np.maximum.accumulate(runs) * speed_kept - runs
-    sds = np.full(force.size, noise) if test.force_sd is None else test.force_sd[first:stop]
+    sds = np.full(force.size, noise) if test.force_sd is None else test.force_sd[rows]
     # of changes between neighbours: sd is sqrt(pi)/2 of their mean magnitude
     around = uniform_filter1d(np.abs(np.diff(force)), 2 * _AROUND + 1, mode="nearest")
     scatter = np.maximum(sds[1:-1], np.sqrt(np.pi) / 2.0 * around[1:])
@@ -116,7 +137,7 @@ def _gradual(test: Test, trajectory: Trajectory, ramp: Phase, noise: float) -> F
         return None
     at = int(np.argmax(fallen))
     top = int(np.argmax(force[: at + 2]))
-    return _force_drop(test, int(first) + top, float(runs[at:].min()), sudden=False)
+    return _force_drop(test, int(rows[top]), float(runs[at:].min()), sudden=False)
 
 
 def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSystem) -> str:

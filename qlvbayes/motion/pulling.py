@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
 
 _CLEAR = 0.05  # of the peak force below zero; less may be a tare that is off
@@ -35,9 +36,17 @@ def pull_of(experiment: Experiment) -> TensileForce | None:
 def pull_notices(
     experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """Return one line if a pad pulls that neither is bonded nor has adhesion in its model."""
+    """Return one line if a pad pulls that neither is bonded nor has adhesion in its model.
+
+    A mass that is moved, or a guide that rubs, also makes the force negative: where the readings
+    show one of these beyond doubt, and no adhesion, there is no line.
+    """
     pull = None if bonded or "adhesion" in effects else pull_of(experiment)
     if pull is None:
+        return ()
+    shown = direct_evidence(experiment, bonded)
+    other = any(one.beyond_doubt and one.effect in ("inertia", "friction") for one in shown)
+    if other and all(one.effect != "adhesion" for one in shown):
         return ()
     unit = experiment.units.force
     return (

@@ -27,6 +27,8 @@ class Figure:
     # the arguments of its function, from what the command has computed of one pad; None where the
     # command draws one figure for all pads, or from something else
     takes: Callable[..., tuple[Any, ...]] | None = None
+    # whether there is anything to draw, from the same
+    applies: Callable[..., bool] = lambda *computed: True
 
     def draw(self, *computed: Any) -> Any:
         """Draw the figure from what its command has computed of one pad; return its axes."""
@@ -34,6 +36,13 @@ class Figure:
             raise TypeError(f"{self.name} is not a figure of one pad")
         module = import_module(f"qlvbayes.plots.{self.name}")  # with Matplotlib, only now
         return getattr(module, f"plot_{self.name}")(*self.takes(*computed))
+
+
+def _differ(diagnosis: Any) -> bool:
+    """Return whether the strength of any named effect differs between tests."""
+    from qlvbayes.plots.strengths import named_strengths  # with Matplotlib, only now
+
+    return bool(named_strengths(diagnosis))
 
 
 FIGURES = (
@@ -96,6 +105,15 @@ FIGURES = (
         lambda diagnosis: (diagnosis,),
     ),
     Figure(
+        "strengths",
+        "diagnose",
+        "Strength of each named effect of {of} in each test, over its mean.",
+        "Dots on the line: one strength in all tests. Dots in the order of depth or speed: the "
+        "effect grows with it. Dots on both sides of zero: something else looks like it.",
+        lambda diagnosis: (diagnosis.result,),
+        lambda diagnosis: _differ(diagnosis.result),
+    ),
+    Figure(
         "pairs",
         "fit",
         "Joint posterior of the constants of {of}, two at a time.",
@@ -152,4 +170,5 @@ def save_figures(command: str, folder: Path, *computed: Any) -> list[Path]:
     # imported here, so that what only lists the figures does not wait for Matplotlib
     from qlvbayes.plots.files import save_figure
 
-    return [save_figure(one.draw(*computed), folder / one.name) for one in figures_of(command)]
+    some = [one for one in figures_of(command) if one.applies(*computed)]
+    return [save_figure(one.draw(*computed), folder / one.name) for one in some]

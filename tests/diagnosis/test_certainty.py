@@ -11,14 +11,13 @@ import pytest
 from msgspec import structs
 
 from qlvbayes.diagnosis.certainty import FEATURES, LEAST, calibration, certainty, features
-from qlvbayes.diagnosis.result import Support
+from qlvbayes.diagnosis.result import Strengths, Support
 
 ROOT = Path(__file__).parents[2]
 SUPPORT = Support(
     heldout_gain=1.0,
     heldout_sds=3.0,
-    share=2.0,
-    varying=-3.0,
+    heldout=0.1,
     error_left=0.2,
     p_left=0.5,
     effects=1,
@@ -28,10 +27,10 @@ SUPPORT = Support(
 def test_features_are_what_they_are_called():
     x = features(50.0, SUPPORT)
     assert len(x) == len(FEATURES)
-    expected = [math.asinh(50.0), 1.0, 3.0, math.asinh(2.0), -math.asinh(3.0), 0.2, 0.0]
+    expected = [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0]
     assert np.allclose(x, expected)
     surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
-    assert (surely[2], surely[-1]) == (5.0, 1.0)
+    assert (surely[2], surely[4]) == (5.0, 1.0)
 
 
 def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_doubt():
@@ -41,7 +40,7 @@ def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_do
     assert sure(factor=100.0) > sure(factor=5.0)
     assert sure(heldout_gain=1.5) > sure(heldout_gain=0.1)
     assert sure(heldout_sds=4.0) > sure(heldout_sds=0.5)
-    assert sure(varying=3.0) < sure(varying=-3.0)
+    assert sure(effects=3) < sure(effects=1)
     assert sure(p_left=0.0) < sure(p_left=0.5)
     assert sure(error_left=1.0) < sure(error_left=0.1)
 
@@ -52,12 +51,25 @@ def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_do
         (0.5 * LEAST, 20.0, SUPPORT),
         (0.99, None, SUPPORT),
         (0.99, 20.0, None),
-        (0.99, 20.0, structs.replace(SUPPORT, heldout_gain=40.0)),
     ],
-    ids=["hardly likely", "nothing to compare with", "no support", "beyond all studies"],
+    ids=["hardly likely", "nothing to compare with", "no support"],
 )
 def test_what_no_study_showed_has_no_certainty(probability, factor, own):
     assert certainty(probability, factor, own) is None
+
+
+def test_what_lies_beyond_all_studies_counts_as_their_end():
+    far = certainty(0.99, 20.0, structs.replace(SUPPORT, heldout_gain=40.0))
+    end = certainty(0.99, 20.0, structs.replace(SUPPORT, heldout_gain=calibration().high[1]))
+    assert far == end
+
+
+def test_certainty_falls_in_proportion_to_the_force_that_no_common_strength_makes():
+    whole, half = (
+        structs.replace(SUPPORT, strengths=Strengths(spread=0.1, agreement=one, parts=()))
+        for one in (1.0, 0.5)
+    )
+    assert certainty(0.99, 20.0, half) == pytest.approx(0.5 * certainty(0.99, 20.0, whole))
 
 
 def test_the_weights_are_those_that_the_published_studies_give(tmp_path):

@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.decision import (
     decide,
     ignore_unmodelled,
     one_of,
+    require,
     restrict_to,
 )
 from qlvbayes.diagnosis.prior import Families
@@ -112,11 +113,11 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
     assert weights[found.selected].base == EXP
 
 
-def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0):
+def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0, heldout=0.1):
     own = Support(
         heldout_gain=gain,
         heldout_sds=5.0,
-        heldout=0.1,
+        heldout=heldout,
         error_left=0.1,
         p_left=0.5,
         effects=1,
@@ -143,6 +144,7 @@ def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0):
         (ranked("drag", certainty=0.3, gain=-0.2), "tests left out are predicted worse"),
         (ranked("drag", certainty=0.3), "there in 30 %"),
         (ranked("drag", certainty=0.3, agreement=0.35), "something else looks like it"),
+        (ranked("drag", certainty=0.0, heldout=None), "adds no force"),
         (ranked("drag", inclusion=0.1), "over all hypotheses its probability is 10 %"),
     ],
 )
@@ -159,6 +161,13 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert refusals(decision, unsure, DiagnosisSettings()) == {}
     worse = {"drag": ranked("drag", inclusion=0.55, certainty=0.3, gain=-0.1)}
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
+
+
+def test_what_is_measured_is_in_every_hypothesis_that_counts():
+    weights = [weight("drag", 0.9), weight("adhesion", 0.1), weight("adhesion drag", 1e-6)]
+    found = decide(require(weights, {"adhesion"}))
+    assert (found.verdict, found.effects) == ("missing_effect", ("adhesion",))
+    assert decide(require(weights, {"inertia"})).effects == ("drag",)  # no hypothesis has it
 
 
 def test_what_is_likely_without_a_refused_effect_is_named():

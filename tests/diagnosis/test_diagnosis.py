@@ -221,17 +221,16 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
 
 
 def test_the_support_of_an_effect_that_is_there():
-    """Tests left out, structure and constancy all speak for it; of improbable ones nothing."""
+    """Tests left out and strengths all speak for it; of improbable ones nothing is known."""
     pad = measured([HIDDEN["viscous_drag"](eta=0.004)], rates=(1.0, 20.0, 100.0))
     drag = diagnose(pad, kinds=FEW)
     first, *others = (one for one in drag.result.ranking if one.effect != "none")
     assert first.effect == "viscous_drag"
     support, stages = first.support, drag.result.stages
     before, after = (stages[k].heldout_rmse for k in (0, -1))
-    assert support.heldout_gain == pytest.approx(np.log(before / after), abs=0.2)
+    assert support.heldout_gain > np.log(before / after)  # the error falls most where it acts
     assert support.heldout_sds > 1.0
-    assert support.share > np.log(2.0)
-    assert support.varying < np.log(drag.work.search.settings.imitation.odds)
+    assert support.strengths.agreement > 0.9
     assert support.error_left == pytest.approx(np.log(stages[-1].rmse / drag.result.noise), abs=0.1)
     assert support.p_left > 0.01
     assert all(one.support is None for one in others if one.inclusion < 0.1)

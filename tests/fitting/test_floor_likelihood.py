@@ -26,6 +26,7 @@ from qlvbayes.fitting.optimum import least_squares_points, starting_point
 from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations
+from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -303,6 +304,24 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     draws = spread.draws(np.full(40_000, size), rng)
     np.testing.assert_allclose(draws.T @ draws / len(draws), expected, atol=0.03 * values.max())
     assert not spread.draws(np.zeros(5), rng).any()
+
+
+def test_constants_are_moved_by_a_stiffness_that_differs_from_test_to_test():
+    """A scale of one test's force that is no constant of the model spreads the mean scale."""
+    trials, blocks = two_tests()
+    made = replace(Discrepancy.from_blocks(experiment(), trials, blocks), scatter=SCATTER)
+    predicted = np.where(blocks.real, 1.0, 0.0)
+    scales = np.array([0.3, -0.3])[:, None]
+    prior = Terms(0.0, np.zeros(1), np.zeros((1, 1)))
+    fit = FitResponse(predicted[None], scales * predicted)  # the derivative by ln m is the force
+    spread = Spread.about(made, fit, prior, predicted)
+    assert 0.2 < spread.scatter <= 0.5
+    sd = np.sqrt(spread.covariance(0.0)[0, 0])
+    assert sd == pytest.approx(spread.scatter / np.sqrt(2.0), rel=0.3)
+    assert spread.draws(np.zeros(5), np.random.default_rng(0)).all()
+    same = Spread.about(made, FitResponse(predicted[None], 0.0 * predicted), prior, predicted)
+    assert same.scatter == 0.0
+    assert not same.draws(np.zeros(5), np.random.default_rng(0)).any()
 
 
 def test_the_curve_follows_the_data_where_the_model_is_wrong():

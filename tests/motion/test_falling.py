@@ -11,6 +11,8 @@ from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.falling import falls_of
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.trajectory import smooth
 
 RATE = 20.0  # readings a second
 NOISE = 0.01  # N
@@ -122,3 +124,85 @@ def test_a_strip_that_tears_four_times():
     (pad,) = read_measurements(TORN).pads
     reported = [tear.displacement for tear in falls(pad)]
     assert reported == pytest.approx([17.9, 21.5, 22.3, 33.1], abs=0.11)
+
+
+def steered(speed, ramp_up, *, jerk=0.0, stroke=5.0, dwell=2.0, back=0.0):
+    """A platen that goes in by a stroke and rests, then moves back by so much: time (s), motion.
+
+    The speed (mm/s) is reached within ``ramp_up`` (s); a jerk-limited acceleration changes within
+    ``jerk`` (s).
+    """
+    step = 1e-3
+    trapezoid = lambda length: np.interp(  # noqa: E731
+        np.arange(0.0, length / speed + ramp_up, step),
+        [0.0, ramp_up, length / speed, length / speed + ramp_up],
+        [0.0, speed, speed, 0.0],
+    )
+    rest = np.zeros(round(dwell / step))
+    velocity = np.concatenate([rest, trapezoid(stroke), rest, -trapezoid(back or 0.0), rest])
+    if jerk:
+        width = round(jerk / step)
+        velocity = np.convolve(velocity, np.full(width, 1.0 / width), mode="same")
+    time = step * np.arange(velocity.size)
+    displacement = step * np.cumsum(velocity)
+    return time, displacement, velocity, np.gradient(velocity, step)
+
+
+def falls_at(rate, time, displacement, force, seed=0):
+    """The falls in a machine's readings: so many a second, an encoder of 1 um, a noise of 1 mN."""
+    at = np.arange(0.0, time[-1], 1.0 / rate)
+    scatter = 1e-3 * np.random.default_rng(seed).standard_normal(at.size)
+    test = Test(
+        name="press", pad="p", time=at,
+        displacement=np.round(np.interp(at, time, displacement), 3),
+        force=np.interp(at, time, force) + scatter,
+    )  # fmt: skip
+    path = smooth(test.time, test.displacement, 1e-3)
+    return falls_of(test, path, find_phases(path), 1e-3)
+
+
+STEERED = pytest.mark.parametrize(
+    ("speed", "ramp_up", "jerk"),
+    [(1.0, 0.02, 0.0), (10.0, 0.05, 0.02), (10.0, 0.2, 0.0), (20.0, 0.2, 0.1)],
+)
+
+
+@STEERED
+def test_a_mass_that_is_moved_does_not_tear(speed, ramp_up, jerk):
+    """In air and with a pad of 0.05 N/mm below it."""
+    time, displacement, _, acceleration = steered(speed, ramp_up, jerk=jerk, back=5.0)
+    for stiffness in (0.0, 0.05):
+        for mass in (2e-4, 5e-3):  # N s2/mm
+            force = mass * acceleration + stiffness * displacement
+            assert falls_at(100.0, time, displacement, force) == ()
+
+
+@STEERED
+def test_a_drag_that_ends_with_the_motion_does_not_tear(speed, ramp_up, jerk):
+    time, displacement, velocity, _ = steered(speed, ramp_up, jerk=jerk, back=5.0)
+    force = 1.0 * velocity / speed + 0.05 * displacement
+    assert falls_at(100.0, time, displacement, force) == ()
+
+
+@STEERED
+def test_a_pad_that_sticks_and_lets_go_does_not_tear(speed, ramp_up, jerk):
+    """Drawn 1 mm off it pulls, and lets go at 0.5 mm; it is drawn to at 0.2 mm on the way in."""
+    time, displacement, velocity, _ = steered(speed, ramp_up, jerk=jerk, back=6.0)
+    depth = np.concatenate([displacement, displacement - 1.0 - displacement[-1]])
+    both = np.arange(depth.size) * (time[1] - time[0])
+    inward = np.concatenate([velocity, velocity]) >= 0.0
+    held = np.where(inward, depth > -0.2, depth > -0.5)
+    force = np.where(held, 0.4 * np.minimum(depth, 0.0) + 0.2 * np.maximum(depth, 0.0), 0.0)
+    force = force - np.where(held & (depth < 0.0), 0.3, 0.0)
+    assert falls_at(100.0, both, depth, force) == ()
+
+
+@STEERED
+@pytest.mark.parametrize(("loss", "mass"), [(0.2, 0.0), (0.2, 2e-4), (0.9, 0.0)])  # share, N s2/mm
+def test_a_tear_at_a_steady_speed_is_found_whatever_is_moved(speed, ramp_up, jerk, loss, mass):
+    time, displacement, _, acceleration = steered(speed, ramp_up, jerk=jerk, stroke=20.0)
+    torn = np.where(displacement > 12.0, 1.0 - loss, 1.0)
+    force = 0.2 * torn * displacement + mass * acceleration
+    (fall,) = falls_at(100.0, time, displacement, force)
+    assert fall.displacement == pytest.approx(12.0, abs=2.0 * speed / 100.0)
+    assert fall.before - fall.after == pytest.approx(loss * 2.4, abs=0.2 * speed / 20.0 + 0.02)

@@ -125,8 +125,7 @@ LAWS = {"elastic": "exponential", "relaxation": "prony:2"}
 SUPPORT = {
     "heldout_gain": 1.5,
     "heldout_sds": 3.0,
-    "share": 2.0,
-    "varying": -2.0,
+    "heldout": 0.011,
     "error_left": 0.01,
     "p_left": 0.4,
     "effects": 1,

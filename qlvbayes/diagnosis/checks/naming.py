@@ -90,6 +90,8 @@ def _against(ranked: Ranked, settings: DiagnosisSettings, *, alone: bool) -> str
         return (
             f"over all hypotheses its probability is {percent(ranked.inclusion)}" if below else None
         )
+    if own.heldout is None:
+        return "at its likeliest constants it adds no force"
     if own.heldout_gain < 0.0:
         return "tests left out are predicted worse with it"
     if not alone:

@@ -71,7 +71,9 @@ class SearchOutcome:
         self.measured = candidates.intersection(measured)
         self.samples = Samples.from_experiment(experiment, search.density.space)
         self.candidates = list(search.candidates.values())
-        self.weights = require(weights_of(search), self.measured)
+        known = weights_of(search)
+        self.without_evidence = sum(not weight.counts for weight in known)
+        self.weights = require(known, self.measured)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
         self._predictions: dict[Hypothesis, list[Predicted]] = {}

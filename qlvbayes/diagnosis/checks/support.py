@@ -41,6 +41,8 @@ def with_support(outcome: SearchOutcome, ranked: Ranked, index: int) -> Ranked:
     """Return an effect with the support for it, and its certainty, in one hypothesis."""
     own = support(outcome, ranked.effect, index)
     sure = certainty(ranked.inclusion, ranked.log_bayes_factor, own)
+    if own is not None and own.heldout is None:  # it adds no force
+        sure = 0.0
     if ranked.effect in outcome.measured:
         sure = max(sure or 0.0, outcome.search.settings.measured)
     return structs.replace(ranked, support=own, certainty=sure)
@@ -55,8 +57,7 @@ def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
         return None
     weights = [np.square(one) for one in outcome.acting(having, form)]
     total = float(sum(one.sum() for one in weights))
-    if not (total > 0.0 and math.isfinite(total)):
-        return None
+    adds = total > 0.0 and math.isfinite(total)
     squares = [
         np.array([w @ np.square(r) for w, r in zip(weights, left, strict=True)])
         for left in map(outcome.heldout_residuals, (without, having))
@@ -65,7 +66,7 @@ def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
     return Support(
         heldout_gain=0.5 * _log_ratio(*(float(one.sum()) for one in squares)),
         heldout_sds=_paired(*squares),
-        heldout=finite_or_none(math.sqrt(float(squares[1].sum()) / total)),
+        heldout=finite_or_none(math.sqrt(float(squares[1].sum()) / total)) if adds else None,
         error_left=_log_ratio(outcome.samples.error(outcome.residuals(having)), noise),
         p_left=outcome.adequacy(having).p_value,
         effects=len(search.added(having.hypothesis)),

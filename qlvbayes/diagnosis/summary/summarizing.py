@@ -40,6 +40,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
 
@@ -52,7 +53,9 @@ def summarize(
     report: Report,
 ) -> Diagnosis:
     """Return the diagnosis that follows from a finished search."""
-    outcome = SearchOutcome(experiment, search)
+    evidence = direct_evidence(experiment, bonded)
+    sure = [one.effect for one in evidence if one.beyond_doubt]
+    outcome = SearchOutcome(experiment, search, sure)
     report("tests left out, and what is left")
     decision, refused, ranking = final_decision(outcome, supported(outcome))
     selected = outcome.candidates[decision.selected]
@@ -68,6 +71,7 @@ def summarize(
         **_left(outcome, selected, path),
         **_not_shown(outcome, kinds, bonded),
         notices=_notices(outcome, decision, selected),
+        direct_evidence=evidence,
     )
     adequacies = tuple(outcome.adequacy(one) for one in path)
     work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies)
@@ -221,7 +225,7 @@ def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
 def _not_counted(outcome: SearchOutcome) -> list[str]:
     """Return notices on hypotheses whose evidence or predictions are not finite."""
     every, notices = f"of {len(outcome.weights)} hypotheses", []
-    if count := sum(not weight.counts for weight in outcome.weights):
+    if count := outcome.without_evidence:
         notices.append(
             f"{count} {every} left out of the decision: their evidence is not a finite number"
         )

@@ -39,6 +39,7 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
+        *_measured(d),
         *_certainty(d),
         *_strengths(d),
         *_scatter(d),
@@ -151,6 +152,15 @@ def _certainty(d: DiagnosisResult) -> list[str]:
             f"effects with a certainty of {joined(counts, 'and with')}."
         )
     return text
+
+
+def _measured(d: DiagnosisResult) -> list[str]:
+    """Return what the readings show of effects without any model, beyond doubt."""
+    return [
+        f"The readings show {one.effect} without any model: {one.sentence.rstrip('.')}."
+        for one in d.direct_evidence
+        if one.beyond_doubt
+    ]
 
 
 def _strengths(d: DiagnosisResult) -> list[str]:
@@ -381,7 +391,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
-    taken = {*d.tried, *d.group, "none", *(one.effect for one in d.not_identifiable)}
+    taken = {*d.tried, *d.effects, *d.group, "none", *(one.effect for one in d.not_identifiable)}
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []

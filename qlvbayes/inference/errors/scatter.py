@@ -41,13 +41,13 @@ class ScatterPrior:
     largest: float = 0.5
     sizes: int = 7
     # size beyond which the prior falls, as specimens and rigs mostly repeat to a few per cent
-    usual: float = 0.05
+    typical: float = 0.05
 
     @property
     def grid(self) -> tuple[Array, Array]:
         """Return the sizes (S,), zero first, and their log prior probabilities (S,)."""
         some = np.geomspace(self.smallest, self.largest, self.sizes)
-        density = 1.0 / (1.0 + some / self.usual)
+        density = 1.0 / (1.0 + some / self.typical)
         shares = np.concatenate([[self.none], (1.0 - self.none) * density / density.sum()])
         return np.concatenate([[0.0], some]), np.log(shares)
 

@@ -84,7 +84,7 @@ def is_dead(way: Floats, load: Floats) -> bool:
 
 @dataclass(frozen=True)
 class Form:
-    """How the force begins at contact: with a power of depth, after a jump (N) of drag."""
+    """A beginning of the force at contact: with a power of depth, after a jump (N) of drag."""
 
     power: float
     jump: float = 0.0

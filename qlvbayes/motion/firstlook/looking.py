@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.io.data import Control
-from qlvbayes.io.formats.contact import find_contact
 from qlvbayes.io.formats.sampling import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
+from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence.touching import contact_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.firstlook.facts import facts_of, move_of, noise_of, rows
 from qlvbayes.motion.firstlook.result import (
@@ -62,6 +63,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
             *(text for text in experiment.notices if text not in falls),
             *(f"pad {experiment.pad}: {text}" for text in floor.notices),
         ),
+        direct_evidence(experiment, bonded),
     )
 
 
@@ -150,10 +152,8 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
 
 def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
     """Return where the force begins to rise; None if no approach shows it."""
-    if _loaded(_first_ramp(trial) or trial.phases[0]):
-        return None
-    contact = find_contact(trial.test.displacement, trial.test.force)
-    if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
+    contact = contact_of(experiment, trial)
+    if contact is None:
         return None
     begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
     if begun and contact.force > _clear(experiment):

@@ -6,6 +6,7 @@ from typing import Literal
 
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.motion.evidence import DirectEvidence
 
 BY_PHASE = "by phase"
 """Control of a test in which the prescribed quantity differs from phase to phase."""
@@ -138,6 +139,8 @@ class PadSeen(Part, frozen=True):
     shown: tuple[Shown, ...]
     cautions: tuple[str, ...]
     notices: tuple[str, ...]
+    # effects that the readings show without any model
+    direct_evidence: tuple[DirectEvidence, ...] = ()
 
 
 class FirstLook(Result, frozen=True, kw_only=True):

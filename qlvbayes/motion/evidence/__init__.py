@@ -1,0 +1,28 @@
+"""Direct evidence: effects that show in the readings themselves, without any model."""
+
+from __future__ import annotations
+
+from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
+from qlvbayes.motion.evidence.record import DirectEvidence
+from qlvbayes.motion.evidence.repeating import repeated_seen
+from qlvbayes.motion.evidence.starting import inertia_seen, ringing_seen
+from qlvbayes.motion.evidence.touching import contact_seen
+from qlvbayes.motion.experiment import Experiment
+
+__all__ = ["DirectEvidence", "direct_evidence"]
+
+
+def direct_evidence(experiment: Experiment, bonded: bool) -> tuple[DirectEvidence, ...]:
+    """Return what the readings show without a model, those beyond doubt first.
+
+    bonded: whether the specimen is fixed to the platen, which then may pull.
+    """
+    every = (
+        *adhesion_seen(experiment, bonded=bonded),
+        *inertia_seen(experiment),
+        *friction_seen(experiment),
+        *ringing_seen(experiment),
+        *contact_seen(experiment),
+        *repeated_seen(experiment),
+    )
+    return tuple(sorted(every, key=lambda one: not one.beyond_doubt))

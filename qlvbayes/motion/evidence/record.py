@@ -1,0 +1,125 @@
+"""A piece of direct evidence, and levels of force with their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.resultfile import Part
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import MOVING, Phase
+
+Rows = NDArray[np.intp]
+"""Indices of readings."""
+CLEAR = 5.0
+"""Errors, from which on a size is beyond doubt where it is seen in two places."""
+_FEWEST = 3  # readings of a level
+
+
+class DirectEvidence(Part, frozen=True):
+    """An effect that shows in the readings themselves, without any model."""
+
+    effect: str
+    # the measured quantity: its name, its value and error, and their unit
+    quantity: str
+    value: float
+    sd: float
+    unit: str
+    # where it was seen
+    tests: tuple[str, ...]
+    phases: tuple[str, ...]
+    sentence: str
+    # whether it is five errors large, seen in two places, and more than other effects would make
+    beyond_doubt: bool
+
+
+@dataclass(frozen=True)
+class Place:
+    """A quantity in one phase of one test, and the speed (displacement over s) of its movement."""
+
+    trial: Trial
+    phase: str
+    value: float
+    sd: float
+    speed: float = 0.0
+
+    @property
+    def is_clear(self) -> bool:
+        """True if the value is positive by five errors."""
+        return self.value >= CLEAR * self.sd > 0.0
+
+
+@dataclass(frozen=True)
+class Level:
+    """Mean of some readings of force, and its sd."""
+
+    value: float
+    sd: float
+
+
+def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
+    """Return the mean force of readings; None of fewer than three. Slow noise is not averaged."""
+    if rows.size < _FEWEST:
+        return None
+    floor, test = experiment.floor, trial.test
+    white = floor.white
+    if test.force_sd is not None:
+        white *= float(np.mean(test.force_sd[rows])) / experiment.sd_scale
+    sd = float(np.hypot(white / np.sqrt(rows.size), floor.ou))
+    return Level(float(np.mean(test.force[rows])), max(sd, 1e-9 * experiment.peak))
+
+
+def rows_between(trial: Trial, start: float, stop: float) -> Rows:
+    """Return the indices of the readings from a time to another."""
+    first, last = np.searchsorted(trial.test.time, [start, stop])
+    return np.arange(first, last)
+
+
+def moves_of(trial: Trial) -> list[tuple[Phase, Phase | None]]:
+    """Return each movement with the rest after it, None where it is followed by a movement."""
+    phases = trial.used_phases
+    return [
+        (phase, after if after is not None and after.kind not in MOVING else None)
+        for phase, after in zip(phases, (*phases[1:], None), strict=True)
+        if phase.kind in MOVING
+    ]
+
+
+def mean_speed(trial: Trial, move: Phase) -> float:
+    """Return the mean speed of a movement, without its sign."""
+    begin, end = trial.trajectory.displacement(np.array([move.start, move.stop]))
+    return abs(float(end - begin)) / (move.stop - move.start)
+
+
+def pooled(places: Sequence[Place]) -> tuple[float, float]:
+    """Return the mean over places, weighted by their errors, and its error with their scatter."""
+    values, sds = np.array([(one.value, one.sd) for one in places]).T
+    weights = 1.0 / sds**2
+    mean = float(weights @ values / weights.sum())
+    scatter = float(np.std(values)) / np.sqrt(max(values.size - 1, 1))
+    return mean, float(np.hypot(1.0 / np.sqrt(weights.sum()), scatter))
+
+
+def names_of(places: Sequence[Place]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the tests and the phases of places, each once."""
+    tests = tuple(dict.fromkeys(one.trial.name for one in places))
+    return tests, tuple(dict.fromkeys(one.phase for one in places))
+
+
+def exponent(places: Sequence[Place]) -> tuple[float, float] | None:
+    """Return by which power of the speed a quantity grows, and its error.
+
+    None where the speeds do not differ by a factor of two.
+    """
+    speeds = np.log([one.speed for one in places])
+    if np.ptp(speeds) < np.log(2.0):
+        return None
+    sizes = np.log([one.value for one in places])
+    errors = np.array([one.sd / one.value for one in places])
+    off = speeds - np.average(speeds, weights=errors**-2)
+    spread = float(np.sum((off / errors) ** 2))
+    slope = float(np.sum(off * sizes / errors**2)) / spread
+    return slope, 1.0 / float(np.sqrt(spread))

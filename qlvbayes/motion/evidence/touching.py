@@ -1,0 +1,56 @@
+"""Direct evidence from first contacts: force before depth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qlvbayes.io.data import Control
+from qlvbayes.io.formats.contact import FirstContact, find_contact
+from qlvbayes.io.wording import plain
+from qlvbayes.motion.evidence.record import CLEAR, DirectEvidence, Place, names_of, pooled
+from qlvbayes.motion.experiment import Experiment, Trial
+
+_AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
+_AGREE = 3.0  # errors, within which tests have one contact
+
+
+def contact_of(experiment: Experiment, trial: Trial) -> FirstContact | None:
+    """Return where the force of a test begins to rise; None if no approach shows it."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), trial.phases[0])
+    if experiment.units.dimensionless or first.control == Control.FORCE:
+        return None
+    contact = find_contact(trial.test.displacement, trial.test.force)
+    if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
+        return None
+    return contact
+
+
+def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+    """Return the evidence of a force that begins before or after the file's zero.
+
+    A soft beginning looks like a late contact, which is therefore not beyond doubt.
+    """
+    places = []
+    for trial in experiment.trials:
+        contact = contact_of(experiment, trial)
+        begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
+        if contact is not None and not begun and contact.sd > 0.0:
+            places.append(Place(trial, "ramp", float(contact.position), float(contact.sd)))
+    if len(places) < 2:
+        return ()
+    value, sd = pooled(places)
+    if abs(value) < CLEAR * sd:
+        return ()
+    off = [abs(one.value - value) / np.hypot(one.sd, sd) for one in places]
+    tests, phases = names_of(places)
+    unit, early = experiment.units.displacement, value < 0.0
+    return (
+        DirectEvidence(
+            "contact_offset", "depth at which the force begins", value, sd, unit, tests, phases,
+            f"the force begins at {plain(value)} +- {plain(sd, 2)} {unit}, "
+            + ("before" if early else "after")
+            + " the file's zero"
+            + ("" if early else ", where a soft beginning looks alike"),
+            early and max(off) < _AGREE,
+        ),
+    )  # fmt: skip

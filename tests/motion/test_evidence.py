@@ -1,0 +1,162 @@
+"""What readings show without a model: named where it is there, and never beyond doubt elsewhere."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qlvbayes.io.data import Pad, Test, read_measurements
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.firstlook import look_at
+from qlvbayes.simulate import PROTOCOLS
+from tests.support.hidden_pads import hidden_pad
+
+AWAY = Path(__file__).parents[3] / "shared" / "away"  # made by others
+NOISE = 1e-3  # N
+MASS = 7e-4  # N s2/mm
+
+
+def seen(experiment, *, bonded=False):
+    return {one.effect: one for one in direct_evidence(experiment, bonded)}
+
+
+def beyond_doubt(experiment, *, bonded=False):
+    return {name for name, one in seen(experiment, bonded=bonded).items() if one.beyond_doubt}
+
+
+def a_press(speed, *, ramp_up=0.05, stroke=2.0, back=2.4, rest=3.0):
+    """A platen that presses, holds and moves back farther than it came: time, motion."""
+    step = 1e-3
+    duration = lambda length: length / speed + ramp_up  # noqa: E731
+    move = lambda length: np.interp(  # noqa: E731
+        np.arange(0.0, duration(length), step),
+        [0.0, ramp_up, duration(length) - ramp_up, duration(length)],
+        [0.0, speed, speed, 0.0],
+    )
+    still = np.zeros(round(rest / step))
+    velocity = np.concatenate([still, move(stroke), still, -move(back), still])
+    displacement = step * np.cumsum(velocity)
+    time = step * np.arange(velocity.size)
+    return time, displacement, velocity, np.gradient(velocity, step)
+
+
+def pressed(force_of, speeds=(2.0, 10.0), *, seed=0, **press):
+    """The tests of a pad at some speeds, its force a function of time, depth, speed, rate."""
+    rng, tests = np.random.default_rng(seed), []
+    for speed in speeds:
+        time, *motion = a_press(speed, **press)
+        at = np.arange(0.0, time[-1], 0.01)
+        force = np.interp(at, time, force_of(time, *motion))
+        tests.append(
+            Test(
+                name=f"{speed:g}", pad="p", time=at, role="validate",
+                displacement=np.round(np.interp(at, time, motion[0]), 3),
+                force=force + NOISE * rng.standard_normal(at.size),
+            )
+        )  # fmt: skip
+    return prepare(Pad("p", tuple(tests), UnitSystem("mm", "N")))
+
+
+def spring(depth):
+    return 0.5 * np.maximum(depth, 0.0)
+
+
+@pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
+@pytest.mark.parametrize("seed", range(2))
+def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
+    experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
+    assert beyond_doubt(experiment) == set()
+
+
+def test_nothing_is_beyond_doubt_on_a_spring_that_is_left():
+    assert beyond_doubt(pressed(lambda _, depth, *__: spring(depth))) == set()
+
+
+def test_a_pad_that_sticks_pulls_beyond_doubt_and_one_that_is_bonded_may():
+    sticks = lambda _, depth, *__: spring(depth) + 0.3 * np.minimum(depth, 0.0)  # noqa: E731
+    holds = lambda *motion: np.where(motion[1] > -0.8, sticks(*motion), 0.0)  # noqa: E731
+    experiment = pressed(holds, speeds=(1.0, 4.0), back=4.0)
+    assert beyond_doubt(experiment) == {"adhesion"}
+    assert seen(experiment)["adhesion"].value == pytest.approx(0.24, abs=0.04)
+    assert seen(experiment, bonded=True) == {}
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0])
+def test_a_drag_pulls_but_not_beyond_doubt(power):
+    drags = lambda v: 0.05 * np.sign(v) * np.abs(v) ** power  # noqa: E731
+    experiment = pressed(lambda _, depth, v, __: spring(depth) + drags(v))
+    assert seen(experiment)["adhesion"].beyond_doubt is False
+    assert beyond_doubt(experiment) == set()
+
+
+def test_a_mass_in_air_is_measured():
+    experiment = pressed(lambda _, __, ___, a: MASS * a, stroke=10.0, back=10.0)
+    assert beyond_doubt(experiment) == {"inertia"}
+    mass = seen(experiment)["inertia"]
+    assert mass.value == pytest.approx(MASS, rel=0.15)
+    assert mass.unit == "N s2/mm"
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.5])
+def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(lost):
+    """0.1 N of Dahl's friction, and a spring of which something has relaxed when it is left."""
+
+    def force(_, depth, speed, __):
+        turned, z = np.empty(depth.size), 0.0
+        for k in range(depth.size):
+            z += 1e-3 * speed[k] / 0.02 * (1.0 - z * np.sign(speed[k]))
+            turned[k] = z
+        return np.where(speed < 0.0, 1.0 - lost, 1.0) * spring(depth) + 0.1 * turned
+
+    experiment = pressed(force, speeds=(1.0, 4.0), back=4.0)
+    assert beyond_doubt(experiment) == {"friction"}
+    assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_frame_that_rings_after_stops_is_heard():
+    def force(time, depth, speed, _):
+        ends = time[1:][(np.abs(speed[1:]) < 1e-9) & (np.abs(speed[:-1]) > 1e-9)]
+        rings = [
+            np.where(time > end, 0.05 * np.exp(-3.0 * (time - end)), 0.0)
+            * np.sin(2.0 * np.pi * 8.0 * (time - end))
+            for end in ends
+        ]
+        return spring(depth) + sum(rings)
+
+    experiment = pressed(force)
+    assert beyond_doubt(experiment) == {"frame_ringing"}
+    assert seen(experiment)["frame_ringing"].value == pytest.approx(0.05, rel=0.3)
+
+
+@pytest.mark.parametrize(("pause", "told"), [(600.0, True), (20.0, False)])
+def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave(pause, told):
+    """A tenth is lost from the first test to the second, which a slow mode may also do at first."""
+    (trial,) = pressed(lambda _, depth, *__: spring(depth), speeds=(2.0,)).trials
+    later = replace(
+        trial.test, name="later", force=0.9 * trial.test.force, start_s=pause, start_known=True
+    )
+    experiment = prepare(Pad("p", (trial.test, later), UnitSystem("mm", "N")))
+    assert ("stress_softening" in seen(experiment)) is told
+    assert beyond_doubt(experiment) == set()
+
+
+def test_it_is_part_of_a_look_in_words_and_in_its_file():
+    experiment = pressed(lambda _, __, ___, a: MASS * a, stroke=10.0, back=10.0)
+    (found,) = look_at(experiment, bonded=False).direct_evidence
+    assert found.beyond_doubt
+    assert "moving mass" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "there"),
+    [("air.csv.gz", {"inertia"}), ("sticky.csv.gz", {"adhesion"}), ("pulls.csv", {"adhesion"}),
+     ("film.csv", set()), ("drag.csv", set())],
+)  # fmt: skip
+def test_records_that_others_made(name, there):
+    if not AWAY.exists():
+        pytest.skip("the records are not here")
+    (pad,) = read_measurements(AWAY / name).pads
+    assert beyond_doubt(prepare(pad)) == there
