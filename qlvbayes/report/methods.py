@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
@@ -32,8 +33,10 @@ _THRESHOLDS = {
     "unlisted": "something outside the list is taken to be there from a probability of {} on",
     "returned": "a test has retracted where it is below {:.2g} of the depth or the peak force",
     "cells": "systematic errors are looked for with {}",
-    "imitation": "an effect is distinguished from an imitation with {}",
-    "rise": "no effect is named that raises the error on tests left out by more than {:.2g} of it",
+    "imitation": "strengths in single tests are compared with {}",
+    "scatter": "stiffness and strengths may differ from test to test, with {}",
+    "measured": "an effect that the readings show beyond doubt has the certainty {}",
+    "own": "no effect is named whose probability over all hypotheses is below {}",
 }
 
 
@@ -112,9 +115,12 @@ def _thresholds(results: Results) -> tuple[str, ...]:
     )
 
 
-def _counted(fields: dict[str, float]) -> str:
-    """Return named values as ``beam = 2, near = 25``."""
-    return ", ".join(f"{name} = {value:g}" for name, value in fields.items())
+def _counted(fields: dict[str, Any]) -> str:
+    """Return named values as ``beam = 2, near = 25``, and groups of them in parentheses."""
+    return ", ".join(
+        f"{name} ({_counted(value)})" if isinstance(value, dict) else f"{name} = {value:g}"
+        for name, value in fields.items()
+    )
 
 
 def _comparisons(results: Results) -> str:

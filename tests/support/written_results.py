@@ -129,6 +129,7 @@ SUPPORT = {
     "error_left": 0.01,
     "p_left": 0.4,
     "effects": 1,
+    "strengths": None,
 }
 HALF = {"block_means": 21, "of": 956, "test": "fast", "phase": "ramp", "time_s": 0.031}
 

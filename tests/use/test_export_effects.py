@@ -89,6 +89,7 @@ HELD = np.interp(TIME, [0.0, 0.2, 2.0, 2.5], [0.0, 1.6, 1.6, 1.3])
 LEFT_OPEN = {
     "power_law_drag": 1e-7,
     "guide_power_law_drag": 1e-7,
+    "guide_friction": 1e-7,  # where it slides off the pad its force has no slope
     "frame_compliance": 1e-11,
     "stiffening_frame": 1e-11,
 }

@@ -70,10 +70,10 @@ def test_motion_has_the_jerk_and_the_ramp_of_its_rig(study):
     a = fastest.acceleration(t)
     assert np.abs(np.diff(a)).max() / step == pytest.approx(study.rig.plan.jerk, rel=1e-3)
     for one, derivative in (("displacement", "velocity"), ("velocity", "acceleration")):
-        slope = np.gradient(getattr(fastest, one)(t), step)[2:-2]
-        assert slope == pytest.approx(
-            getattr(fastest, derivative)(t)[2:-2], abs=study.rig.plan.jerk * step
-        )
+        values = getattr(fastest, one)(t)
+        apart = np.abs(np.gradient(values, step) - getattr(fastest, derivative)(t))[2:-2]
+        assert np.mean(apart > study.rig.plan.jerk * step) < 1e-3  # pieces meet to within rounding
+        assert 2.0 * step * apart.max() < 1e-4 * np.ptp(values)
     v = np.abs(fastest.velocity(t))
     top = int(np.argmax(v > 0.999 * v.max()))
     begun = top - int(np.argmax(v[top::-1] < 1e-3 * v.max()))
