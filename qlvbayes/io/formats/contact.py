@@ -201,7 +201,10 @@ def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
     """Return mean and sd of the point of contact over the forms with which force may begin."""
     points, sds, heights = np.array([(o.position, o.sd, o.height) for o in found]).T
     likely = heights - heights.max() > -UNLIKELY
-    weights = np.exp(heights[likely] - heights.max()) * sds[likely]
+    shares = np.exp(heights[likely] - heights.max())
+    weights = shares * sds[likely]
+    if not weights.any():  # each form begins at one place exactly
+        weights = shares
     weights /= weights.sum()
     point = float(weights @ points[likely])
     return point, float(np.sqrt(weights @ (sds[likely] ** 2 + (points[likely] - point) ** 2)))
