@@ -46,7 +46,7 @@ EFFECTS = {
     "levelling_drift": (0.1, 0.8),
     "slow_change": (0.05, 0.7, -0.4, 10.0),
     "adhesion": (0.08,),
-    "adhesion_at_a_stretch": (0.08, 0.05),
+    "adhesion_at_a_stretch": (0.08, 0.05, 0.3),
     "frame_compliance": (0.05,),
     "stiffening_frame": (0.1, 1.0),
     "pressure_friction": (0.1, 0.05, 0.6, 1.6),
