@@ -170,12 +170,7 @@ class Correlated(AbstractGaussian):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the noise near what was measured inside holds without the model.
-
-        The white sd is within a factor of 1.2, or more where the holds leave it more open. The
-        correlated sd is half-normal, so that it may be zero, and its time is within a factor of 3,
-        or more likewise.
-        """
+        """Return the noise near what was measured inside holds without the model."""
         return cls(
             lognormal(scales.white, scales.white_factor),
             HalfNormal(3.0 * scales.noise),

@@ -159,10 +159,7 @@ class LogNormal(AbstractPositivePrior):
     word: ClassVar[str] = "lognormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density of the log-normal distribution.
-
-        It is minus infinity at zero and below.
-        """
+        """Return the log density of the log-normal distribution."""
         positive = jnp.asarray(value) > 0.0
         log_value = jnp.log(jnp.where(positive, value, 1.0))
         density = jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value
