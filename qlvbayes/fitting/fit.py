@@ -148,20 +148,10 @@ class Fit:
         )
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
-        """Predict tests sample by sample, with noise.
+        """Predict tests sample by sample, with noise; return one `Prediction` for each.
 
-        Parameters
-        ----------
-        trials
-            Tests to predict, of ``experiment.trials`` or others in the same units; all of the pad's
-            by default.
-        seed
-            Seed of the choice of draws and of the noise.
-
-        Returns
-        -------
-        list of Prediction
-            One for each test.
+        ``trials`` are of ``experiment.trials`` or others in the same units, all of the pad's by
+        default; ``seed`` is that of the choice of draws and of the noise.
         """
         chosen = self.experiment.trials if trials is None else trials
         return predict(self.experiment, self.choices, self.curve_draws, chosen, seed=seed)
@@ -169,15 +159,7 @@ class Fit:
     def check(self, *, seed: int = 0) -> CheckResult:
         """Check where the model fails, test by test and phase by phase, over all the pad's tests.
 
-        Parameters
-        ----------
-        seed
-            Seed of the choice of draws and of the noise.
-
-        Returns
-        -------
-        CheckResult
-            The cells of test and phase.
+        ``seed`` is that of the choice of draws and of the noise.
         """
         return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 

@@ -206,20 +206,8 @@ def save(tree: xarray.DataTree, path: Path) -> None:
 def load(path: Path) -> Saved:
     """Read a results file, or a posterior made elsewhere that uses the same names of the constants.
 
-    Parameters
-    ----------
-    path
-        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``.
-
-    Returns
-    -------
-    Saved
-        Draws of the constants, model and provenance.
-
-    Raises
-    ------
-    InputError
-        The file is neither of these; the error names what is missing.
+    ``path`` is an ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``. An InputError where it is
+    neither of these; it names what is missing.
     """
     try:
         _check_arrays(path)

@@ -59,18 +59,9 @@ class Specimen:
     def look(self, *, bonded: bool | None = None) -> PadSeen:
         """Return what is in the tests and what of the model they can show; nothing is fitted.
 
-        ``plots.plot_look`` draws ``experiment``.
-
-        Parameters
-        ----------
-        bonded
-            Whether the specimen is fixed to the platen, by default where the tests hold strain and
-            stress.
-
-        Raises
-        ------
-        InputError
-            A test cannot be used.
+        ``plots.plot_look`` draws ``experiment``. ``bonded``: whether the specimen is fixed to the
+        platen, by default where the tests hold strain and stress. An InputError where a test cannot
+        be used.
         """
         fixed = self.pad.units.bonded_default if bonded is None else bonded
         return look_at(self.experiment, bonded=fixed)
@@ -286,21 +277,9 @@ def _diagnosed(
 def read_study(path: str | Path) -> Study:
     """Read a file of measurements, CSV or as a testing machine writes it.
 
-    Parameters
-    ----------
-    path
-        A tidy CSV or .csv.gz file, a row per sample: ``time_s``, ``displacement_mm`` and
-        ``force_N`` (or ``strain`` and ``stress_kPa``), and what `data.read_measurements` names
-        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`).
-
-    Returns
-    -------
-    Study
-        The pads, with their units, and what was noticed on reading.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used as it is; the error names line and remedy.
+    ``path`` is a tidy CSV or .csv.gz file, a row per sample: ``time_s``, ``displacement_mm`` and
+    ``force_N`` (or ``strain`` and ``stress_kPa``), and what `data.read_measurements` names besides;
+    or a file of a layout that its first bytes show (`qlvbayes.io.formats`). An InputError names
+    line and remedy.
     """
     return Study(**vars(read_measurements(path)))

@@ -36,11 +36,10 @@ def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
 def save_figure(
     drawn: Axes | Sequence[Axes] | Figure, path: Path, kinds: Sequence[str] = tuple(_METADATA)
 ) -> Path:
-    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi), or ``kinds``; return the latter.
+    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
 
-    ``drawn`` is what a function of this package returned, or a figure; ``path`` has no suffix. Each
-    file is written under a temporary name that is then changed. An OSError where nothing can be
-    written.
+    ``drawn`` is what a function of this package returned, or a figure; ``path`` has no suffix;
+    ``kinds`` are both by default. Each file is written under a temporary name, then renamed.
     """
     figure = figure_of(drawn)
     with style(), warnings.catch_warnings(), _laid_out(figure):

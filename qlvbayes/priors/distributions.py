@@ -38,19 +38,10 @@ class AbstractPrior(eqx.Module):
 
     @abstractmethod
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """Return the value at y, and the log prior density over y.
+        """Return the value at y (size,), unconstrained numbers, and the log prior density over y.
 
-        Parameters
-        ----------
-        y
-            (size,) unconstrained numbers.
-
-        Returns
-        -------
-        value
-            The constant, or the array of constants.
-        log_density
-            The log density over y, normalised; it includes the log-Jacobian of the map.
+        The value is a constant or an array of them; the density is normalised and includes the
+        log-Jacobian of the map.
         """
 
     @abstractmethod

@@ -42,17 +42,8 @@ class AbstractTarget(ABC):
 
     @abstractmethod
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of the files, by name.
+        """Return the content of the files of a fitted pad, by name.
 
-        Parameters
-        ----------
-        pad
-            The fitted pad.
-        specimen
-            Its shape, None where the user gave none.
-
-        Raises
-        ------
-        InputError
-            The target cannot represent this pad.
+        ``specimen`` is its shape, None where the user gave none. An InputError where the target
+        cannot represent this pad.
         """
