@@ -69,6 +69,11 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     The tests are those of the paper and one that retracts fully. With ``scales`` they are stretched
     to its depth and force, and the size is not checked. An EffectError has a line for each rule
     that is broken.
+
+    Parameters
+    ----------
+    kind, scales
+        The effect's class; the scales of the tests, by default those of the paper.
     """
     run_checks(effect_checks(kind, scales), EffectError)
 
@@ -76,7 +81,10 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
 def effect_checks(kind: type[AbstractEffect], scales: Scales | None = None) -> Iterator[Check]:
     """Yield name and function of each check of `check_effect`, so that each is its own test.
 
-    ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``; arguments as there.
+    Parameters
+    ----------
+    kind, scales
+        As there: ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``.
     """
 
     @cache

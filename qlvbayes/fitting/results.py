@@ -206,8 +206,10 @@ def save(tree: xarray.DataTree, path: Path) -> None:
 def load(path: Path) -> Saved:
     """Read a results file, or a posterior made elsewhere that uses the same names of the constants.
 
-    ``path`` is an ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``. An InputError where it is
-    neither of these; it names what is missing.
+    Parameters
+    ----------
+    path
+        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``; an InputError names what is missing.
     """
     try:
         _check_arrays(path)

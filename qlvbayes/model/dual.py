@@ -20,11 +20,13 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
     zero is applied at once. A loose specimen carries no force below zero: there the platen rests on
     its surface. From the point at which no displacement has the force (a law that softens) the
     answer is not a number. The computation is O(N), and differentiable in model and force, also
-    under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
+    under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case). An InputError where
+    an effect has no step, the arrays differ in shape, or time runs back.
 
-    Every constant of ``model`` must be a number; ``time`` (N,) in s rises, ``force`` (N,) is in N,
-    the displacement (N,) in mm. An InputError where an effect has no step, the arrays differ in
-    shape, or time runs back.
+    Parameters
+    ----------
+    model, time, force
+        Model whose every constant is a number; (N,) in s, rising; (N,) in N. Returns (N,) in mm.
     """
     check_inverse(model)
     time, force = jnp.asarray(time, dtype=float), jnp.asarray(force, dtype=float)

@@ -87,7 +87,7 @@ class Stepper:
         return self._take(_inverse, next_force)
 
     def band(self, share: float = 0.9) -> tuple[float, float]:
-        """Return the ends of the middle ``share`` of the last answer over the draws, after a first step."""
+        """Return the ends of the middle ``share`` of the last answer, after a first step."""
         if self._answer is None:
             raise InputError("no step was made yet", remedy="ask for a force or a displacement")
         low, high = np.quantile(self._answer, [0.5 - 0.5 * share, 0.5 + 0.5 * share])

@@ -69,16 +69,9 @@ class Bench:
 
     It is compiled once for all models.
 
-    Parameters
-    ----------
-    experiment
-        The tests of the pad.
-    choices
-        Laws, effects and priors.
-    samples
-        The samples at which forces and errors are computed.
-    density
-        The posterior density under independent noise, by which models are fitted.
+    experiment: The tests of the pad; choices: Laws, effects and priors; samples: The samples at
+    which forces and errors are computed; density: The posterior density under independent noise, by
+    which models are fitted.
     """
 
     experiment: Experiment
@@ -147,7 +140,7 @@ class Bench:
             self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
-        """Return the model of the choices, fitted from its priors; raise NoFiniteForceError if none can be."""
+        """Return the model of the choices, fitted from its priors, if any draw of them can be used."""
         model, space = self.baseline(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(

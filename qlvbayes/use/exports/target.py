@@ -20,18 +20,9 @@ class Geometry:
 class AbstractTarget(ABC):
     """Program, format or language that a pad is exported to.
 
-    Parameters
-    ----------
-    name
-        Its name after ``--to``.
-    what
-        Its files, in one line.
-    cannot
-        Parts of the model that it cannot represent, each in one line.
-    steps
-        Whether it takes effects that go step by step.
-    without_steps
-        What becomes of such effects in a target that does not.
+    name: Its name after ``--to``; what: Its files, in one line; cannot: Parts of the model that it
+    cannot represent, each in one line; steps: Whether it takes effects that go step by step;
+    without_steps: What becomes of such effects in a target that does not.
     """
 
     name: ClassVar[str]
