@@ -138,8 +138,8 @@ class Fit:
         Parameters
         ----------
         trials, seed
-            Of ``experiment.trials`` or others in the same units, all of the pad's by default; seed of
-            the choice of draws and of the noise.
+            Of ``experiment.trials`` or others in the same units, all of the pad's by default; the
+            seed is that of the choice of draws and of the noise.
         """
         chosen = self.experiment.trials if trials is None else trials
         return predict(self.experiment, self.choices, self.curve_draws, chosen, seed=seed)

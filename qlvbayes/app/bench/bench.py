@@ -140,7 +140,7 @@ class Bench:
             self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
-        """Return the model of the choices, fitted from its priors, if any draw of them can be used."""
+        """Return the model of the choices, fitted from its priors, if a draw can be used."""
         model, space = self.baseline(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(
