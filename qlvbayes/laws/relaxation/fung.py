@@ -55,7 +55,7 @@ class Fung(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: a box from the sampling interval to the longest dwell."""
+        """Return the law under weak priors: a box from sampling interval to longest phase."""
         decades = decades_of(scales)
         height = lognormal(1.0 / (decades * 2.3), 3.0)
         first, last = lognormal(3.0 * scales.shortest, 10.0), lognormal(scales.longest, 10.0)
