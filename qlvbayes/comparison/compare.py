@@ -53,17 +53,13 @@ def compare(
     first, second
         A `Fit`, a results file (`load_results`) or a dict of draws by the constants' names; or a
         sequence of these, the specimens of one fluid.
-    names
-        What to call them.
+    names, seed
+        What to call them; seed of the pairing.
     region
         Of practical equivalence, as a share of the smaller one.
-    depth, rates
+    depth, rates, frequencies
         Where quantities are read (mm, mm/s, or in the first one's units, to which the others are
-        converted); by default where both pads' tests reach.
-    frequencies
-        The same (Hz).
-    seed
-        Of the pairing.
+        converted; Hz); by default where both pads' tests reach.
 
     Raises
     ------

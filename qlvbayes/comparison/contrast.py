@@ -69,34 +69,17 @@ class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold":
 class Comparison(Result, frozen=True, kw_only=True):
     """Comparison of two pads or two fluids, quantity by quantity: ``compare.json``.
 
-    Parameters
-    ----------
-    names
-        Names of the first and of the second.
-    between
-        ``pads``, or ``fluids`` where both have two specimens or more.
-    units
-        Units of displacement and force, those of the first pad.
-    specimens
-        Numbers of specimens of the first and of the second.
-    region
-        Region of practical equivalence: ratios within 1/(1 + region) .. 1 + region count as equal.
-    differ
-        True where the joint test calls the two different; False where it does not and each tested
-        quantity is equal within the region; None where the data cannot tell.
-    omnibus
-        The joint test of the shared constants, or of the quantities that all tests show; None where
-        there was nothing to test.
-    by_chance
-        Expected number of quantities that would be called different one by one if all were equal.
-    settings
-        Depth, rates, frequencies and hold at which quantities are read; None where none are stated.
-    contrasts
-        One entry for each quantity, the shared constants first.
-    notices
-        One sentence on each limit of the comparison.
-    words
-        The answer in sentences.
+    names: Names of the first and of the second; between: ``pads``, or ``fluids`` where both have
+    two specimens or more; units: Units of displacement and force, those of the first pad;
+    specimens: Numbers of specimens of the first and of the second; region: Region of practical
+    equivalence: ratios within 1/(1 + region) .. 1 + region count as equal; differ: True where the
+    joint test calls the two different; False where it does not and each tested quantity is equal
+    within the region; None where the data cannot tell; omnibus: The joint test of the shared
+    constants, or of the quantities that all tests show; None where there was nothing to test;
+    by_chance: Expected number of quantities that would be called different one by one if all were
+    equal; settings: Depth, rates, frequencies and hold at which quantities are read; None where
+    none are stated; contrasts: One entry for each quantity, the shared constants first; notices:
+    One sentence on each limit of the comparison; words: The answer in sentences.
     """
 
     names: tuple[str, str]

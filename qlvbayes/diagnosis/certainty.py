@@ -1,19 +1,14 @@
 r"""The certainty: a probability that was calibrated on blind studies.
 
-The posterior over hypotheses is right only where the truth is among them. The certainty corrects it
-by what happened in registered blind studies away from the paper's rig, in which unmodelled things
-were hidden too. It is how often an effect with such evidence was there, by a logistic regression,
+It is how often an effect with such evidence was there in registered blind studies away from the
+paper's rig, in which unmodelled things were hidden too, by a logistic regression,
 
 .. math:: \ln \frac{c}{1 - c} = w_0 + \sum_{k=1}^6 w_k x_k,
 
-on the evidence for the effect and its support (`checks.support`): how much better and how surely
-better tests left out are predicted with it, how large an error and which structure are left with
-it, and how many effects stand beside it. Features beyond the range that was learnt from count as
-its end. `validation/certainty.py` learns the weights and checks them on studies that they were not
-learnt from; ``certainty.json`` names the runs.
-
-A force that needs another strength in each test is not that of one effect: the certainty is
-multiplied by the share of the effect's force that one strength makes (`checks.strengths`).
+on the evidence for the effect and its support (`checks.support`). Features beyond the range that
+was learnt from count as its end. `validation/certainty.py` learns the weights; ``certainty.json``
+names the runs. It is multiplied by the share of the effect's force that one strength makes
+(`checks.strengths`).
 """
 
 from __future__ import annotations

@@ -21,16 +21,9 @@ class StopSearch(Exception):  # noqa: N818 - it reports no error
 class SearchProgress:
     """The state of a search that is still running.
 
-    Parameters
-    ----------
-    doing
-        What the search does next, in words.
-    seen
-        Number of hypotheses evaluated so far.
-    best
-        The most probable hypothesis so far.
-    decision
-        What the verdict would be now, before the selected hypothesis is tested.
+    doing: What the search does next, in words; seen: Number of hypotheses evaluated so far; best:
+    The most probable hypothesis so far; decision: What the verdict would be now, before the
+    selected hypothesis is tested.
     """
 
     doing: str

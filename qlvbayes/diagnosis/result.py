@@ -295,68 +295,26 @@ class DiagnosisResult(
 
     Forces are in the unit of ``units.force``, N by default.
 
-    Parameters
-    ----------
-    pad
-        Name of the pad.
-    units
-        Units of the file.
-    noise
-        Sd of the noise floor, measured without the model.
-    verdict
-        The verdict.
-    effects
-        Effects that the verdict names; the most probable member of a group comes last.
-    group
-        Effects of which one is there, for an ambiguous verdict.
-    forms
-        The form of each effect that is there by another law than the candidate effect's own.
-    base
-        Laws of the selected hypothesis.
-    bases
-        All probable pairs of laws, the most probable first.
-    outside
-        Probability that something unmodelled is there.
-    alternatives
-        The most probable hypotheses.
-    not_ruled_out
-        The most probable sets of effects.
-    constants
-        Constants of the base laws, averaged over all hypotheses with these laws.
-    heldout_of_all
-        Error on tests left out of the prediction of all probable hypotheses together, each with
-        its probability given the other tests; None where only one is probable.
-    stages
-        Hypotheses from the baseline to the selected one.
-    ranking
-        Inclusion probabilities of ``none`` and all candidate effects.
-    not_identifiable
-        Effects that the tests cannot show.
-    biases
-        Effects that would hide in the constants.
-    coincident
-        Groups of effects that look alike in these tests.
-    refused
-        Effects that are probable, and why they are not named.
-    notices
-        What one should know of the tests.
-    suggestions
-        Tests that would separate the members of the group.
-    discrepancy
-        Most probable size of what the selected hypothesis leaves.
-    direct_evidence
-        What the readings show without any model.
-    scatter
-        Relative sd from test to test of the ``stiffness``, and of the strength of each effect of
-        the selected hypothesis, where these differ.
-    tolerance
-        Share of the peak force below which that does not matter.
-    remainder
-        Size of the structure that the selected hypothesis leaves.
-    worst
-        Where the baseline model fails worst.
-    settings
-        The settings that were used.
+    pad: Name of the pad; units: Units of the file; noise: Sd of the noise floor, measured without
+    the model; verdict: The verdict; effects: Effects that the verdict names; the most probable
+    member of a group comes last; group: Effects of which one is there, for an ambiguous verdict;
+    forms: The form of each effect that is there by another law than the candidate effect's own;
+    base: Laws of the selected hypothesis; bases: All probable pairs of laws, the most probable
+    first; outside: Probability that something unmodelled is there; alternatives: The most probable
+    hypotheses; not_ruled_out: The most probable sets of effects; constants: Constants of the base
+    laws, averaged over all hypotheses with these laws; heldout_of_all: Error on tests left out of
+    the prediction of all probable hypotheses together, each with its probability given the other
+    tests; None where only one is probable; stages: Hypotheses from the baseline to the selected
+    one; ranking: Inclusion probabilities of ``none`` and all candidate effects; not_identifiable:
+    Effects that the tests cannot show; biases: Effects that would hide in the constants;
+    coincident: Groups of effects that look alike in these tests; refused: Effects that are
+    probable, and why they are not named; notices: What one should know of the tests; suggestions:
+    Tests that would separate the members of the group; discrepancy: Most probable size of what the
+    selected hypothesis leaves; direct_evidence: What the readings show without any model; scatter:
+    Relative sd from test to test of the ``stiffness``, and of the strength of each effect of the
+    selected hypothesis, where these differ; tolerance: Share of the peak force below which that
+    does not matter; remainder: Size of the structure that the selected hypothesis leaves; worst:
+    Where the baseline model fails worst; settings: The settings that were used.
     """
 
     pad: str

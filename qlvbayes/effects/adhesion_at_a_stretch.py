@@ -55,11 +55,7 @@ class AdhesionAtAStretch(Adhesion):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with the strength of adhesion and a stretch near 10 % of the depth.
-
-        A pad has recovered by 1 % to all of the way when the platen leaves it, log-uniform: soft
-        ones relax in seconds, and are drawn off in less.
-        """
+        """Return the effect with the strength of adhesion and a stretch near 10 % of the depth."""
         return cls(scales.positive(1.0), lognormal(0.1 * scales.depth, 3.0), LogUniform(0.01, 1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:

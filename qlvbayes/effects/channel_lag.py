@@ -79,10 +79,7 @@ class ChannelLag(AbstractEffect):
         return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force after the law beneath has gone on to the delayed time.
-
-        The force is not a number where more than 256 lines fall within the delay.
-        """
+        """Return the state and the force after the law beneath has gone on to the delayed time."""
         late: _Late = state
         lost = late.count > LINES
         added = [

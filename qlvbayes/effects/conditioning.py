@@ -45,10 +45,7 @@ class Conditioning(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the peak force.
-
-        Most of it is lost within the first few tests.
-        """
+        """Return the effect with a share scaled by the peak force."""
         return cls(scales.positive(scales.force), LogUniform(*_TESTS))
 
     def force(self, below: Law, motion: Motion) -> Array:

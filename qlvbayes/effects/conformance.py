@@ -67,35 +67,24 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     * its prior gives it a fair size.
 
     The tests are those of the paper and one that retracts fully. With ``scales`` they are stretched
-    to its depth and force, and the size is not checked.
+    to its depth and force, and the size is not checked. An EffectError has a line for each rule
+    that is broken.
 
     Parameters
     ----------
-    kind
-        The effect's class.
-    scales
-        The scales of the tests, by default those of the paper.
-
-    Raises
-    ------
-    EffectError
-        Rules are broken; the text has a line for each of them.
+    kind, scales
+        The effect's class; the scales of the tests, by default those of the paper.
     """
     run_checks(effect_checks(kind, scales), EffectError)
 
 
 def effect_checks(kind: type[AbstractEffect], scales: Scales | None = None) -> Iterator[Check]:
-    """Yield the name and the function of each check of `check_effect`.
-
-    So that each rule is a test of its own:
-    ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``.
+    """Yield name and function of each check of `check_effect`, so that each is its own test.
 
     Parameters
     ----------
-    kind
-        The effect's class.
-    scales
-        The scales of the tests, by default those of the paper.
+    kind, scales
+        As there: ``@pytest.mark.parametrize(("name", "check"), effect_checks(MyEffect))``.
     """
 
     @cache

@@ -114,20 +114,7 @@ class AbstractEffect(eqx.Module):
 
     @abstractmethod
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force (N,) in N of the law beneath with this effect, at the motion's points.
-
-        Parameters
-        ----------
-        below
-            The law beneath: the material and the effects inside this one.
-        motion
-            The motion of one test, N points.
-
-        Returns
-        -------
-        Array
-            (N,) in N.
-        """
+        """Return the force (N,) in N of the law beneath with this effect, at the N points."""
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state at a motion's first point.
@@ -140,22 +127,9 @@ class AbstractEffect(eqx.Module):
         """Return the state and the force (N) after a line; an effect may leave this out.
 
         The force is the one that ``force`` gives on a grid. Written in numbers and ``jnp``, this is
-        also what the exports translate to C and to MATLAB. The pad's clock is 0 where the steps
-        begin.
-
-        Parameters
-        ----------
-        below
-            The law beneath.
-        state
-            The state before the line, of this effect and of the law beneath.
-        line
-            The line of the motion.
-
-        Raises
-        ------
-        InputError
-            The effect has no step.
+        also what the exports translate to C and to MATLAB. ``state`` is that before the line, of
+        this effect and of the law ``below``. The pad's clock is 0 where the steps begin. An effect
+        that has no step raises an InputError.
         """
         raise InputError(
             f"the effect {self.name} does not go step by step: {self.not_stepped}",
@@ -165,14 +139,8 @@ class AbstractEffect(eqx.Module):
     def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array] | None:
         """Return a relaxation's spectrum as the effect changes it.
 
-        Return None where the effect acts on more than the relaxation function.
-
-        Parameters
-        ----------
-        fractions
-            (L + 1,); the first is the share that never relaxes.
-        rates
-            (L,) in 1/s.
+        None where the effect acts on more than the relaxation function. ``fractions`` (L + 1,)
+        begin with the share that never relaxes, ``rates`` (L,) are in 1/s.
         """
         return None
 

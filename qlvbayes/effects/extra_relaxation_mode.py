@@ -36,10 +36,7 @@ class ExtraRelaxationMode(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by 0.6 of the peak force.
-
-        The rate may be any that the tests resolve.
-        """
+        """Return the effect with a share scaled by 0.6 of the peak force."""
         # at most a fifth of a sample's: a quicker mode is a drag that grows with the stiffness, as
         # a squeeze film's does (a cosine of 0.96 there)
         low, high = resolved_rates(scales)

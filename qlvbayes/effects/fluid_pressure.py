@@ -44,10 +44,7 @@ class FluidPressure(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with k scaled by the depth.
-
-        Drainage takes from a few samples to twice the longest phase.
-        """
+        """Return the effect with k scaled by the depth."""
         low, high = resolved_times(scales)
         return cls(
             scales.positive(scales.depth), LogUniform(low, high), HalfNormal(1.0 / scales.depth)

@@ -65,11 +65,7 @@ class FrameRinging(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the top speed.
-
-        The frequency is log-uniform from 2 Hz to 200 Hz, or as far as there are four readings in a
-        period; the damping is such that it rings.
-        """
+        """Return the effect with a strength scaled by the top speed."""
         shown = 1.0 / (READINGS_A_PERIOD * scales.shortest) if scales.shortest > 0.0 else _FASTEST
         highest = min(max(shown, 2.0 * SLOWEST_HZ), _FASTEST)
         speed = scales.speed if scales.speed > 0.0 else 1.0

@@ -88,10 +88,7 @@ class Friction(AbstractFriction):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the peak force.
-
-        The reach is a small part of the depth.
-        """
+        """Return the effect with a strength scaled by the peak force."""
         return cls(scales.positive(1.0), reversing(scales))
 
     def rubbed(self, force: Array, slid: Array) -> Array:

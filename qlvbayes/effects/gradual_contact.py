@@ -41,10 +41,7 @@ class GradualContact(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a gap scaled by the stiffness at the largest force.
-
-        Contact is made over a tenth of the depth, within a factor of 3.
-        """
+        """Return the effect with a gap scaled by the stiffness at the largest force."""
         return cls(scales.signed(scales.stiffness), lognormal(0.1 * scales.depth, 3.0))
 
     def force(self, below: Law, motion: Motion) -> Array:

@@ -44,10 +44,7 @@ class LevellingDrift(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a rate scaled by the shift at the end of the study.
-
-        The drift may level off within the study.
-        """
+        """Return the effect with a rate scaled by the shift at the end of the study."""
         whole = duration(scales)
         return cls(scales.signed(_REACHED * whole), HalfNormal(_LEVELS / whole))
 

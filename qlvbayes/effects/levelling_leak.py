@@ -44,10 +44,7 @@ class LevellingLeak(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a rate scaled by the loss at the end of the study.
-
-        The return may take a part of the study.
-        """
+        """Return the effect with a rate scaled by the loss at the end of the study."""
         # of tests at even intervals one that levels off within the study is conditioning to 0.998,
         # by the clock in place of the count: only a pause or one long test tells the two apart
         whole = duration(scales)

@@ -42,10 +42,7 @@ class LoadCellCreep(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the peak force.
-
-        Its time lies between that of the fastest ramp and twice the longest phase.
-        """
+        """Return the effect with a share scaled by the peak force."""
         return cls(scales.positive(0.7 * scales.force), LogUniform(*after_ramps(scales)))
 
     def force(self, below: Law, motion: Motion) -> Array:

@@ -51,10 +51,7 @@ class OffsetsByTest(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a size scaled by the peak force.
-
-        The curved parts are as large as the straight one.
-        """
+        """Return the effect with a size scaled by the peak force."""
         curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
         return cls(scales.signed(LARGEST), *curved, duration(scales))
 

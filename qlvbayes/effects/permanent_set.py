@@ -39,10 +39,7 @@ class PermanentSet(AbstractEffect):
         return cls(scales.positive(scales.stiffness * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force at the lowered depth.
-
-        The set grows while the depth is the largest so far.
-        """
+        """Return the force at the lowered depth."""
         deepest = jnp.maximum(largest(motion.displacement, motion.ago), 0.0)
         kept = self._speed_ratio(motion, deepest)
         slowed = replace(

@@ -45,10 +45,7 @@ class PressureFriction(AbstractFriction):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the peak force, which is its reference.
-
-        The share is uniform.
-        """
+        """Return the effect with a strength scaled by the peak force, which is its reference."""
         return cls(
             scales.positive(1.0),
             reversing(scales),

@@ -42,10 +42,7 @@ class SecondContact(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a stiffness scaled by half of the depth.
-
-        The second spring may begin anywhere within the depth.
-        """
+        """Return the effect with a stiffness scaled by half of the depth."""
         low, high = (share * scales.depth for share in _RANGE)
         return cls(scales.positive(0.5 * scales.depth), Uniform(low, high))
 

@@ -45,10 +45,7 @@ class SlowChange(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a size scaled by the peak force.
-
-        The curved parts are as large as the straight one.
-        """
+        """Return the effect with a size scaled by the peak force."""
         curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
         return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
 

@@ -44,10 +44,7 @@ class SqueezeFilm(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with eta scaled by three times the top speed.
-
-        That is what a film of middle thickness adds at most.
-        """
+        """Return the effect with eta scaled by three times the top speed."""
         speed = scales.speed if scales.speed > 0.0 else 1.0
         depth = scales.depth
         return cls(scales.positive(3.0 * speed), LogUniform(*(share * depth for share in _GAPS)))

@@ -52,8 +52,5 @@ class StrainDependentStrength(AbstractEffect):
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: it needs holds at two depths.
-
-        With holds at one depth alone, constants of the relaxation give the same forces.
-        """
+        """Return why no test can show it: it needs holds at two depths."""
         return "all holds are at one depth" if protocol.one_depth else None

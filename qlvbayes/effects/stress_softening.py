@@ -34,10 +34,7 @@ class StressSoftening(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with s scaled by a tenth of the peak force, which keeps s below 1.
-
-        An s above 1 has no physical meaning.
-        """
+        """Return the effect with s scaled by a tenth of the peak force, which keeps s below 1."""
         return cls(scales.positive(0.1 * scales.force))
 
     def force(self, below: Law, motion: Motion) -> Array:

@@ -43,10 +43,7 @@ class Thixotropy(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the peak force.
-
-        Recovery takes from a few samples to twice the longest phase.
-        """
+        """Return the effect with a share scaled by the peak force."""
         low, high = resolved_times(scales)
         return cls(
             scales.positive(0.7 * scales.force),

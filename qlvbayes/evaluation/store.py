@@ -33,14 +33,8 @@ class Store:
     New studies are appended to the file, or to one part, so that several processes may write at
     once. A line that a kill has cut short is removed.
 
-    Parameters
-    ----------
-    path
-        The file.
-    plan
-        Only studies whose key ``plan`` has this value count; None counts all.
-    part
-        Number of the part that new studies are written to; None writes to the file.
+    path: The file; plan: Only studies whose key ``plan`` has this value count; None counts all;
+    part: Number of the part that new studies are written to; None writes to the file.
     """
 
     def __init__(self, path: Path, plan: str | None = None, part: int | None = None) -> None:

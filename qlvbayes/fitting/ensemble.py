@@ -39,16 +39,9 @@ _PATIENCE = 1.25  # growth of the chain between convergence checks
 class Settings:
     """The settings of the sampler: numbers of walkers and steps, and the seed.
 
-    Parameters
-    ----------
-    walkers
-        Number of walkers; twice the number of parameters and 2 more at least.
-    min_steps, max_steps
-        At least ``min_steps`` are kept, and at most ``max_steps`` are sampled in all.
-    stretch
-        Steps in one stored segment of the chain.
-    seed
-        Seed of the chain.
+    walkers: Number of walkers; twice the number of parameters and 2 more at least; min_steps,
+    max_steps: At least ``min_steps`` are kept, and at most ``max_steps`` are sampled in all;
+    stretch: Steps in one stored segment of the chain; seed: Seed of the chain.
     """
 
     walkers: int = 32

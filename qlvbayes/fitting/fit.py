@@ -59,29 +59,14 @@ _NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximat
 class Fit:
     """Draws of every constant of one pad.
 
-    Parameters
-    ----------
-    pad, method, choices, settings
-        Name of the pad, method, model, and settings of the sampler; least squares use its seed
-        alone.
-    experiment, trials
-        Tests of the pad, and those that were fitted.
-    posterior
-        Posterior of these trials.
-    theta
-        Draws (chains, draws, D) of the free parameters, thinned.
-    constants
-        Draws (chains, draws, P) of the constants that ``names`` lists, thinned, moved by what a
-        discrepancy may have moved them by.
-    every
-        The same before thinning (chains, steps, P), from which means are computed.
-    chain
-        Constants (chains, steps, P) as they were sampled, where the curve follows the data.
-        Diagnostics are computed from these.
-    enough
-        Whether the sampling suffices.
-    facts
-        Figures of the sampling, by name.
+    pad, method, choices, settings: Name of the pad, method, model, and settings of the sampler;
+    least squares use its seed alone; experiment, trials: Tests of the pad, and those that were
+    fitted; posterior: Posterior of these trials; theta: Draws (chains, draws, D) of the free
+    parameters, thinned; constants: Draws (chains, draws, P) of the constants that ``names`` lists,
+    thinned, moved by what a discrepancy may have moved them by; every: The same before thinning
+    (chains, steps, P), from which means are computed; chain: Constants (chains, steps, P) as they
+    were sampled, where the curve follows the data. Diagnostics are computed from these; enough:
+    Whether the sampling suffices; facts: Figures of the sampling, by name.
     """
 
     pad: str
@@ -148,20 +133,13 @@ class Fit:
         )
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
-        """Predict tests sample by sample, with noise.
+        """Predict tests sample by sample, with noise; return one `Prediction` for each.
 
         Parameters
         ----------
-        trials
-            Tests to predict, of ``experiment.trials`` or others in the same units; all of the pad's
-            by default.
-        seed
-            Seed of the choice of draws and of the noise.
-
-        Returns
-        -------
-        list of Prediction
-            One for each test.
+        trials, seed
+            Of ``experiment.trials`` or others in the same units, all of the pad's by default; the
+            seed is that of the choice of draws and of the noise.
         """
         chosen = self.experiment.trials if trials is None else trials
         return predict(self.experiment, self.choices, self.curve_draws, chosen, seed=seed)
@@ -173,11 +151,6 @@ class Fit:
         ----------
         seed
             Seed of the choice of draws and of the noise.
-
-        Returns
-        -------
-        CheckResult
-            The cells of test and phase.
         """
         return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 

@@ -30,24 +30,12 @@ _ROWS = 300  # largest number of samples in a phase, evenly spread in the logari
 class Prediction:
     """The n samples of one test, and their predictions.
 
-    Parameters
-    ----------
-    trial
-        The test.
-    time, phase
-        Time (s) and kind of phase of each sample.
-    observed
-        Measured force.
-    mean
-        Posterior mean of the model's force.
-    low, high
-        Ends of the 90 % predictive interval, with noise and with the discrepancy that the fit
-        implies. The mean may therefore lie outside it.
-    forces
-        The model's force (draws, n) for each posterior draw.
-    floor
-        Realisations (draws, n) of the noise floor that was measured without the model, each with
-        its own draw of what the dwells leave open.
+    trial: The test; time, phase: Time (s) and kind of phase of each sample; observed: Measured
+    force; mean: Posterior mean of the model's force; low, high: Ends of the 90 % predictive
+    interval, with noise and with the discrepancy that the fit implies. The mean may therefore lie
+    outside it; forces: The model's force (draws, n) for each posterior draw; floor: Realisations
+    (draws, n) of the noise floor that was measured without the model, each with its own draw of
+    what the dwells leave open.
     """
 
     trial: Trial

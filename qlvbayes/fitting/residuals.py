@@ -59,24 +59,12 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
 
     Forces are in the unit of ``units.force``, N by default.
 
-    Parameters
-    ----------
-    pad
-        Name of the pad.
-    effects
-        Names of the model's effects.
-    units
-        Units of displacement and force.
-    noise
-        Standard deviation of one reading by the noise floor (N), measured without the model.
-    cells
-        Errors in each kind of phase of each test that has samples; at least one.
-    cycles
-        Errors of each single phase whose kind occurs several times in its test, as in cyclic tests.
-    notices
-        Sentences on the measurements and their noise.
-    false_alarms
-        Probability that any cell of a correct model is called failing.
+    pad: Name of the pad; effects: Names of the model's effects; units: Units of displacement and
+    force; noise: Standard deviation of one reading by the noise floor (N), measured without the
+    model; cells: Errors in each kind of phase of each test that has samples; at least one; cycles:
+    Errors of each single phase whose kind occurs several times in its test, as in cyclic tests;
+    notices: Sentences on the measurements and their noise; false_alarms: Probability that any cell
+    of a correct model is called failing.
     """
 
     pad: str

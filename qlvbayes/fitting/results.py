@@ -209,17 +209,7 @@ def load(path: Path) -> Saved:
     Parameters
     ----------
     path
-        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``.
-
-    Returns
-    -------
-    Saved
-        Draws of the constants, model and provenance.
-
-    Raises
-    ------
-    InputError
-        The file is neither of these; the error names what is missing.
+        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``; an InputError names what is missing.
     """
     try:
         _check_arrays(path)

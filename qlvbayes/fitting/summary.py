@@ -34,27 +34,15 @@ class Constant(Part, frozen=True):
 class FitSummary(Result, frozen=True, kw_only=True):
     """Posterior of every constant of one pad, and whether its sampling converged: ``summary.json``.
 
-    Parameters
-    ----------
-    pad
-        Name of the pad.
-    units
-        Units of displacement and force, from which those of the constants follow.
-    effects
-        Names of the model's effects.
-    sampler
-        Method of the fit: ``emcee``, ``least-squares`` or ``two-step``.
-    converged
-        Whether no R-hat, effective sample size or autocorrelation time speaks against the sampling;
-        of least squares, whether two starts came to the same optimum.
-    troubles
-        Messages on what speaks against it; empty where ``converged`` is true.
-    notices
-        Sentences on the tests and their noise, such as what the tests cannot determine.
-    settings
-        Settings of the sampler, of which least squares use the seed alone; None where not stated.
-    parameters
-        Posterior of each constant by its name, as ``m`` or ``v[1]``, in the constant's own unit.
+    pad: Name of the pad; units: Units of displacement and force, from which those of the constants
+    follow; effects: Names of the model's effects; sampler: Method of the fit: ``emcee``,
+    ``least-squares`` or ``two-step``; converged: Whether no R-hat, effective sample size or
+    autocorrelation time speaks against the sampling; of least squares, whether two starts came to
+    the same optimum; troubles: Messages on what speaks against it; empty where ``converged`` is
+    true; notices: Sentences on the tests and their noise, such as what the tests cannot determine;
+    settings: Settings of the sampler, of which least squares use the seed alone; None where not
+    stated; parameters: Posterior of each constant by its name, as ``m`` or ``v[1]``, in the
+    constant's own unit.
     """
 
     pad: str

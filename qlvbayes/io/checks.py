@@ -17,16 +17,8 @@ class InputError(Exception):
     ...                remedy="write a number or delete the row"))
     "pads.csv, line 12: force_N is not a number ('abc'); write a number or delete the row"
 
-    Parameters
-    ----------
-    message
-        What is wrong.
-    file
-        The file that is meant; None where none is.
-    line
-        The line of that file, counted from 1.
-    remedy
-        What the user can do, as an imperative.
+    message: What is wrong; file: The file that is meant; None where none is; line: The line of that
+    file, counted from 1; remedy: What the user can do, as an imperative.
     """
 
     def __init__(

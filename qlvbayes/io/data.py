@@ -63,45 +63,21 @@ class Prescribed:
 class Test:
     """A test of one pad: n samples of time, displacement and force.
 
-    Parameters
-    ----------
-    name
-        The test's name, unique within its pad.
-    pad
-        The pad's name.
-    time
-        (n,) in s, rising.
-    displacement
-        (n,) displacement or strain, in the file's own unit (`Pad.units`).
-    force
-        (n,) force or stress, in the file's own unit.
-    force_sd
-        (n,) measured standard deviation of each force; None where it was not measured.
-    role
-        ``fit`` or ``validate``; None where the file does not say.
-    rate
-        Declared loading rate, displacement over s; None where none is declared.
-    start_s
-        Time of the pad's clock at the first sample (s).
-    start_known
-        Whether ``start_s`` was measured; otherwise the tests follow without a pause.
-    control
-        Which quantity was prescribed in the whole test; None where the file does not say, or where
-        it changes within the test.
-    changes
-        Stretches of time, one after another, with the quantity prescribed in each, where the file
-        says that it changes within the test; else empty.
-    contact_sd
-        Standard error of the displacement's zero, in the unit of displacement; None where it was
-        not measured.
-    contact_stage
-        Name of the stage whose contact is the test's zero, where it shares that error with the
-        pad's other tests of that name; empty where its error is its own.
-    used
-        (n,) whether the force of each sample is used; None where all are. The displacement is the
-        specimen's history and always is.
-    anew
-        (n,) whether the displacement of each sample was read anew; None where all were.
+    name: The test's name, unique within its pad; pad: The pad's name; time: (n,) in s, rising;
+    displacement: (n,) displacement or strain, in the file's own unit (`Pad.units`); force: (n,)
+    force or stress, in the file's own unit; force_sd: (n,) measured standard deviation of each
+    force; None where it was not measured; role: ``fit`` or ``validate``; None where the file does
+    not say; rate: Declared loading rate, displacement over s; None where none is declared; start_s:
+    Time of the pad's clock at the first sample (s); start_known: Whether ``start_s`` was measured;
+    otherwise the tests follow without a pause; control: Which quantity was prescribed in the whole
+    test; None where the file does not say, or where it changes within the test; changes: Stretches
+    of time, one after another, with the quantity prescribed in each, where the file says that it
+    changes within the test; else empty; contact_sd: Standard error of the displacement's zero, in
+    the unit of displacement; None where it was not measured; contact_stage: Name of the stage whose
+    contact is the test's zero, where it shares that error with the pad's other tests of that name;
+    empty where its error is its own; used: (n,) whether the force of each sample is used; None
+    where all are. The displacement is the specimen's history and always is; anew: (n,) whether the
+    displacement of each sample was read anew; None where all were.
     """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
@@ -133,16 +109,8 @@ class Test:
 class Pad:
     """A pad and its tests, in the file's order.
 
-    Parameters
-    ----------
-    name
-        The pad's name.
-    tests
-        Its tests.
-    units
-        The units of its displacements and forces.
-    fluid
-        What fills the pad; None where the file does not say.
+    name: The pad's name; tests: Its tests; units: The units of its displacements and forces; fluid:
+    What fills the pad; None where the file does not say.
     """
 
     name: str

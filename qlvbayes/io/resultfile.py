@@ -1,9 +1,7 @@
 """Make frozen records and the JSON files that hold them, each from the other.
 
-msgspec reads and checks them: one wheel of half a megabyte without dependencies. It refuses a wrong
-type and names its location in the file; code of our own would be as long as this module again, and
-cattrs, which needs attrs too, would convert wrong values. Keys of the file that differ from the
-attribute's name are listed at the record's class, in ``rename``.
+msgspec reads and checks them: it refuses a wrong type and names its location in the file. Keys of
+the file that differ from the attribute's name are listed at the record's class, in ``rename``.
 """
 
 from __future__ import annotations

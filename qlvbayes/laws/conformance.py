@@ -55,19 +55,13 @@ def check_law(
     stiffness is the slope of its force, and its step equals the integral that it stands for. A
     relaxation law has g(0) = 1 and falls; its fractions are not negative and sum to 1; its rates
     are finite, above 0, at most 60, and as many whatever the constants are. Values and slopes are
-    finite, and compiled and plain evaluation agree.
+    finite, and compiled and plain evaluation agree. A LawError has a line for each rule that is
+    broken.
 
     Parameters
     ----------
-    kind
-        The law's class.
-    scales
-        The scales of the tests, by default those of the paper.
-
-    Raises
-    ------
-    LawError
-        Rules are broken; the text has a line for each of them.
+    kind, scales
+        The law's class; the scales of the tests, by default those of the paper.
     """
     run_checks(law_checks(kind, scales), LawError)
 
@@ -75,17 +69,12 @@ def check_law(
 def law_checks(
     kind: type[AbstractElastic] | type[AbstractRelaxation], scales: Scales | None = None
 ) -> Iterator[Check]:
-    """Yield the name and the function of each check of `check_law`.
-
-    So that each rule is a test of its own:
-    ``@pytest.mark.parametrize(("name", "check"), law_checks(MyLaw))``.
+    """Yield name and function of each check of `check_law`, so that each is its own test.
 
     Parameters
     ----------
-    kind
-        The law's class.
-    scales
-        The scales of the tests, by default those of the paper.
+    kind, scales
+        As there: ``@pytest.mark.parametrize(("name", "check"), law_checks(MyLaw))``.
     """
     yield "declarations", partial(_check_declarations, kind)
     limits = scales or _SCALES

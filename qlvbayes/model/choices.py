@@ -112,22 +112,8 @@ class Choices:
     def build(self, scales: Scales) -> tuple[Model, AbstractNoise]:
         """Return model and noise with default priors at these scales, then with the user's own.
 
-        Parameters
-        ----------
-        scales
-            The scales of the pad's tests.
-
-        Returns
-        -------
-        Model
-            The model; a number stands for each fixed constant, a prior for each free one.
-        AbstractNoise
-            The noise, likewise.
-
-        Raises
-        ------
-        InputError
-            A setting cannot be applied.
+        In both a number stands for each fixed constant, a prior for each free one. An InputError
+        where a setting cannot be applied.
         """
         model = default_model(
             scales,
@@ -152,17 +138,8 @@ class Choices:
     def prepare(self, pad: Pad, *, all_tests: bool = False) -> Experiment:
         """Return the prepared tests of a pad: of the readings that these choices say are used.
 
-        Parameters
-        ----------
-        pad
-            The pad with its measured tests.
-        all_tests
-            Whether every test is fitted, whatever its role.
-
-        Raises
-        ------
-        InputError
-            More than 2 % of a test's readings are bad, or too few are left.
+        With ``all_tests`` every test is fitted, whatever its role. An InputError where more than 2
+        % of a test's readings are bad, or too few are left.
         """
         return prepare(
             pad,

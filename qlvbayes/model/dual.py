@@ -15,32 +15,18 @@ from qlvbayes.model.stepping import begin_at_force, step_to_force, without_inver
 def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> Array:
     r"""Return the displacement at which a specimen has a given force, point after point.
 
-    This solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between points. Creep is
-    of second order in the spacing, and `Model.force` of the answer returns the given force. Creep
-    under a dead weight is a constant force. The specimen is at rest until the first point; a first
-    force other than zero is applied at once. A loose specimen carries no force below zero: there
-    the platen rests on its surface. From the point at which no displacement has the force (a law
-    that softens) the answer is not a number. The computation is O(N), and differentiable in model
-    and force, also under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
+    This solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between points, of second
+    order in the spacing. The specimen is at rest until the first point; a first force other than
+    zero is applied at once. A loose specimen carries no force below zero: there the platen rests on
+    its surface. From the point at which no displacement has the force (a law that softens) the
+    answer is not a number. The computation is O(N), and differentiable in model and force, also
+    under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case). An InputError where
+    an effect has no step, the arrays differ in shape, or time runs back.
 
     Parameters
     ----------
-    model
-        The model; every constant must be a number.
-    time
-        (N,) in s, rising.
-    force
-        (N,) in N.
-
-    Returns
-    -------
-    Array
-        Displacement, (N,) in mm.
-
-    Raises
-    ------
-    InputError
-        An effect of the model has no step, the arrays differ in shape, or time runs back.
+    model, time, force
+        Model whose every constant is a number; (N,) in s, rising; (N,) in N. Returns (N,) in mm.
     """
     check_inverse(model)
     time, force = jnp.asarray(time, dtype=float), jnp.asarray(force, dtype=float)

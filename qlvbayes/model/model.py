@@ -20,17 +20,9 @@ class Model(eqx.Module):
     Effects wrap the material; they nest innermost first, whatever the order in which they were
     added. A field of any part is a number (fixed) or a prior (free).
 
-    Parameters
-    ----------
-    elastic
-        The elastic law.
-    relaxation
-        The relaxation law.
-    bonded
-        Whether the specimen is fixed to the platen. One that is not cannot pull
-        (`layered.Contact`).
-    effects
-        The effects, innermost first.
+    elastic: The elastic law; relaxation: The relaxation law; bonded: Whether the specimen is fixed
+    to the platen. One that is not cannot pull (`layered.Contact`); effects: The effects, innermost
+    first.
     """
 
     elastic: AbstractElastic

@@ -96,10 +96,7 @@ class AbstractGaussian(AbstractNoise):
 class White(AbstractGaussian):
     """Independent normal noise of every sample.
 
-    Parameters
-    ----------
-    white
-        Standard deviation of one sample (N).
+    white: Standard deviation of one sample (N).
     """
 
     white: Constant
@@ -143,14 +140,8 @@ class Correlated(AbstractGaussian):
     ``Blocks.scale``; errors of the motion and of its times add ``Blocks.extra`` and
     ``Blocks.timing`` once a block.
 
-    Parameters
-    ----------
-    white
-        Standard deviation of the white part (N).
-    ou
-        Stationary standard deviation of the correlated part (N).
-    tau
-        Its correlation time (s).
+    white: Standard deviation of the white part (N); ou: Stationary standard deviation of the
+    correlated part (N); tau: Its correlation time (s).
     """
 
     white: Constant
@@ -170,12 +161,7 @@ class Correlated(AbstractGaussian):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the noise near what was measured inside holds without the model.
-
-        The white sd is within a factor of 1.2, or more where the holds leave it more open. The
-        correlated sd is half-normal, so that it may be zero, and its time is within a factor of 3,
-        or more likewise.
-        """
+        """Return the noise near what was measured inside holds without the model."""
         return cls(
             lognormal(scales.white, scales.white_factor),
             HalfNormal(3.0 * scales.noise),
@@ -245,15 +231,10 @@ class Floor(AbstractGaussian):
 
     By itself this is the noise without a discrepancy.
 
-    Parameters
-    ----------
-    white, ou, tau
-        As in `Correlated`; nan where they are the measured ones.
-    factor
-        Factor by which both standard deviations exceed the measured ones.
-    remainder
-        Size of the discrepancy (N): its standard deviation where the force is largest. ``factor``
-        and ``remainder`` are nan where the likelihood sums over them (`floorlikelihood`).
+    white, ou, tau: As in `Correlated`; nan where they are the measured ones; factor: Factor by
+    which both standard deviations exceed the measured ones; remainder: Size of the discrepancy (N):
+    its standard deviation where the force is largest. ``factor`` and ``remainder`` are nan where
+    the likelihood sums over them (`floorlikelihood`).
     """
 
     white: Constant

@@ -1,10 +1,8 @@
 """Bounds on the residuals of a fitted motion, of single readings and of runs of neighbours.
 
-A reading alone shows no misfit below several standard deviations of the scatter. The mean of m
-neighbours scatters by 1 / sqrt(m) of that: what is too small to be seen in one reading shows in a
-run of them (the scan statistic; Glaz, Naus & Wallenstein 2001). Runs have 2, 4, 8, ... readings;
-their means may be off by half a step of the encoder, which rounding repeats, and what scatter
-leaves.
+The mean of m neighbours scatters by 1 / sqrt(m): what is too small to be seen in one reading shows
+in a run of them (the scan statistic; Glaz, Naus & Wallenstein 2001). Runs have 2, 4, 8, ...
+readings; their means may be off by half a step of the encoder and what scatter leaves.
 """
 
 from __future__ import annotations

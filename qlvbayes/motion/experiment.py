@@ -115,23 +115,12 @@ class Trial:
 class Experiment:
     """Tests of one pad, prepared for a fit: motion, phases, rates, roles and the noise floor.
 
-    Parameters
-    ----------
-    pad
-        Name of the pad.
-    units
-        Units of displacement and force of all tests.
-    trials
-        Every test with its motion, phases, loading rate and role, in the order of the file.
-    floor
-        Noise floor of the force, measured without the model.
-    fluid
-        What fills the pad; None where that is not known.
-    rested
-        Whether every test is taken to begin at rest, whatever came before it.
-    cuts
-        One sentence on each test of which only a part is used, or whose displacement was read more
-        seldom than its force.
+    pad: Name of the pad; units: Units of displacement and force of all tests; trials: Every test
+    with its motion, phases, loading rate and role, in the order of the file; floor: Noise floor of
+    the force, measured without the model; fluid: What fills the pad; None where that is not known;
+    rested: Whether every test is taken to begin at rest, whatever came before it; cuts: One
+    sentence on each test of which only a part is used, or whose displacement was read more seldom
+    than its force.
     """
 
     pad: str

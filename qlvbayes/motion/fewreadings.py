@@ -1,22 +1,15 @@
 r"""Paths through few readings, without features that the readings do not show.
 
-Many paths go through few readings. A fit of pieces may overshoot between two of them, turn there or
-bend the wrong way, and a force that remembers which way the platen went (friction) is then wrong
-through a whole hold.
-
-`trapezoid`: controllers make a move from rest to rest by a trapezoid of velocity. With the share
-s = (t - t_0) / T of its duration and the share r of speeding up and slowing down (half: a
-triangle),
-a stroke D is
+`trapezoid`: controllers make a move from rest to rest by a trapezoid of velocity. With the share s
+= (t - t_0) / T of its duration and the share r of speeding up and slowing down, a stroke D is
 
 .. math:: x = x_0 + D \begin{cases} s^2 / 2r(1 - r) & s < r \\ (s - r/2) / (1 - r) & \\
           1 - (1 - s)^2 / 2r(1 - r) & s > 1 - r \end{cases}
 
-Three numbers, so that three readings in motion show it; where they leave one open, the least
-acceleration is taken.
+Where the readings leave one of the three numbers open, the least acceleration is taken.
 
-`monotone`: cubics through the readings that rise where these rise and fall where they fall (Fritsch
-& Butland 1984, doi:10.1137/0905021). `corners`: straight lines that are never far from them.
+`monotone`: cubics that rise and fall where the readings do (Fritsch & Butland 1984,
+doi:10.1137/0905021). `corners`: straight lines that are never far from them.
 """
 
 from __future__ import annotations

@@ -1,17 +1,13 @@
 r"""Errors of the times of a fitted motion's knots.
 
 A knot that is late by d lets a velocity that jumps by J there jump by -J d in displacement, to
-first order, and an acceleration that jumps by J by -J d in velocity. So the spline with that jump
-set free has, in the variance of the jump which the readings would give it, the variance of the
-moment:
+first order, and an acceleration that jumps by J by -J d in velocity:
 
 .. math:: \mathrm{var}\, t_k = \mathrm{var}(\text{jump of the next lower order at } t_k) / J_k^2
 
-Free are the jumps at all knots at once: times that readings only determine together have large
-sds. The level of a dwell next to the stretch counts with its own error, which rounding makes as
-large as a step over sqrt(12) however long it lasted. Rounding errors of a motion that passes nearly
-a whole number of steps from reading to reading repeat themselves, as those of a slow one do: they
-are taken as one error until the motion has gained or lost a step against that number.
+Free are the jumps at all knots at once. The level of a dwell next to the stretch counts with its
+own error, a step over sqrt(12) at least. Rounding errors of a motion that passes nearly a whole
+number of steps from reading to reading are taken as one error.
 """
 
 from __future__ import annotations

@@ -1,15 +1,12 @@
 r"""Load control, in a test or in a part of it: the force is prescribed, the displacement responds.
 
-Such readings are fitted as all others are, by the force of the measured displacement. Where the
-true force is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d`
-leave
+Such readings are fitted as all others are, by the force of the measured displacement. Readings F +
+e and :math:`\delta + d` of the true force and displacement leave
 
 .. math:: r = (F + e) - F[\delta + d] \approx e - K d
 
-whichever of the two was prescribed, K being the stiffness against a quick change. It is the
-residual in displacement times that stiffness, and asks for no inverse. Both readings' errors are
-in it, and a controller that follows the load cell moves errors of the one into the other: the
-noise is measured on :math:`F - K \delta`, in which it shows whatever the controller does.
+whichever of the two was prescribed, K being the stiffness against a quick change. The noise is
+measured on :math:`F - K \delta`, in which both errors show whatever the controller does.
 """
 
 from __future__ import annotations

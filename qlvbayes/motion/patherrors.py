@@ -1,17 +1,13 @@
 r"""Errors of a fitted motion's speed and acceleration, where readings do not resolve their change.
 
-A testing machine limits acceleration and jerk. Of a ramp-up of five readings the change of speed
-and the way are known, but not how the acceleration is distributed between the readings: constant,
-or rising and falling. So within such a stretch the acceleration is a random walk from the fitted
-one at its beginning, as large over an interval as the readings and the fit make it change there,
+Within such a stretch the acceleration is a random walk from the fitted one at its beginning, as
+large over an interval as the readings and the fit make it change there,
 
 .. math:: a(t) = a_0 + \sum_k w_k\,r(t - s_k)
 
-with r rising from 0 to 1 until the next s_k. Given the readings of the displacement, and the fitted
-speed and acceleration beyond the stretch, each with its error, the w_k are jointly normal. What the
-path may differ by from the fitted one has a mean, which the fit has wrong there, and a covariance.
-Both together are a few outer products: an acceleration over-estimated at the beginning of a ramp-up
-is under-estimated at its end.
+with r rising from 0 to 1 until the next s_k. Given the readings, and the fitted speed and
+acceleration beyond the stretch, each with its error, the w_k are jointly normal, with a mean, which
+the fit has wrong there, and a covariance: a few outer products.
 """
 
 from __future__ import annotations

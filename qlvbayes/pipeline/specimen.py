@@ -35,10 +35,7 @@ class Specimen:
     Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
     stress.
 
-    Parameters
-    ----------
-    pad
-        The pad: its name, its tests, their units and, where it is known, its fluid.
+    pad: The pad: its name, its tests, their units and, where it is known, its fluid.
     """
 
     pad: Pad
@@ -59,18 +56,12 @@ class Specimen:
     def look(self, *, bonded: bool | None = None) -> PadSeen:
         """Return what is in the tests and what of the model they can show; nothing is fitted.
 
-        ``plots.plot_look`` draws ``experiment``.
+        ``plots.plot_look`` draws ``experiment``. An InputError where a test cannot be used.
 
         Parameters
         ----------
         bonded
-            Whether the specimen is fixed to the platen, by default where the tests hold strain and
-            stress.
-
-        Raises
-        ------
-        InputError
-            A test cannot be used.
+            Whether the specimen is fixed to the platen, by default where it is strain and stress.
         """
         fixed = self.pad.units.bonded_default if bonded is None else bonded
         return look_at(self.experiment, bonded=fixed)
@@ -177,18 +168,9 @@ class Study(Measurements):
 
     Iteration yields the names of the pads in the file's order, and ``len(study)`` is their number.
 
-    Parameters
-    ----------
-    pads
-        The pads, in the file's order.
-    units
-        Units of displacement and force of all pads.
-    source
-        Path of the file.
-    sha256
-        SHA-256 digest of the file, in hexadecimal digits.
-    notices
-        Sentences on how the file was read.
+    pads: The pads, in the file's order; units: Units of displacement and force of all pads; source:
+    Path of the file; sha256: SHA-256 digest of the file, in hexadecimal digits; notices: Sentences
+    on how the file was read.
     """
 
     def __getitem__(self, name: str) -> Specimen:
@@ -291,16 +273,7 @@ def read_study(path: str | Path) -> Study:
     path
         A tidy CSV or .csv.gz file, a row per sample: ``time_s``, ``displacement_mm`` and
         ``force_N`` (or ``strain`` and ``stress_kPa``), and what `data.read_measurements` names
-        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`).
-
-    Returns
-    -------
-    Study
-        The pads, with their units, and what was noticed on reading.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used as it is; the error names line and remedy.
+        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`). An
+        InputError names line and remedy.
     """
     return Study(**vars(read_measurements(path)))

@@ -25,23 +25,9 @@ def plot_constants(
 ) -> list[Axes]:
     """Draw each constant of all pads: median, 90 % interval, and the reference where there is one.
 
-    There is one panel for each constant, with an axis of its own, and one row for each pad. Dots
-    and bars are medians and intervals, open diamonds are references, and the numbers are written
-    above the bars.
-
-    Parameters
-    ----------
-    entries
-        The entries of ``constants_table``; constants of the noise are left out.
-    reference
-        What the references are, for the legend.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        A panel for each constant.
+    ``entries`` are those of ``constants_table`` (constants of the noise are left out),
+    ``reference`` names the references in the legend, ``width`` is in mm; returns a panel for each
+    constant.
     """
     shown = [entry for entry in entries if not entry.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(entry.pad for entry in shown))

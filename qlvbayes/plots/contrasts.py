@@ -42,22 +42,8 @@ _APART = 0.13  # share of the axis between two ticks that are labelled
 def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
     """Draw the ratio of every quantity, first over second, with its 90 % interval.
 
-    Quantities are in groups; the shaded region holds the ratios that count as equal. Filled round
-    marks mean equal, open round marks that the tests cannot tell, triangles greater (up) or less
-    (down). At the right of each row are the answer and the probability that the first is greater.
-    Quantities that may be zero or change their sign have no ratio.
-
-    Parameters
-    ----------
-    comparison
-        The comparison of two pads or fluids.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    Axes
-        The axes.
+    ``comparison`` is that of two pads or fluids, ``width`` in mm; returns the axes. Quantities that
+    may be zero or change their sign have no ratio.
     """
     tight = narrow(width)
     with style():

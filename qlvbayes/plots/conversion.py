@@ -31,19 +31,8 @@ _WIDE = 1.645  # standard errors on either side that hold 90 %
 def plot_conversion(conversion: Conversion, *, width: float = DOUBLE) -> list[Axes]:
     """Draw displacement and force against time, and the force's rise at contact, test by test.
 
-    A band shows first contact with its 90 % interval, where there is an approach.
-
-    Parameters
-    ----------
-    conversion
-        The conversion of machine files.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, three for each test.
+    ``conversion`` is that of machine files, ``width`` in mm; returns three panels for each test. A
+    band shows first contact with its 90 % interval, where there is an approach.
     """
     tests = conversion.tests[:_MOST]
     tight = narrow(width)

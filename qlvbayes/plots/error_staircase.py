@@ -40,21 +40,8 @@ _RISE = (
 def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     """Draw the root mean square error of all samples after each step of the search.
 
-    Filled dots and full lines are all tests fitted together; open squares and dashes are each test
-    predicted from the others. The horizontal line is the noise measured without a model. Below each
-    step is written what it added and what it removed.
-
-    Parameters
-    ----------
-    diagnosis
-        The result of the diagnosis.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    Axes
-        The axes.
+    ``diagnosis`` is the diagnosis's result, ``width`` in mm; returns the axes. Full lines are all
+    tests fitted together, dashes each test predicted from the others.
     """
     units, tight = diagnosis.units, narrow(width)
     with style():

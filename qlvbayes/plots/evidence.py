@@ -50,22 +50,8 @@ _NAMED, _GROUP, _TRIED, _OTHER = _LOOKS
 def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     """Draw each effect's log Bayes factor for being in the model, the most probable on top.
 
-    The factor is taken over all base laws and all other effects. The number and the probability are
-    written to the right of the bar; ``none`` means that no effect is in the model. Effects named in
-    the verdict are dark blue, and others that explain the tests as well are light blue with a
-    frame. A cross marks an effect that a check refused; diagnosis.txt gives the reason.
-
-    Parameters
-    ----------
-    diagnosis
-        The result of the diagnosis.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    Axes
-        The axes.
+    ``diagnosis`` is the diagnosis's result, ``width`` in mm; returns the axes. The factor is taken
+    over all base laws and all other effects; a cross marks an effect that a check refused.
     """
     tight = narrow(width)
     with style():

@@ -24,18 +24,7 @@ _NO_ENGINE: Any = {"figure.autolayout": False, "figure.constrained_layout.use": 
 
 
 def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
-    """Return the figure that contains some axes.
-
-    Parameters
-    ----------
-    drawn
-        What a function of this package returned, or a figure.
-
-    Returns
-    -------
-    Figure
-        The figure.
-    """
+    """Return the figure that contains what a function of this package returned; a figure itself."""
     if isinstance(drawn, Figure):
         return drawn
     first = drawn if isinstance(drawn, Axes) else drawn[0]
@@ -47,28 +36,10 @@ def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
 def save_figure(
     drawn: Axes | Sequence[Axes] | Figure, path: Path, kinds: Sequence[str] = tuple(_METADATA)
 ) -> Path:
-    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi).
+    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
 
-    Each file is written under a temporary name that is then changed.
-
-    Parameters
-    ----------
-    drawn
-        What a function of this package returned, or a figure.
-    path
-        The path without the suffix.
-    kinds
-        The kinds of file, both by default.
-
-    Returns
-    -------
-    Path
-        The path of the PNG file.
-
-    Raises
-    ------
-    OSError
-        Nothing can be written.
+    ``drawn`` is what a function of this package returned, or a figure; ``path`` has no suffix;
+    ``kinds`` are both by default. Each file is written under a temporary name, then renamed.
     """
     figure = figure_of(drawn)
     with style(), warnings.catch_warnings(), _laid_out(figure):

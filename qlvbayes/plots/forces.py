@@ -24,31 +24,13 @@ def plot_forces(
 ) -> list[Axes]:
     """Draw the measured force of every test against what the posterior predicts.
 
-    There is one row for each test, slowest first, named with its loading rate and whether it was
-    fitted or predicted, and one column for each kind of phase. Ramps and unloads are in linear time
-    since they began, holds and recoveries in logarithmic time, so that milliseconds and half a
-    minute are both visible. Dots are measured samples, the line is the model's posterior mean, and
-    the band holds 90 % of predicted samples. The band includes the fitted discrepancy, so that it
-    may lie off the line. Grey crosses are readings that were left out. The panels of a row share
-    their force axis.
+    There is one row for each test, slowest first, and one column for each kind of phase; where
+    phases of a kind repeat, a first wide panel shows the whole test. Dots are measured samples, the
+    line is the model's posterior mean, and the band holds 90 % of predicted samples: it includes
+    the fitted discrepancy, so that it may lie off the line.
 
-    Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test. The
-    repeats lie over each other, numbered, in the colour that they have in the whole test. A dwell
-    before the first ramp is shown with that ramp, up to a tenth of its length.
-
-    Parameters
-    ----------
-    predictions
-        The predictions of the tests.
-    units
-        The units of displacement and force.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, row by row.
+    ``predictions`` are those of the tests, ``units`` those of displacement and force, ``width`` is
+    in mm; returns the panels, row by row.
     """
     tight = narrow(width)
     with style():

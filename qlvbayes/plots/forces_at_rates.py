@@ -43,23 +43,16 @@ def plot_forces_at_rates(
 ) -> list[Axes]:
     """Draw measured and predicted force of each pad's tests nearest to some loading rates.
 
-    Marks are measured samples, lines the posterior mean, and bands hold 90 % of predicted samples.
-    Time runs since the first movement, in logarithmic time (upper panels; left in one column) and
-    in linear time; where the rates do not span a decade, in linear time alone. All panels share
-    their force axis.
+    Time since the first movement is logarithmic (upper panels; left in one column) and linear;
+    where the rates do not span a decade, linear alone.
 
     Parameters
     ----------
-    predictions
-        The predictions of each pad, by its name.
-    units
-        The units of displacement and force.
+    predictions, units, width
+        The predictions by the pad's name, the units of displacement and force, the width (mm).
     rates
-        Loading rates in the unit of speed; the nearest in the logarithm are drawn. By default they
-        are 0.1, 1 and 30 mm/s, or for specimens in strain the slowest, the middle and the fastest
-        of the first.
-    width
-        Width of the figure (mm).
+        In the unit of speed, the nearest in the logarithm are drawn; by default 0.1, 1 and 30 mm/s,
+        or for specimens in strain the slowest, the middle and the fastest of the first.
 
     Returns
     -------

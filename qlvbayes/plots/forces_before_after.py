@@ -43,24 +43,10 @@ _90 = float(ndtri(0.95))  # sds on either side that hold 90 %
 def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> list[Axes]:
     """Draw every test's force as measured, by the baseline model and by the last model.
 
-    There is one row for each test, slowest first, and one column for each kind of phase, dwells in
-    logarithmic time. Lines are the models at their best constants, and bands hold 90 % of readings.
-    The lower strip shows measured minus predicted; its grey band holds 90 % of the noise measured
-    without a model. Where phases of a kind repeat, a first panel shows the whole test, and the
-    repeats lie over each other. Grey crosses are readings that were left out. Where no effect was
-    added there is one model.
-
-    Parameters
-    ----------
-    diagnosis
-        The diagnosis.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, row by row.
+    Lines are the models at their best constants, and bands hold 90 % of readings. The lower strip
+    shows measured minus predicted; its grey band holds 90 % of the noise measured without a model.
+    Where no effect was added there is one model. ``width`` is in mm; returns the panels, row by
+    row.
     """
     units, tight = diagnosis.result.units, narrow(width)
     row_extra, frame_extra = (tight * extra for extra in _SECOND_LINES)

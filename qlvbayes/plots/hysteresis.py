@@ -39,26 +39,11 @@ def plot_hysteresis(
 ) -> list[Axes]:
     """Draw the measured and the predicted force of every test against displacement.
 
-    There is one panel for each test, slowest first, named with its loading rate and whether it was
-    fitted or predicted. Dots are measured samples. The line is the model's posterior mean: solid in
-    loading with the holds after it (where it falls straight down), dashed in unloading with the
-    dwells after that. Bands hold 90 % of predicted samples while the platen moves, with the fitted
-    discrepancy. The area of a loop is the energy that the specimen loses. All panels share their
-    axes.
+    Dots are measured samples. The line is the posterior mean, dashed in unloading; bands hold 90 %
+    of predicted samples while the platen moves, with the fitted discrepancy.
 
-    Parameters
-    ----------
-    predictions
-        The predictions of the tests.
-    units
-        The units of displacement and force.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels.
+    ``predictions`` are those of the tests, ``units`` those of displacement and force, ``width`` is
+    in mm; returns a panel for each test, slowest first.
     """
     tight = narrow(width)
     shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))

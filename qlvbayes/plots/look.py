@@ -110,24 +110,9 @@ def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the readings of each test of a pad, before anything is fitted to the force.
 
     The panels of each test, slowest first, are the readings of force; those of displacement with
-    the motion that is taken from them; and readings less motion, with the encoder's step. Phases
-    are marked. Where there are six or fewer, each has the same width, and holds are in logarithmic
-    time; otherwise time is linear. Of dense records the extremes are drawn, so that no single
-    reading is lost. Grey crosses are readings that were left out; a ring marks where the motion is
-    farther from readings than their errors explain. Of more than twelve tests, those with most to
-    see are drawn.
-
-    Parameters
-    ----------
-    experiment
-        The tests of a pad.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, three for each test.
+    the motion that is taken from them; and readings less motion. Of dense records the extremes are
+    drawn, so that no single reading is lost; of more than twelve tests, those with most to see.
+    ``experiment`` is the pad's, ``width`` in mm; returns three panels for each test.
     """
     trials = _chosen(experiment)
     columns = 1 if narrow(width) or len(trials) == 1 else 2

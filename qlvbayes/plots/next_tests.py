@@ -44,23 +44,14 @@ def plot_next_tests(
 ) -> list[Axes]:
     """Draw a column for each test: displacement, force, and force less the best explanation's.
 
-    Bands hold 90 % of the forces that the constants allow; the grey band is one sd of the noise on
-    either side.
+    Bands hold 90 % of the forces that the constants allow; the grey band is one sd of the noise.
 
     Parameters
     ----------
-    design_result
-        The proposed tests.
-    designs
-        Their designs.
-    belief
-        The explanations with their probabilities.
-    rig
-        The rig.
-    noise
-        Standard deviation of a reading's noise (N).
-    clock
-        Time at the end of the tests that were done (s).
+    design_result, designs, belief, rig
+        The proposed tests, their designs, the explanations with their probabilities, and the rig.
+    noise, clock
+        Standard deviation of a reading's noise (N); time at the end of the tests done (s).
     width
         Width of the figure (mm); in one column of a journal only the first test is drawn.
 

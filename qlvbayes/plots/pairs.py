@@ -37,23 +37,10 @@ _MOST = 4000  # draws that are used, evenly out of all
 def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
     """Draw every pair of the model's constants that were fitted.
 
-    On the diagonal is the density of each constant with its 90 % interval and median; below it are
-    the regions that hold 50 and 90 % of the draws of two constants. The shares c sum to 1. Each is
-    drawn against the other constants in the lowest rows, and all three in a triangle, upper right,
-    of which the part that the draws fill is enlarged; other numbers of shares are drawn there as
-    bars with 90 % intervals. Constants of the noise are left out.
-
-    Parameters
-    ----------
-    fit
-        The fit, or saved results.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, row by row, then that of the shares.
+    Below each constant's density are the regions that hold 50 and 90 % of the draws of two. The
+    shares c, which sum to 1, are drawn in a triangle, upper right; other numbers of shares than
+    three as bars. ``fit`` is a fit or saved results, ``width`` in mm; returns the panels, row by
+    row, then that of the shares.
     """
     draws, units = _draws(fit), _units(fit)
     shares = [name for name in draws if name.startswith("c[")]

@@ -29,19 +29,7 @@ def plot_prediction(forecast: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the prescribed quantity above, and below it the response: median, 50 and 90 % band.
 
     Where a programme's first stretch is a thirtieth of it or less, a second column in logarithmic
-    time shows this stretch; in one column of a journal it is left out.
-
-    Parameters
-    ----------
-    forecast
-        The prediction of ``predict_program``.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels, row by row.
+    time shows it. ``forecast`` is that of ``predict_program``, ``width`` in mm; returns the panels.
     """
     tight = narrow(width)
     with style():

@@ -35,21 +35,8 @@ _NAME = 16  # characters of a test's name
 def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the displacement, as measured, of every test of a pad since its first movement.
 
-    Marks show where a ramp, hold, unload or recovery begins. Where the loading rates span a decade
-    there are two panels: logarithmic time, which shows every ramp, and linear time, which shows the
-    dwells and what follows them. Otherwise there is one panel in linear time.
-
-    Parameters
-    ----------
-    experiment
-        The tests of a pad.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The panels.
+    Where the loading rates span a decade there are two panels: logarithmic time, which shows every
+    ramp, and linear time. ``experiment`` is the pad's, ``width`` in mm; returns the panels.
     """
     tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
     scales = ["log", "linear"] if decades(trials) else ["linear"]

@@ -31,25 +31,10 @@ _NAME, _NAME_TIGHT = 28, 14  # characters of a test's name
 def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = MIDDLE) -> Axes:
     """Draw the error of the prediction of each test in each phase.
 
-    There is one row for each test, slowest first, fitted ones bold, and one column for each kind of
-    phase. A cell's colour and upper number are the root mean square of measured minus predicted,
-    over the noise floor: 1 (lightest) is as good as noise allows. The lower number is the mean of
-    measured minus predicted. Cells with structure beyond noise have a thick black frame and a
-    cross. Hatched cells have no samples.
-
-    Parameters
-    ----------
-    check
-        The result of a check.
-    units
-        The units of displacement and force.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    Axes
-        The map's axes.
+    A cell's colour and upper number are the root mean square of measured minus predicted over the
+    noise floor, the lower number is the mean. Cells with structure beyond noise have a thick frame
+    and a cross. ``check`` is a check's result, ``units`` those of displacement and force, ``width``
+    is in mm; returns the map's axes.
     """
     tight = narrow(width)
     with style():

@@ -33,24 +33,9 @@ _KEY_TIGHT = 58  # characters a line, of the key in one column
 def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the error of each test in each phase, by the baseline model and by the last model.
 
-    There is one row for each test, slowest first, and one column for each kind of phase. Colour and
-    number are the root mean square of measured minus predicted over the noise floor, on one scale
-    for both models: 1 is as good as noise allows. Cells with structure beyond noise have a thick
-    black frame and a cross; under each title is the p-value of the test of all cells. Hatched cells
-    have no samples. Where no effect was added there is one panel. In one column the panels are one
-    below the other.
-
-    Parameters
-    ----------
-    diagnosis
-        The result of the diagnosis.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    list of Axes
-        The maps' axes.
+    Colour and number are the root mean square of measured minus predicted over the noise floor, on
+    one scale for both models. Where no effect was added there is one panel. ``diagnosis`` is the
+    diagnosis's result, ``width`` in mm; returns the maps' axes.
     """
     tight = narrow(width)
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]

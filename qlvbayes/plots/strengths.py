@@ -25,25 +25,9 @@ def named_strengths(diagnosis: DiagnosisResult) -> dict[str, Strengths]:
 def plot_strengths(diagnosis: DiagnosisResult, *, width: float = SINGLE) -> Axes:
     """Draw the strength of each named effect in each test, over its mean, with one sd.
 
-    The line at 1 is one strength in all tests; the shaded region holds the scatter between tests,
-    one sd either way. Where the effect hardly acts in a test, its dot is small.
-
-    Parameters
-    ----------
-    diagnosis
-        The result of the diagnosis.
-    width
-        Width of the figure (mm).
-
-    Returns
-    -------
-    Axes
-        The axes of the last effect.
-
-    Raises
-    ------
-    ValueError
-        No effect is named whose strength differs between tests.
+    The shaded region holds the scatter between tests, one sd either way. ``diagnosis`` is the
+    diagnosis's result, ``width`` in mm; returns the axes of the last effect, or raises ValueError
+    where no effect is named whose strength differs between tests.
     """
     found = named_strengths(diagnosis)
     if not found:

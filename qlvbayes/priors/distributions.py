@@ -38,19 +38,10 @@ class AbstractPrior(eqx.Module):
 
     @abstractmethod
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """Return the value at y, and the log prior density over y.
+        """Return the value at y (size,), unconstrained numbers, and the log prior density over y.
 
-        Parameters
-        ----------
-        y
-            (size,) unconstrained numbers.
-
-        Returns
-        -------
-        value
-            The constant, or the array of constants.
-        log_density
-            The log density over y, normalised; it includes the log-Jacobian of the map.
+        The value is a constant or an array of them; the density is normalised and includes the
+        log-Jacobian of the map.
         """
 
     @abstractmethod
@@ -159,10 +150,7 @@ class LogNormal(AbstractPositivePrior):
     word: ClassVar[str] = "lognormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density of the log-normal distribution.
-
-        It is minus infinity at zero and below.
-        """
+        """Return the log density of the log-normal distribution."""
         positive = jnp.asarray(value) > 0.0
         log_value = jnp.log(jnp.where(positive, value, 1.0))
         density = jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value

@@ -67,59 +67,27 @@ class Stepper:
         self._answer: Floats | None = None
 
     def force(self, next_displacement: ArrayLike) -> Floats:
-        """Return the force after a step of the platen.
+        """Return the force (draws,) in N after a step of the platen.
 
-        Parameters
-        ----------
-        next_displacement
-            Displacement (mm) at the end of the step: one value for all draws, or (draws,).
-
-        Returns
-        -------
-        NDArray
-            Force (draws,) in N.
-
-        Raises
-        ------
-        InputError
-            The displacement has another shape or is not finite.
+        ``next_displacement`` (mm) is that at the end of the step: one value for all draws, or
+        (draws,). An InputError where it has another shape or is not finite.
         """
         return self._take(_forward, next_displacement)
 
     def displacement(self, next_force: ArrayLike) -> Floats:
-        """Return the displacement with which each draw has a force after a step.
+        """Return the displacement (draws,) in mm with which each draw has a force after a step.
 
         Each draw's platen goes there. To send one command to all, save ``state``, ask, ``restore``
         it and step with `force`. A loose specimen carries no force below zero; there the platen
-        rests on its surface.
-
-        Parameters
-        ----------
-        next_force
-            Force (N) at the end of the step: one value for all draws, or (draws,).
-
-        Returns
-        -------
-        NDArray
-            Displacement (draws,) in mm.
-
-        Raises
-        ------
-        InputError
-            No displacement has the force, and the state stays as it was; or the model has a
-            channel_lag, whose reading is of an earlier time.
+        rests on its surface. ``next_force`` (N) is that at the end of the step: one value for all
+        draws, or (draws,). An InputError, with the state as it was, where no displacement has the
+        force; or where the model has a channel_lag, whose reading is of an earlier time.
         """
         check_inverse(self._models)
         return self._take(_inverse, next_force)
 
     def band(self, share: float = 0.9) -> tuple[float, float]:
-        """Return the ends of the middle ``share`` of the last answer over the draws.
-
-        Raises
-        ------
-        InputError
-            No step was made yet.
-        """
+        """Return the ends of the middle ``share`` of the last answer, after a first step."""
         if self._answer is None:
             raise InputError("no step was made yet", remedy="ask for a force or a displacement")
         low, high = np.quantile(self._answer, [0.5 - 0.5 * share, 0.5 + 0.5 * share])
@@ -131,13 +99,7 @@ class Stepper:
         return jax.tree.map(np.array, self._state)
 
     def restore(self, state: State) -> None:
-        """Continue from a ``state`` of this stepper.
-
-        Raises
-        ------
-        InputError
-            The state is another model's.
-        """
+        """Continue from a ``state`` of this stepper; an InputError where it is another model's."""
         given, own = (jax.tree.map(np.shape, x) for x in (state, self._state))
         if given != own:
             raise InputError("a state of another model", remedy="restore what .state gave")

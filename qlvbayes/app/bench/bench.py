@@ -69,16 +69,9 @@ class Bench:
 
     It is compiled once for all models.
 
-    Parameters
-    ----------
-    experiment
-        The tests of the pad.
-    choices
-        Laws, effects and priors.
-    samples
-        The samples at which forces and errors are computed.
-    density
-        The posterior density under independent noise, by which models are fitted.
+    experiment: The tests of the pad; choices: Laws, effects and priors; samples: The samples at
+    which forces and errors are computed; density: The posterior density under independent noise, by
+    which models are fitted.
     """
 
     experiment: Experiment
@@ -88,20 +81,7 @@ class Bench:
 
     @classmethod
     def from_experiment(cls, experiment: Experiment, choices: Choices | None = None) -> Bench:
-        """Return the bench for all tests of an experiment.
-
-        Parameters
-        ----------
-        experiment
-            The tests of the pad.
-        choices
-            Laws, effects and priors; by default those of `Choices`.
-
-        Raises
-        ------
-        InputError
-            A choice cannot be used.
-        """
+        """Return the bench for all tests of an experiment; raise InputError for a wrong choice."""
         choices = choices or Choices()
         experiment = as_chosen(experiment, choices)
         density = build_search(experiment, choices, kinds=choices.candidates).density
@@ -139,20 +119,7 @@ class Bench:
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
-        """Return a model's force and errors.
-
-        This takes some milliseconds, as nothing is compiled anew.
-
-        Parameters
-        ----------
-        model
-            The model.
-
-        Raises
-        ------
-        InputError
-            The model has an unknown law or effect.
-        """
+        """Return a model's force and errors, in some milliseconds, as nothing is compiled anew."""
         checked(model, self.space)
         constants = constants_of(model, self.space)
         forces = [force[0] for force in self.samples.predict(model.hypothesis, constants[None])]
@@ -173,13 +140,7 @@ class Bench:
             self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
-        """Return the model of the choices, fitted from its priors.
-
-        Raises
-        ------
-        NoFiniteForceError
-            No draw of the priors can be used.
-        """
+        """Return the model of the choices, fitted from its priors, if a draw can be used."""
         model, space = self.baseline(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(
@@ -198,20 +159,7 @@ class Bench:
         return self._least(model, [theta_of(own, constants_of(model, self.space))])
 
     def add(self, model: ByHand, effect: str) -> ByHand:
-        """Return the model with one more effect, both fitted.
-
-        Parameters
-        ----------
-        model
-            The model.
-        effect
-            The name of the effect.
-
-        Raises
-        ------
-        InputError
-            The effect is in the model already, or cannot be added.
-        """
+        """Return the model with one more effect, both fitted; raise InputError if it cannot be."""
         more = replace(model, effects=(*model.effects, effect))
         self._free(model, effect)
         checked(more, self.space)
@@ -225,20 +173,7 @@ class Bench:
         return self._least(more, [start] if added is None else [added.moved, added.after])
 
     def remove(self, model: ByHand, effect: str) -> ByHand:
-        """Return the model without one of its effects, fitted from its own constants.
-
-        Parameters
-        ----------
-        model
-            The model.
-        effect
-            The name of the effect.
-
-        Raises
-        ------
-        InputError
-            The effect is not in the model.
-        """
+        """Return the model without one of its effects, fitted from its own constants."""
         if effect not in model.effects:
             raise InputError(f"the effect {effect} is not in the model", remedy="choose another")
         effects = tuple(name for name in model.effects if name != effect)
@@ -248,20 +183,7 @@ class Bench:
     def rebase(
         self, model: ByHand, *, elastic: str | None = None, relaxation: str | None = None
     ) -> ByHand:
-        """Return the model on other laws, fitted from those laws' nearest curves.
-
-        Parameters
-        ----------
-        model
-            The model.
-        elastic, relaxation
-            Names of the new laws; None keeps the present one.
-
-        Raises
-        ------
-        InputError
-            There is no law of that name.
-        """
+        """Return the model on other laws (None keeps one), fitted from their nearest curves."""
         other = replace(
             model,
             elastic=elastic or model.elastic,
@@ -276,20 +198,7 @@ class Bench:
         return self._least(other, [own.within(near)])
 
     def signature(self, model: ByHand, effect: str) -> Signature:
-        """Return what an effect would add to a model, at the size that fits the model's residual.
-
-        Parameters
-        ----------
-        model
-            The model.
-        effect
-            The name of the effect.
-
-        Raises
-        ------
-        InputError
-            The effect is in the model, or cannot be drawn.
-        """
+        """Return what an effect would add to a model, at the size that fits its residual."""
         self._free(model, effect)
         more = replace(model, effects=(*model.effects, effect))
         checked(more, self.space)

@@ -29,17 +29,10 @@ _DECADES = 20.0  # ratio of the slider's ends beyond which it is logarithmic
 class ByHand:
     """Model given by the names of its laws and effects and the values of its constants.
 
-    Parameters
-    ----------
-    elastic
-        Name of the elastic law.
-    relaxation
-        Name of the relaxation law, as after ``--relaxation``.
-    effects
-        Names of the effects.
-    values
-        Values of constants by name (`FitSummary.parameters`). A missing constant is at its prior's
-        median, a missing amplitude of an effect at zero.
+    elastic: Name of the elastic law; relaxation: Name of the relaxation law, as after
+    ``--relaxation``; effects: Names of the effects; values: Values of constants by name
+    (`FitSummary.parameters`). A missing constant is at its prior's median, a missing amplitude of
+    an effect at zero.
     """
 
     elastic: str = "exponential"

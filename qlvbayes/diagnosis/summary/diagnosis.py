@@ -13,12 +13,8 @@ from qlvbayes.diagnosis.summary.work import DiagnosisWork
 class Diagnosis:
     """Diagnosis of one pad: its result, and the search that it was computed from.
 
-    Parameters
-    ----------
-    result
-        What ``diagnosis.json`` holds.
-    work
-        The search and the samples, for figures and predictions.
+    result: What ``diagnosis.json`` holds; work: The search and the samples, for figures and
+    predictions.
     """
 
     result: DiagnosisResult

@@ -1,9 +1,8 @@
 """Compute the force of a hypothesis by a chain of small compiled pieces.
 
-The motion is passed down through the layers to the material, and the force is passed up again. Each
-piece is compiled once for all hypotheses that contain it, and acts on all tests and sets of
-constants together (`pieces`). Derivatives are differences of two forces: contact and clearance make
-kinks where exact derivatives would serve no better, and half as much is traced and compiled.
+The motion is passed down through the layers to the material, and the force is passed up again, for
+all tests and sets of constants together (`pieces`). Derivatives are differences of two forces:
+contact and clearance make kinks where exact derivatives would serve no better.
 """
 
 from __future__ import annotations

@@ -32,35 +32,24 @@ def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Non
     The format declares itself. It recognises its own files and no tidy file, and no other format
     claims them. It looks at any bytes without an error. It reads columns of one length with finite
     numbers, one for each quantity. From a file that is cut, has NULs or a byte order mark, or is
-    UTF-16, it gives tests or an InputError and nothing else.
+    UTF-16, it gives tests or an InputError and nothing else. A FormatError has a line for each rule
+    that is broken.
 
     Parameters
     ----------
-    kind
-        The format's class.
-    files
-        Two or more files of this format.
-
-    Raises
-    ------
-    FormatError
-        Rules are broken; the text has a line for each of them.
+    kind, files
+        The format's class; two or more files of it.
     """
     run_checks(format_checks(kind, files), FormatError)
 
 
 def format_checks(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Iterator[Check]:
-    """Yield the name and the function of each check of `check_format`.
-
-    So that each rule is a test of its own:
-    ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
+    """Yield name and function of each check of `check_format`, so that each is its own test.
 
     Parameters
     ----------
-    kind
-        The format's class.
-    files
-        Two or more files of this format.
+    kind, files
+        As there: ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
     """
     yield "declarations", partial(_check_declarations, kind, files)
     for name, rule in _RULES.items():

@@ -127,15 +127,11 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
 
     .. math:: F(d) = F_0 + a x^p + b x^{p+1}, \qquad x = \max(d - d_0, 0)
 
-    is fitted, which covers a linear toe (an exponential law), a sphere (p = 1.5), a cone (2) and a
-    force that relaxes as it rises. Powers p of 1 to 3 are equally probable beforehand. The point
-    and its standard error are mean and sd over them, each weighted by its likelihood with as many
-    independent rows as the residual's correlation leaves. The spread over three shares of the peak
-    force and the spacing of the rows at contact are added in squares. For a quick press, of which
-    few rows lie below those shares, larger shares are used.
-
-    ``way`` and ``load`` (n,) are displacement and force, in any units. Source: Lin, Dimitriadis &
-    Horkay 2007, doi:10.1115/1.2800826 (contact as a free constant of the fit).
+    is fitted. Powers p of 1 to 3 are equally probable beforehand. The point and its standard error
+    are mean and sd over them, each weighted by its likelihood with as many independent rows as the
+    residual's correlation leaves. The spread over three shares of the peak force (larger ones for a
+    quick press) and the spacing of the rows at contact are added in squares. ``way`` and ``load``
+    (n,) may be in any units. Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826.
     """
     fits = [fit for level in _LEVELS if (fit := _fitted(way, load, level)) is not None]
     for level in _HIGHER:

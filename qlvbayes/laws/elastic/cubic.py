@@ -47,11 +47,7 @@ class Cubic(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: m near the secant stiffness, k2 and k3 around zero.
-
-        The part of the peak force that each of k2 and k3 adds has a prior sd of the whole peak
-        force.
-        """
+        """Return the law under weak priors: m near the secant stiffness, k2 and k3 around zero."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         second, third = scales.force / scales.depth**2, scales.force / scales.depth**3
         return cls(stiffness, Normal(0.0, second), Normal(0.0, third))
@@ -67,10 +63,7 @@ class Cubic(AbstractElastic):
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Return dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), which is exact.
-
-        M_n are the moments of e^{-v h (1 - s)} over the step.
-        """
+        """Return dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), which is exact."""
         travel = stop - start
         slope = 2.0 * self.k2 + 6.0 * self.k3 * start
         zeroth, first, second = moments(decay, 3)

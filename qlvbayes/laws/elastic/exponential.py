@@ -43,10 +43,7 @@ class Exponential(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: m near the secant stiffness, b near one over the depth.
-
-        One sd of each prior is a factor of 5.
-        """
+        """Return the law under weak priors: m near the secant stiffness, b near 1/depth."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         return cls(stiffness, lognormal(1.0 / scales.depth, 5.0))
 

@@ -44,11 +44,7 @@ class HertzPower(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: n near 3/2, m near what gives the peak force then.
-
-        One sd is a factor of 1.3 for n and of 5 for m; at n = 3/2 the median of m gives the peak
-        force at the largest depth.
-        """
+        """Return the law under weak priors: n near 3/2, m near what gives the peak force then."""
         return cls(lognormal(scales.force / scales.depth**1.5, 5.0), lognormal(1.5, 1.3))
 
     def force(self, depth: Array) -> Array:

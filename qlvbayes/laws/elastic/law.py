@@ -54,21 +54,8 @@ class AbstractElastic(eqx.Module):
         .. math:: \int_0^h e^{-v (h - s)} K(\delta(s)) \dot\delta \, ds
 
         The force is taken as quadratic through both ends and the middle of the step. A law whose
-        integral has a closed form defines it instead.
-
-        Parameters
-        ----------
-        start, stop
-            Depths at both ends of the step (mm).
-        force_start, force_stop
-            F_e at both ends (N), which the caller has already evaluated.
-        decay
-            v h, zero or more.
-
-        Returns
-        -------
-        Array
-            The integral in N, of the shape that the arguments broadcast to.
+        integral has a closed form defines it instead. ``start`` and ``stop`` are the depths at both
+        ends (mm), ``force_start`` and ``force_stop`` F_e there (N), ``decay`` is v h, zero or more.
         """
         middle = self.force(0.5 * (start + stop))
         return quadratic_force_step(force_start, middle, force_stop, decay)

@@ -41,10 +41,7 @@ class Quadratic(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: m near the secant stiffness, k2 around zero.
-
-        The part of the peak force that k2 adds has a prior sd of the whole peak force.
-        """
+        """Return the law under weak priors: m near the secant stiffness, k2 around zero."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         return cls(stiffness, Normal(0.0, scales.force / scales.depth**2))
 
@@ -59,10 +56,7 @@ class Quadratic(AbstractElastic):
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Return dd (K(d0) M_0 + 2 k2 dd M_1), which is exact.
-
-        M_n are the moments of e^{-v h (1 - s)} over the step.
-        """
+        """Return dd (K(d0) M_0 + 2 k2 dd M_1), which is exact."""
         travel = stop - start
         zeroth, first = moments(decay, 2)
         at_start = self.m + 2.0 * self.k2 * start

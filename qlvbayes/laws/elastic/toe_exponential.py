@@ -48,10 +48,7 @@ class ToeExponential(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: m and b as in `Exponential`, and a short toe.
-
-        The toe has a median of a fifth of the depth; one sd is a factor of 2.
-        """
+        """Return the law under weak priors: m and b as in `Exponential`, and a short toe."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         toe = lognormal(0.2 * scales.depth, 2.0)
         return cls(stiffness, lognormal(1.0 / scales.depth, 5.0), toe)

@@ -55,12 +55,7 @@ class Fung(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: a box from the sampling interval to the longest phase.
-
-        Both ends have a prior sd of a factor of 10. At the prior's median half of the force relaxes
-        over that range. There are nodes enough for a box from a tenth of the one to ten times the
-        other.
-        """
+        """Return the law under weak priors: a box from sampling interval to longest phase."""
         decades = decades_of(scales)
         height = lognormal(1.0 / (decades * 2.3), 3.0)
         first, last = lognormal(3.0 * scales.shortest, 10.0), lognormal(scales.longest, 10.0)

@@ -46,12 +46,8 @@ class AbstractRelaxation(eqx.Module):
     def spectrum(self) -> tuple[Array, Array]:
         """Return the fractions and the rates of the exponentials; both are differentiable.
 
-        Returns
-        -------
-        fractions
-            (k + 1,); the first is the share that never relaxes.
-        rates
-            (k,) in 1/s. The number k does not depend on the constants, and is at most `MOST_TERMS`.
+        The first of the fractions (k + 1,) is the share that never relaxes; the rates (k,) are in
+        1/s. The number k does not depend on the constants, and is at most `MOST_TERMS`.
         """
 
     @abstractmethod

@@ -55,10 +55,7 @@ class LogNormalSpectrum(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors; tau may lie anywhere in the measurable range.
-
-        c0 is uniform, and sigma lies within a factor of 1.5 of 1.5.
-        """
+        """Return the law under weak priors; tau may lie anywhere in the measurable range."""
         return cls(Uniform(0.0, 1.0), LogNormal(*middle_of(scales)), lognormal(1.5, 1.5))
 
     def spectrum(self) -> tuple[Array, Array]:

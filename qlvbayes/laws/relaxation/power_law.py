@@ -64,12 +64,7 @@ class PowerLaw(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors; tau may lie anywhere in the measurable range.
-
-        c0 is uniform, and alpha lies within a factor of 2.5 of 0.3. There are nodes enough for
-        times to ten times the longest phase, and for a tau from a tenth of the sampling interval
-        on.
-        """
+        """Return the law under weak priors; tau may lie anywhere in the measurable range."""
         lowest = math.log(10.0) * (decades_of(scales) + _BELOW)
         nodes = math.ceil((lowest + _TOP) / _STEP) + 1
         return cls(Uniform(0.0, 1.0), lognormal(0.3, 2.5), LogNormal(*middle_of(scales)), nodes)

@@ -62,18 +62,12 @@ class StretchedExponential(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors; tau may lie anywhere in the measurable range.
-
-        c0 is uniform, and beta is uniform between 0.15 and 0.95.
-        """
+        """Return the law under weak priors; tau may lie anywhere in the measurable range."""
         middle, width = middle_of(scales)
         return cls(Uniform(0.0, 1.0), Uniform(0.15, 0.95), LogNormal(middle, width))
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Return the trapezoidal rule over the stable density.
-
-        The fastest node holds all faster rates.
-        """
+        """Return the trapezoidal rule over the stable density."""
         log_rates, steps = _nodes(self.beta)
         weights = log_rate_density(log_rates, self.beta) * steps
         left = jnp.maximum(1.0 - jnp.sum(weights), 0.0)

@@ -146,20 +146,11 @@ class PadSeen(Part, frozen=True):
 class FirstLook(Result, frozen=True, kw_only=True):
     """First look at the tests of some pads, before anything is fitted: ``look.json``.
 
-    Parameters
-    ----------
-    source
-        The files that were read.
-    units
-        Units of displacement and force, also of the file's keys that end in ``_mm`` and ``_N``.
-    notices
-        Sentences on how the files were read.
-    pads
-        Of each pad its tests, its noise, what its tests can show, and what to correct before a fit.
-    between
-        Whether relaxation and stiffness of the pads can be compared; empty for fewer than two pads.
-    next
-        Commands to go on with, as they are typed.
+    source: The files that were read; units: Units of displacement and force, also of the file's
+    keys that end in ``_mm`` and ``_N``; notices: Sentences on how the files were read; pads: Of
+    each pad its tests, its noise, what its tests can show, and what to correct before a fit;
+    between: Whether relaxation and stiffness of the pads can be compared; empty for fewer than two
+    pads; next: Commands to go on with, as they are typed.
     """
 
     source: tuple[str, ...]

@@ -20,18 +20,9 @@ class Geometry:
 class AbstractTarget(ABC):
     """Program, format or language that a pad is exported to.
 
-    Parameters
-    ----------
-    name
-        Its name after ``--to``.
-    what
-        Its files, in one line.
-    cannot
-        Parts of the model that it cannot represent, each in one line.
-    steps
-        Whether it takes effects that go step by step.
-    without_steps
-        What becomes of such effects in a target that does not.
+    name: Its name after ``--to``; what: Its files, in one line; cannot: Parts of the model that it
+    cannot represent, each in one line; steps: Whether it takes effects that go step by step;
+    without_steps: What becomes of such effects in a target that does not.
     """
 
     name: ClassVar[str]
@@ -42,17 +33,8 @@ class AbstractTarget(ABC):
 
     @abstractmethod
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
-        """Return the content of the files, by name.
+        """Return the content of the files of a fitted pad, by name.
 
-        Parameters
-        ----------
-        pad
-            The fitted pad.
-        specimen
-            Its shape, None where the user gave none.
-
-        Raises
-        ------
-        InputError
-            The target cannot represent this pad.
+        ``specimen`` is its shape, None where the user gave none. An InputError where the target
+        cannot represent this pad.
         """

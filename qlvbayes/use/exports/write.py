@@ -32,32 +32,21 @@ def export(
     area: float | None = None,
     data: str | Path | None = None,
 ) -> list[Path]:
-    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``.
+    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``; return them.
 
     All files or none: nothing is written until every one is there.
 
     Parameters
     ----------
-    out
-        The folder of results.
-    pad
-        Its name.
-    to
-        A target, as after ``--to``.
+    out, pad, to
+        The folder of results, the name of the pad, and a target, as after ``--to``.
     draws
         How many of the posterior, where the target takes more than one.
-    height
-        Of a homogeneous specimen (mm), which makes a modulus of a stiffness.
-    area
-        Its cross-section (mm2).
+    height, area
+        Of a homogeneous specimen (mm, mm2), which make a modulus of a stiffness.
     data
         The file of the pad's tests, where it is no longer where it was fitted from; the errors of
         simulators' contacts are stated against them.
-
-    Returns
-    -------
-    list of Path
-        What was written.
 
     Raises
     ------

@@ -44,14 +44,8 @@ class DrawnHypothesis(Part, frozen=True):
 class Hypotheses(Result, frozen=True, kw_only=True):
     """The hypotheses that a diagnosis left, likeliest first: ``hypotheses.json``.
 
-    Parameters
-    ----------
-    choices
-        Choices of the diagnosis; each hypothesis has laws of its own and further effects.
-    covered
-        Range of depths, rates and times that the tests cover.
-    hypotheses
-        Draws of each.
+    choices: Choices of the diagnosis; each hypothesis has laws of its own and further effects;
+    covered: Range of depths, rates and times that the tests cover; hypotheses: Draws of each.
     """
 
     indent: ClassVar[int | None] = None
