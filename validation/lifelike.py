@@ -10,6 +10,8 @@ seen.
 from __future__ import annotations
 
 import argparse
+import os
+import platform
 import subprocess
 import sys
 import time
@@ -33,6 +35,7 @@ from blind.population import kin
 from blind.store import Store, run_missing
 from lifelike_pads import Lifelike, make_study
 from lifelike_sizes import SEEN
+from results import Origin, Table, share
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -183,6 +186,29 @@ def _print(found: dict) -> None:
     print(f"  wrong names: {each}; {found['wrong_names_a_study']:.3f} a study")
 
 
+def keep(store: Store, seed: int, count: int) -> None:
+    """Write validation/results/lifelike.json: the counts up to the first unfinished study."""
+    whole = store.missing(count)
+    cases = store.first(min(whole, default=count))
+    found = report(cases)
+    rows = [
+        [words, share(rate["hits"], rate["n"]), "-" if limit is None else f"{limit:.0%}"]
+        for words, rate in found["rates"].items()
+        for limit in [rate["bound95"]]
+    ]
+    each = ", ".join(f"{n} {name}" for name, n in found["wrong_names"].items()) or "none"
+    note = (
+        f"{len(cases)} of {count} registered studies were finished, {found['seen']} can be seen; "
+        f"{found['cpu_s'] / max(len(cases), 1):.0f} s of CPU a study; wrong names: {each}."
+    )
+    machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
+    command = f"python validation/lifelike.py --studies {count} --seed {seed}"
+    origin = Origin(command, Origin.today(), cases[0]["commit"][:8], machine)
+    Table(origin, len(cases), ["hidden: verdict", "studies", "bound"], rows, [note]).write(
+        "lifelike"
+    )
+
+
 def write(seed: int, index: int, output: Path) -> None:
     """Write one study's record and, beside it, its truth."""
     study = make_study(seed, index)
@@ -210,6 +236,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="processes that run the studies")
     parser.add_argument("--first", type=int, help="run and count only the first of them")
     parser.add_argument("--write", type=int, metavar="INDEX", help="write one study's record")
+    parser.add_argument("--keep", action="store_true", help="keep the table of what is finished")
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
     if options.write is not None:
@@ -217,6 +244,9 @@ def main() -> int:
         return 0
     count = options.studies if options.first is None else min(options.first, options.studies)
     store = Store(options.output / "lifelike.jsonl", plan_key(options.seed))
+    if options.keep:
+        keep(store, options.seed, count)
+        return 0
     with opened_engine(options.jobs) as engine, counting("studies") as done:
         case = partial(run_case, options.seed, _commit())
         run_missing(case, store, range(count), done, engine)

@@ -53,13 +53,15 @@ def compare(
     first, second
         A `Fit`, a results file (`load_results`) or a dict of draws by the constants' names; or a
         sequence of these, the specimens of one fluid.
-    names, seed
-        What to call them; seed of the pairing.
+    names
+        What to call them.
     region
         Of practical equivalence, as a share of the smaller one.
     depth, rates, frequencies
         Where quantities are read (mm, mm/s, or in the first one's units, to which the others are
         converted; Hz); by default where both pads' tests reach.
+    seed
+        Of the pairing.
 
     Raises
     ------

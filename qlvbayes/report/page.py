@@ -144,8 +144,12 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     One file that opens without a network: verdicts, constants, comparisons, errors by test and
     phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
     the command that does them. Of more than 24 pads it is a table to search, and each pad has such
-    a page in its own folder, made by ``engine`` (this process where it is None). An InputError
-    where there are no results, or a file of them cannot be read.
+    a page in its own folder. An InputError where there are no results, or one cannot be read.
+
+    Parameters
+    ----------
+    out, engine
+        The folder of results, and what makes many pages (this process where it is None).
     """
     folder = Path(out)
     path = folder / REPORT
