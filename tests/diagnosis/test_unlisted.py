@@ -60,7 +60,7 @@ def test_what_is_not_on_the_list_is_left(clipped):
 
 
 def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped):
-    support = Support(0.1, 1.0, 0.1, 0.1, 1.0, 0.0, effects=len(clipped.result.tried) + 3)
+    support = Support(0.1, 1.0, 0.1, 0.1, 1.0, effects=len(clipped.result.tried) + 3)
     shown = {*clipped.result.tried, *clipped.result.group, "none"}
     ranking = tuple(
         one if one.effect in shown else structs.replace(one, support=support)

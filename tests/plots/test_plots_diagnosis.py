@@ -57,7 +57,7 @@ def cells(tests, ratio):
 
 
 LAWS = ("exponential", "prony:2")
-USED = Used(DiagnosisSettings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
+USED = Used(DiagnosisSettings(), 0, LAWS[:1], LAWS[1:], ("viscous_drag",))
 
 
 def stage(effects, tests, ratio, failing=(), base=LAWS):
