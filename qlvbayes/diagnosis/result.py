@@ -357,6 +357,13 @@ class DiagnosisResult(
         """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
 
+    @property
+    def strengths(self) -> dict[str, Strengths]:
+        """Strengths of each named effect that differ between tests, by its name."""
+        named = map(self.ranked, dict.fromkeys((*self.effects, *self.group)))
+        own = {one.effect: one.support.strengths for one in named if one and one.support}
+        return {name: one for name, one in own.items() if one is not None and one.spread > 0.0}
+
     def ranked(self, effect: str) -> Ranked | None:
         """Return the entry of an effect in the ranking; None if it has none."""
         return next((one for one in self.ranking if one.effect == effect), None)

@@ -46,6 +46,14 @@ def transferred(
     return target
 
 
+def without(space: Space, point: Point, effect: str) -> tuple[Hypothesis, Array]:
+    """Return a point's hypothesis without one of its effects, and its constants (1, P) there."""
+    less = point.own.hypothesis.less(effect)
+    parameters = space.parameters(less)
+    theta = transferred(point.own, point.theta, parameters)
+    return less, parameters.constants(theta[None])
+
+
 def shapes(
     space: Space, point: Point, parameters: Parameters, effect: str, count: int = _SHAPES
 ) -> list[Array]:

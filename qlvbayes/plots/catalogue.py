@@ -38,13 +38,6 @@ class Figure:
         return getattr(module, f"plot_{self.name}")(*self.takes(*computed))
 
 
-def _differ(diagnosis: Any) -> bool:
-    """Return whether the strength of any named effect differs between tests."""
-    from qlvbayes.plots.strengths import named_strengths  # with Matplotlib, only now
-
-    return bool(named_strengths(diagnosis))
-
-
 FIGURES = (
     Figure(
         "forces",
@@ -111,7 +104,7 @@ FIGURES = (
         "Dots on the line: one strength in all tests. Dots in the order of depth or speed: the "
         "effect grows with it. Dots on both sides of zero: something else looks like it.",
         lambda diagnosis: (diagnosis.result,),
-        lambda diagnosis: _differ(diagnosis.result),
+        lambda diagnosis: bool(diagnosis.result.strengths),
     ),
     Figure(
         "pairs",

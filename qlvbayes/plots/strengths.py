@@ -11,17 +11,6 @@ from qlvbayes.plots.style import BLACK, SINGLE, canvas, colours, style
 _ROW, _FRAME = 4.6, 16.0  # mm, a test and the margins of a panel
 
 
-def named_strengths(diagnosis: DiagnosisResult) -> dict[str, Strengths]:
-    """Return the strengths of each named effect that differ between tests, by its name."""
-    found = {}
-    for name in dict.fromkeys((*diagnosis.effects, *diagnosis.group)):
-        ranked = diagnosis.ranked(name)
-        own = ranked.support.strengths if ranked is not None and ranked.support else None
-        if own is not None and own.spread > 0.0:
-            found[name] = own
-    return found
-
-
 def plot_strengths(diagnosis: DiagnosisResult, *, width: float = SINGLE) -> Axes:
     """Draw the strength of each named effect in each test, over its mean, with one sd.
 
@@ -29,7 +18,7 @@ def plot_strengths(diagnosis: DiagnosisResult, *, width: float = SINGLE) -> Axes
     diagnosis's result, ``width`` in mm; returns the axes of the last effect, or raises ValueError
     where no effect is named whose strength differs between tests.
     """
-    found = named_strengths(diagnosis)
+    found = diagnosis.strengths
     if not found:
         raise ValueError("no effect is named whose strength differs between tests")
     with style():

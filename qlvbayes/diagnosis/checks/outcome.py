@@ -14,7 +14,6 @@ from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
 from qlvbayes.diagnosis.checks.heldout import (
-    HeldOut,
     HeldOutPart,
     Predicted,
     errors,
@@ -38,7 +37,7 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.starts import transferred
+from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
@@ -88,11 +87,7 @@ class SearchOutcome:
 
     def heldout(self, candidate: Candidate) -> float:
         """Return the error on tests left out (N)."""
-        return self.heldout_parts(candidate).rmse
-
-    def heldout_parts(self, candidate: Candidate) -> HeldOut:
-        """Return the errors on tests left out (N), of all and of each part."""
-        return errors(self.samples, self._parts, [self._predicted(candidate)])
+        return errors(self.samples, self._parts, [self._predicted(candidate)]).rmse
 
     def heldout_residuals(self, candidate: Candidate) -> list[Array]:
         """Return measured minus predicted force (N) of each part, by a fit to all others."""
@@ -103,12 +98,10 @@ class SearchOutcome:
 
     def acting(self, candidate: Candidate, effect: str) -> list[Array]:
         """Return the force (N) of an effect of a candidate at the samples of each part."""
-        point, space = candidate.point, self.search.density.space
-        less = candidate.hypothesis.less(effect)
-        theta = transferred(point.own, point.theta, space.parameters(less))
-        without = self.samples.predict(less, space.parameters(less).constants(theta[None]))
+        point = candidate.point
+        rest = self.samples.predict(*without(self.search.density.space, point, effect))
         having = self.samples.predict(candidate.hypothesis, point.constants[None])
-        return [(having[part.test][0] - without[part.test][0])[part.rows] for part in self._parts]
+        return [(having[part.test][0] - rest[part.test][0])[part.rows] for part in self._parts]
 
     @cached_property
     def _parts(self) -> list[HeldOutPart]:

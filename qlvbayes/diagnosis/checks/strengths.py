@@ -37,7 +37,7 @@ from qlvbayes.diagnosis.result import Strength, Strengths
 from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.scatter import Scatter, by_test, likeliest
-from qlvbayes.inference.starts import amplitude_of, transferred
+from qlvbayes.inference.starts import amplitude_of, without
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import NAMES, phase_index
@@ -48,10 +48,8 @@ def strengths(
 ) -> Strengths | None:
     """Return the strengths of one effect of a candidate; None where it has only one part."""
     point, space = candidate.point, density.space
-    less = candidate.hypothesis.less(effect)
-    theta = transferred(point.own, point.theta, space.parameters(less))
-    without = space.forces(less, space.parameters(less).constants(theta[None]))[0]
-    names, parts = _parts(samples, np.where(space.real, point.predicted - without, 0.0))
+    rest = space.forces(*without(space, point, effect))[0]
+    names, parts = _parts(samples, np.where(space.real, point.predicted - rest, 0.0))
     if len(parts) < 2:
         return None
     own = _without_own_scatter(candidate, effect)

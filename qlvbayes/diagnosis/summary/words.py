@@ -177,12 +177,12 @@ def _strengths(d: DiagnosisResult) -> list[str]:
                 f"Where it acts, {name} removes {percent(removed)} of the error on tests left out; "
                 f"{_error(d, own.heldout)} remain."
             )
-        if own.strengths is not None and own.strengths.spread > 0.0:
-            low, high = own.strengths.range
-            trend = f" and {own.strengths.grows_with}" if own.strengths.grows_with else ""
+        if (differing := d.strengths.get(name)) is not None:
+            low, high = differing.range
+            trend = f" and {differing.grows_with}" if differing.grows_with else ""
             text.append(
                 f"From test to test the strength of {name} is {plain(low, 2)} to {plain(high, 2)} "
-                f"times its mean{trend}; {percent(own.strengths.agreement)} of its force is that "
+                f"times its mean{trend}; {percent(differing.agreement)} of its force is that "
                 "of one strength."
             )
     return text
