@@ -53,10 +53,11 @@ def motion_columns(
     nodes = np.asarray(space.record.nodes)
     found = []
     for k, force in enumerate(np.moveaxis(forces, 1, 0)):  # (N, 1 + E)
-        change = (force[:, 1:] - force[:, :1])[nodes[k, real[k]]].mean(axis=1).T
+        kept = whitener.blocks[k]
+        change = (force[:, 1:] - force[:, :1])[nodes[k, kept]].mean(axis=1).T
         own = _noticed(change[np.any(change != 0.0, axis=1)], partial(whitener.whiten_test, k))
         columns = np.zeros((len(own[0]), *real.shape))
-        columns[:, k, real[k]] = own[0]
+        columns[:, k, kept] = own[0]
         found.append((columns, own[1]))
     sizes = np.concatenate([size for _, size in found])
     return np.concatenate([some for some, _ in found])[np.argsort(-sizes)]
