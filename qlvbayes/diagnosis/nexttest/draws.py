@@ -51,7 +51,7 @@ def explanation_of_draws(
 
     whole = drawn_models(model, own, constants(np.zeros((1, root.shape[1]))))
     fractions, rates = jax.vmap(lambda one: one.relaxation.spectrum())(whole)
-    words = " + ".join((choices.law, choices.relaxing, *choices.effects))
+    words = " + ".join((choices.elastic, choices.relaxing, *choices.effects))
     return Explanation(
         words,
         1.0,
