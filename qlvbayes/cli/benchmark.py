@@ -90,6 +90,8 @@ def benchmark(
     from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of, index_of
     from qlvbayes.evaluation.table import rows
 
+    if pad.isdecimal():  # how many, as --each was called once
+        pad, each = "", int(pad)
     share = share_of(size)
     if not 0.0 < share < 1.0:
         raise InputError(f"a size of {size}", remedy="give a share of the peak force, as 6%")

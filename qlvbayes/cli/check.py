@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, Data, Fitted, Pads, Seed, WorkOptions, known_names
-from qlvbayes.cli.predict import Which, predict_command
+from qlvbayes.cli.predict import Program, Which, predict_command
 from qlvbayes.io.checks import InputError
-from qlvbayes.parallel.faults import Fault, fault_of
-
-if TYPE_CHECKING:
-    from qlvbayes.pipeline.finals import Reader
-    from qlvbayes.pipeline.many import Work
+from qlvbayes.parallel.faults import Fault
 
 
 @with_groups
@@ -26,14 +18,7 @@ def check(
     folder: Fitted,
     pads: Pads = "",
     data: Data = None,
-    program: Annotated[
-        str,
-        typer.Option(
-            help="A motion or a load of your own to predict in place of the tests: a CSV file with "
-            "time_s and displacement_mm, or time_s and force_N; or text, as 'ramp 1.6 mm at 20 "
-            "mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 cycles' or 'force 1 N in 0.1 s, hold 30 s'."
-        ),
-    ] = "",
+    program: Program = "",
     hypotheses: Which = "averaged",
     *,
     work: WorkOptions,
@@ -55,50 +40,38 @@ def check(
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
     from qlvbayes.pipeline.drawing import draw_forces_at_rates
-    from qlvbayes.pipeline.finals import Reader
-    from qlvbayes.pipeline.many import raise_failed, run_pads
+    from qlvbayes.pipeline.finals import saved_studies
+    from qlvbayes.pipeline.many import Work, raise_failed, run_pads
+    from qlvbayes.pipeline.steps import CheckStep
     from qlvbayes.plots.catalogue import pictures_of
 
     part = work.part
-    fitted = {file.parent.name: file for file in sorted(folder.glob("*/posterior.nc"))}
-    names = known_names(pads, fitted, folder) if fitted else []
-    files = part.part([fitted[name] for name in names or fitted])
-    if not files and part.count == 1:
+    fitted = sorted(file.parent.name for file in folder.glob("*/posterior.nc"))
+    names = part.part((known_names(pads, fitted, folder) if fitted else []) or fitted)
+    if not names and part.count == 1:
         raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
     watcher = Terminal(quiet=as_json)
+    step = CheckStep(seed)
+    studies = saved_studies(folder, names, data=data)
+    todo = (one if isinstance(one, Fault) else Work((step,), one, folder) for one in studies)
     with work.engine() as engine:
-        todo = _work(folder, files, Reader(data), seed)
-        done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
+        done = run_pads(folder, todo, size=len(names), engine=engine, watcher=watcher)
     figures = [path for pad in done.pads for path in pictures_of("check", folder / pad)]
     figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
     if as_json or not done.pads:
         show_done(folder, done, "check.json", as_json=as_json)
     else:
-        _show_constants(files)
+        _show_constants([folder / name for name in names])
         show_figures(figures)
     raise_failed([done])
 
 
-def _work(folder: Path, files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | Fault]:
-    from qlvbayes.fitting.results import load
-    from qlvbayes.pipeline.many import Work
-    from qlvbayes.pipeline.steps import CheckStep
-
-    for file in files:
-        try:
-            study = reader.study(load(file))
-        except Exception as error:  # one fit without measurements must not stop the others
-            yield replace(fault_of(error), of=f"pad {file.parent.name}")
-            continue
-        yield Work((CheckStep(seed),), study, folder)
-
-
-def _show_constants(files: Sequence[Path]) -> None:
+def _show_constants(folders: Sequence[Path]) -> None:
     from qlvbayes.cli.tables import pads_table
     from qlvbayes.fitting.summary import FitSummary
     from qlvbayes.report.page import MOST_ON_A_PAGE
 
-    paths = [file.with_name("summary.json") for file in files]
+    paths = [folder / "summary.json" for folder in folders]
     summaries = [FitSummary.read(path) for path in paths if path.exists()]
     if 0 < len(summaries) <= MOST_ON_A_PAGE:
         out.print(pads_table(summaries))

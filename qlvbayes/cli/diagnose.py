@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import AsJson, InputOptions, Out, Seed, WorkOptions
+from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
@@ -19,7 +19,7 @@ def diagnose_command(
     output: Out,
     *,
     work: WorkOptions,
-    seed: Seed = 0,
+    seed: SettingsSeed = None,
     as_json: AsJson = False,
 ) -> None:
     """Say which physical effect the model lacks, with a probability, or that none can be named.
@@ -34,7 +34,7 @@ def diagnose_command(
     from qlvbayes.pipeline.steps import DiagnoseStep
 
     chosen = inputs.chosen
-    settings = chosen.thresholds()
+    seed, settings = chosen.seed(seed), chosen.thresholds()
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(inputs, work.part)
     choices = chosen.choices_of(source)

@@ -8,7 +8,7 @@ import typer
 
 from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import AsJson, InputOptions, Out, Seed, WorkOptions
+from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.checks import check_known
 
@@ -24,7 +24,7 @@ def fit(
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
     *,
     work: WorkOptions,
-    seed: Seed = 0,
+    seed: SettingsSeed = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit the QLV model to each pad's tests whose role is 'fit'; sample its posterior.
@@ -43,6 +43,7 @@ def fit(
     from qlvbayes.pipeline.steps import FitStep
 
     chosen = inputs.chosen
+    seed = chosen.seed(seed)
     settings, method = chosen.sampler(seed), chosen["method"] or METHODS[0]
     check_known("method", method, METHODS)
     watcher = Terminal(quiet=as_json)

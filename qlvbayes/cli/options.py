@@ -92,6 +92,9 @@ ShardText = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
+SettingsSeed = Annotated[
+    int | None, typer.Option(min=0, help="Makes a run repeat. Default: that of the settings, or 0.")
+]
 
 
 @dataclass(frozen=True)

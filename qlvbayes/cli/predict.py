@@ -26,9 +26,9 @@ _WHICH = ("averaged", "fitted")
 Program = Annotated[
     str,
     typer.Option(
-        help="A CSV file with time_s and displacement_mm, or time_s and force_N; or text: "
-        "'ramp 1.6 mm at 20 mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 cycles', 'force 1 N in 0.1 s, "
-        "hold 30 s'."
+        help="A motion or a load of your own: a CSV file with time_s and displacement_mm, or "
+        "time_s and force_N; or text, as 'ramp 1.6 mm at 20 mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 "
+        "cycles' or 'force 1 N in 0.1 s, hold 30 s'."
     ),
 ]
 Which = Annotated[

@@ -137,12 +137,6 @@ def expanded(command: str, words: Sequence[str]) -> list[str]:
         if word == "--":
             return [*given, word, *left]
         option, equals, value = word.partition("=")
-        if (
-            command == "benchmark"
-            and option == "--pads"
-            and (value or "".join(left[:1])).isdecimal()
-        ):
-            word = f"--each{equals}{value}"  # how many, as it was called once
         name = _OLD.get(option[2:], option[2:]) if option.startswith("--") else ""
         if name == "loose" and "bonded" in known:
             given += ["--set", "bonded=false"]
@@ -258,6 +252,10 @@ class Settings:
             refuse_unknown(source.whole.pads, choices.use, choices.leave_out)
         return choices
 
+    def seed(self, given: int | None) -> int:
+        """Return the seed that is given as an option, or that of the file, or 0."""
+        return given if given is not None else self["seed"] or 0
+
     def sampler(self, seed: int) -> SamplerSettings:
         """Return the settings of the sampler."""
         from qlvbayes.fitting.ensemble import Settings as SamplerSettings
@@ -279,7 +277,7 @@ class Settings:
 
     def write(self, out: Path, files: Sequence[Path], pads: str, seed: int) -> None:
         """Write ``out/study.toml``, from which the same study is run again."""
-        values = {"files": tuple(files), "pads": pads, "seed": seed, **self.values}
+        values = self.values | {"files": tuple(files), "pads": pads, "seed": seed}
         lines = ["# qlvbayes study --settings study.toml -o OUT"]
         lines += [f"{name} = {_as_toml(value)}" for name, value in values.items() if value != ""]
         write_whole(out / FILE, ("\n".join(lines) + "\n").encode())
@@ -341,7 +339,7 @@ def _checked(name: str, value: Any, folder: Path) -> Any:
         return value
     if name == "seed" and isinstance(value, int) and value >= 0:
         return value
-    kind = _known(name)
+    kind = _known(name) if name not in _STUDY else None
     if kind is tuple and isinstance(value, list) and all(isinstance(one, str) for one in value):
         return tuple(value)
     if kind is Path and isinstance(value, str):

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import InputOptions, Out, WorkOptions
+from qlvbayes.cli.options import InputOptions, Out, SettingsSeed, WorkOptions
 from qlvbayes.parallel.faults import FailedError
 
 
@@ -18,10 +14,7 @@ def study_command(
     output: Out,
     *,
     work: WorkOptions,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Makes a run repeat. Default: that of the settings, or 0."),
-    ] = None,
+    seed: SettingsSeed = None,
 ) -> None:
     """Do everything: fit, check, diagnose, add what is missing, refit, check, compare, report.
 
@@ -38,7 +31,7 @@ def study_command(
     from qlvbayes.report.page import REPORT
 
     chosen = inputs.chosen
-    seed = chosen["seed"] or 0 if seed is None else seed
+    seed = chosen.seed(seed)
     sampler, thresholds = chosen.sampler(seed), chosen.thresholds()
     watcher = Terminal()
     source = watcher.reading(inputs, work.part)

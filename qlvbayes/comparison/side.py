@@ -192,7 +192,7 @@ def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
     if "." in name:
         return (name,)
     first = sides[0].choices
-    of_elastic = stem in find_elastic(first.law, first.laws).units
+    of_elastic = stem in find_elastic(first.elastic, first.laws).units
     described = {s.choices.elastic if of_elastic else s.choices.relaxing for s in sides}
     return (name,) if len(described) == 1 else ()
 

@@ -17,7 +17,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.motion.covered import covered
 from qlvbayes.parallel.running import package_digest
-from qlvbayes.pipeline.finished import digest_of, is_finished, record_finished
+from qlvbayes.pipeline.finished import FITTED, digest_of, is_finished, record_finished
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
@@ -37,7 +37,7 @@ class CompareStep:
     name: ClassVar[str] = "compare"
     needs: ClassVar[tuple[str, ...]] = ("posterior.nc",)  # of each pad
     leaves: ClassVar[tuple[str, ...]] = tuple(f"compare.{kind}" for kind in ("json", "csv", "txt"))
-    code: ClassVar[tuple[str, ...]] = ("io", "laws", "effects", "model", "fitting", "comparison")
+    code: ClassVar[tuple[str, ...]] = (*FITTED, "comparison")
 
     region: float = REGION
     depth: float | None = None

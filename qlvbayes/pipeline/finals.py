@@ -115,7 +115,7 @@ def _missing_finals(
     missing = [pad for pad in pads if not _is_final(out / pad, named=named)]
     return run_finals(
         out,
-        _studies(out, missing),
+        saved_studies(out, missing, within=PLAIN),
         lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
         convert(run.settings["sampler"], Settings),
         named=named,
@@ -143,25 +143,25 @@ def _choices(facts: dict) -> Choices:
     return Choices.from_dict(json.loads(facts["choices"]))
 
 
-def _studies(out: Path, pads: list[str]) -> Iterator[Measurements | Fault]:
-    """Yield the measurements of some pads, read from where their fits say that they are."""
-    reader = Reader()
+def saved_studies(
+    out: Path, pads: Sequence[str], *, within: str = "", data: Path | None = None
+) -> Iterator[Measurements | Fault]:
+    """Yield the measurements of some pads, read from where their fits say that they are.
+
+    ``data`` is the file or the folder of them, if they have moved since the fits.
+    """
+    reader = _Reader(data)
     for pad in pads:
         try:
-            yield reader.study(load(out / pad / PLAIN / "posterior.nc"))
+            yield reader.study(load(out / pad / within / "posterior.nc"))
         except Exception as error:  # one missing file must not stop the others
             yield replace(fault_of(error), of=f"pad {pad}")
 
 
-class Reader:
-    """Reader of the measurements of saved fits.
+class _Reader:
+    """Reader of measurements, which keeps the last file, as the next pad is often in it."""
 
-    The last file is kept, as the next pad is often in it.
-
-    data: file or folder of the measurements, if they have moved since the fits.
-    """
-
-    def __init__(self, data: Path | None = None) -> None:
+    def __init__(self, data: Path | None) -> None:
         self._data = data
         self._source: Path | None = None
         self._study: Measurements | None = None

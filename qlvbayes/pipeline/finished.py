@@ -17,6 +17,8 @@ from qlvbayes.io.files import write_json
 from qlvbayes.parallel.faults import Fault
 
 FINISHED = ".finished"
+FITTED = ("io", "priors", "laws", "effects", "motion", "model", "inference", "fitting")
+"""Folders of the package that the numbers of a fit depend on."""
 _FAILED = "failed"
 
 

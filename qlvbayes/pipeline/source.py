@@ -134,12 +134,15 @@ class Source:
     @property
     def grouping(self) -> str:
         """What the files are taken for, in words."""
-        several = [f"{len(self.files)} files, whose pads stay apart"] if self._streamed else []
+        words = f"{len(self.files)} tidy files, each with pads of its own"
+        several = [words] if self._streamed else []
         pads = self._selected(self.read) if self.read is not None else []
         named = [f"pad {pad.name} of {_count(len(pad.tests), 'test')}" for pad in pads]
         text = f"read: {listed([*named, *several])}"
         if self.conversion is not None and len(pads) == 1 and len(pads[0].tests) > 1:
             text += " (--pad NAME names it; --pad-from REGEX finds several pads in tests' names)"
+        if several:
+            text += " (tests of one pad stand in one file, with a column test)"
         return text
 
     def kept(self, out: Path) -> Source:

@@ -30,14 +30,12 @@ from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
 from qlvbayes.parallel.running import package_digest
-from qlvbayes.pipeline.finished import digest_of
+from qlvbayes.pipeline.finished import FITTED, digest_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.catalogue import pictures_of, save_figures
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
-_FITTED = ("io", "priors", "laws", "effects", "motion", "model", "inference", "fitting")
-_DIAGNOSED = (*_FITTED, "diagnosis", "use")
 PLAIN = "plain"
 """Folder, within that of a pad, of the fit and the check that precede the diagnosis."""
 
@@ -98,7 +96,7 @@ class FitStep:
     name: ClassVar[str] = "fit"
     needs: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ("posterior.nc", "summary.json")
-    code: ClassVar[tuple[str, ...]] = _FITTED
+    code: ClassVar[tuple[str, ...]] = FITTED
 
     choices: Choices
     method: str = "emcee"
@@ -156,7 +154,7 @@ class CheckStep:
     name: ClassVar[str] = "check"
     needs: ClassVar[tuple[str, ...]] = ("posterior.nc",)
     leaves: ClassVar[tuple[str, ...]] = ("check.json", "curves.json")
-    code: ClassVar[tuple[str, ...]] = _FITTED
+    code: ClassVar[tuple[str, ...]] = FITTED
 
     seed: int = 0
     within: str = ""
@@ -188,7 +186,7 @@ class DiagnoseStep:
     name: ClassVar[str] = "diagnose"
     needs: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ("diagnosis.json", "diagnosis.txt", HYPOTHESES)
-    code: ClassVar[tuple[str, ...]] = _DIAGNOSED
+    code: ClassVar[tuple[str, ...]] = (*FITTED, "diagnosis", "comparison", "use")
     within: ClassVar[str] = ""
 
     choices: Choices

@@ -38,7 +38,6 @@ def test_an_option_is_a_setting(words, wanted):
 def test_a_command_takes_the_settings_that_it_uses():
     assert expanded("diagnose", ["--walkers", "8"]) == ["--walkers", "8"]
     assert expanded("compare", ["--sign", "force"]) == ["--sign", "force"]
-    assert expanded("benchmark", ["--pads", "3"]) == ["--each", "3"]
     assert {key.part for key in KEYS.values()} == {*PARTS["study"], *PARTS["fit"]}
     assert call("diagnose", PADS, "-o", "nowhere", "--walkers", "8")[0] == 2
 
@@ -68,6 +67,9 @@ def test_what_a_study_writes_is_read_as_the_same(tmp_path):
     assert again.thresholds().tolerance == 0.02
     assert (again.sampler(5).walkers, again.sampler(5).max_steps) == (40, 200)
     assert again.arguments() == ["--area", "3.5"]
+    again.write(tmp_path, [PADS, PADS], "C", 4)  # what was read does not come before what is said
+    third = settings(file=tmp_path / FILE)
+    assert (third["pads"], len(third["files"]), third.seed(None), third.seed(7)) == ("C", 2, 4, 7)
     assert settings("elastic=linear", file=tmp_path / FILE)["elastic"] == "linear"
 
 
