@@ -78,12 +78,15 @@ def run_all(
 
 @cache
 def package_digest(folders: tuple[str, ...] = ()) -> str:
-    """Return the digest of the source of some folders of the package, by default of all of it."""
+    """Return the digest of the source of some folders of the package, by default of all of it.
+
+    Modules that lie in no folder belong to each.
+    """
     digest = hashlib.sha256()
     root = Path(qlvbayes.__file__).parent
     for file in sorted(root.rglob("*.py")):
         name = file.relative_to(root)
-        if not folders or name.parts[0] in folders:
+        if not folders or len(name.parts) == 1 or name.parts[0] in folders:
             digest.update(name.as_posix().encode() + file.read_bytes())
     return digest.hexdigest()
 
