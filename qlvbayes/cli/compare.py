@@ -25,7 +25,7 @@ def compare_command(
         list[Path],
         typer.Argument(
             help="The folder that 'fit' or 'study' wrote, or several; results go to the first.",
-            metavar="OUT...",
+            metavar="OUT",
         ),
     ],
     pads: Annotated[

@@ -33,7 +33,7 @@ Files = Annotated[
         help="Measurements: tidy .csv or .csv.gz files, or as testing machines write them; files, "
         "or folders of them. Pads of several tidy files are named after their files; machines' "
         "files are tests of one pad.",
-        metavar="FILE...",
+        metavar="FILE",
         show_default=False,
     ),
 ]
@@ -147,13 +147,14 @@ class InputOptions:
         from qlvbayes.pipeline.source import Source
 
         settings = self.chosen
-        read = (lambda files, pads: converted(files, settings, pads)) if (
-            settings.states_reading
-        ) else None  # fmt: skip
         return Source.from_files(
-            self.paths, only=lambda known: among(self.pad_words, known), shard=part,
-            convert=read, pad_names=settings["pad-from"] is None,
-        )  # fmt: skip
+            self.paths,
+            only=lambda known: among(self.pad_words, known),
+            shard=part,
+            convert=lambda files, pads: converted(files, settings, pads),
+            stated=settings.states_reading,
+            pad_names=settings["pad-from"] is None,
+        )
 
 
 def engine_of_jobs(text: str) -> AbstractContextManager[Engine | None]:

@@ -50,8 +50,7 @@ class Terminal(Watcher):
         Which tests are of which pad is printed before the first result, and not where a setting is
         refused.
         """
-        with waiting("reading"):
-            source = inputs.source(part)
+        source = inputs.source(part)  # may ask, and no spinner may turn then
         self._grouping = source.grouping
         for notice in source.notices:
             self.notice(notice)

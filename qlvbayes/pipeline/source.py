@@ -72,12 +72,13 @@ class Source:
         only: Sequence[str] | NamesAmong = (),
         shard: Shard | None = None,
         convert: Convert | None = None,
+        stated: bool = False,
         pad_names: bool = True,
     ) -> Source:
         """Return the source of measurements: a file, several files, or a folder of them.
 
-        ``convert`` reads files of testing machines with the user's answers; a single one is read
-        as every file is where there are none. ``only`` selects pads, or finds their names among
+        ``convert`` reads files of testing machines; where the user has not ``stated`` how, a single
+        one is read as every file is. ``only`` selects pads, or finds their names among
         known ones; it names those of machines' files unless ``pad_names`` is false, as the answers
         find them in the tests' names.
         """
@@ -90,10 +91,10 @@ class Source:
         paths = [Path(one) for one in measurements]
         files = [file for path in paths for file in files_at(path)]
         folder = paths[0] if len(paths) == 1 and paths[0].is_dir() else None
-        alone = len(files) == 1 and convert is None and not named(())
-        tidy = files if alone else [file for file in files if _is_tidy(file, convert is not None)]
+        alone = len(files) == 1 and not stated and not named(())
+        tidy = files if alone else [file for file in files if _is_tidy(file, stated)]
         machines = [file for file in files if file not in tidy]
-        if tidy and not machines and convert is not None:
+        if tidy and not machines and stated:
             what = "an option says how files of testing machines are read, and this one is tidy"
             raise InputError(what, file=tidy[0], remedy="leave the option out")
         if machines:
