@@ -99,8 +99,8 @@ def _laws(choices: dict) -> tuple[str, str]:
         elastic = find_elastic(given.elastic, given.laws)
         relaxation = find_relaxation(given.relaxation, given.laws)
     except InputError:
-        elastic = str(choices.get("elastic", choices.get("law", DASH)))
-        return elastic, str(choices.get("relaxation", DASH))
+        name = str(choices.get("elastic", choices.get("law", DASH)))
+        return name, str(choices.get("relaxation", DASH))
     modes = f", of {given.modes} mode{'s' if given.modes != 1 else ''}"
     return elastic.law, relaxation.law + modes * given.is_prony
 
