@@ -29,10 +29,9 @@ from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline.checking import check_into
-from qlvbayes.pipeline.comparing import compare_into
-from qlvbayes.pipeline.diagnosing import diagnose_into
-from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.pipeline.comparing import CompareStep
+from qlvbayes.pipeline.source import alone
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
 from qlvbayes.simulate import (
@@ -146,9 +145,8 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
     out = Path(spec["out"])
     thresholds = DiagnosisSettings()
-    diagnose_into(
-        out / name, study.pad(name), choices, thresholds=thresholds, seed=0, watcher=watcher
-    )
+    step = DiagnoseStep(choices, 0, thresholds)
+    step.run(out / name, alone(study, study.pad(name)), watcher)
     command = _command("diagnose", spec, choices, [name])
     settings = {"thresholds": thresholds}
     record_run(out, "diagnose", command, study, choices, 0, settings)
@@ -162,12 +160,9 @@ def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     for name in spec["pads"]:
         model = spec["models"].get(name)
         choices = _choices(model, study.units.bonded_default, spec["effects_file"])
-        fit_into(
-            out / name, study.pad(name), study, choices, method=_METHOD,
-            all_tests=all_tests, settings=settings, watcher=watcher,
-        )  # fmt: skip
-        saved = load(out / name / "posterior.nc")
-        check_into(out / name, saved, study, seed=0, watcher=watcher)
+        pad = alone(study, study.pad(name))
+        for step in (FitStep(choices, _METHOD, all_tests, settings), CheckStep()):
+            step.run(out / name, pad, watcher)
         command = _command("fit", spec, choices, [name])
         recorded = {"method": _METHOD, "all_tests": all_tests, "sampler": settings}
         record_run(out, "fit", command, study, choices, 0, recorded)
@@ -181,7 +176,7 @@ def compared(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     result = sampled({**spec, "pads": missing}, watcher) if missing else {"sampled": []}
     pads = [load(out / name / "posterior.nc") for name in spec["pads"]]
     first, second = ((saved.pad, [saved]) for saved in pads)
-    compare_into(out, first, second, watcher=watcher)
+    CompareStep().run(out, first, second, watcher)
     names = ",".join(spec["pads"])
     command = as_typed("qlvbayes", "compare", out.name, "--pads", names)
     record_run(out, "compare", command, study, pads[0].choices, 0)
@@ -199,7 +194,7 @@ def _has_model(spec: Spec, name: str) -> bool:
 
 def _same_model(model: dict[str, Any], saved: Saved) -> bool:
     own = saved.choices
-    names = own.law, own.relaxing, set(own.effects)
+    names = own.elastic, own.relaxing, set(own.effects)
     return names == (model["elastic"], model["relaxation"], set(model["effects"]))
 
 
@@ -253,7 +248,7 @@ def _choices(model: dict[str, Any] | None, bonded: bool, effects_file: str | Non
     relaxation, _, modes = model["relaxation"].partition(":")
     return replace(
         default,
-        law=model["elastic"],
+        elastic=model["elastic"],
         relaxation=relaxation,
         modes=int(modes) if modes else default.modes,
         effects=tuple(model["effects"]),
@@ -264,7 +259,7 @@ def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> st
     """Return the command line that does the same."""
     words = ["qlvbayes", step, Path(spec["data"]).name, "--pads", ",".join(pads)]
     if step == "fit":
-        words += ["--elastic", choices.law, "--relaxation", choices.relaxing]
+        words += ["--elastic", choices.elastic, "--relaxation", choices.relaxing]
         words += ["--all-tests"] if spec["all_tests"] else []
         words += [word for name in choices.effects for word in ("--add", name)]
     words += ["--effects-file", spec["effects_file"]] if spec["effects_file"] else []

@@ -131,7 +131,7 @@ def _other_laws(pad: PadResults) -> list[str]:
     except InputError:  # a law's file that has gone
         return []
     base = diagnosis.base
-    if (own.law, own.relaxing) == base.pair:
+    if (own.elastic, own.relaxing) == base.pair:
         return []
     words = ["--elastic", base.elastic, "--relaxation", base.relaxation]
     words += [word for name in own.effects for word in ("--add", name)]

@@ -159,7 +159,7 @@ def _of_laws(pad: PadResults) -> dict[str, str]:
     try:
         given = Choices.from_dict(json.loads(pad.final.facts.get("choices", "{}")))
         laws = (
-            find_elastic(given.law, given.laws),
+            find_elastic(given.elastic, given.laws),
             find_relaxation(given.relaxation, given.laws),
         )
     except InputError:

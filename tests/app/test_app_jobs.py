@@ -15,6 +15,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.runs import RunLog
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 
 DATA = Path(__file__).parents[2] / "data" / "pads.csv"
 STANDING = SearchProgress(
@@ -88,7 +89,11 @@ def test_a_search_that_has_told_enough_ends_once(reporter):
 def test_a_job_samples_the_model_on_the_bench():
     model = {"elastic": "hertz", "relaxation": "prony:3", "effects": ["friction"]}
     choices = _choices(model, True, None)
-    assert (choices.law, choices.relaxing, choices.effects) == ("hertz", "prony:3", ("friction",))
+    assert (choices.elastic, choices.relaxing, choices.effects) == (
+        "hertz",
+        "prony:3",
+        ("friction",),
+    )
     assert choices.bonded
     assert _choices({**model, "relaxation": "fung"}, False, None).relaxing == "fung"
 
@@ -96,16 +101,16 @@ def test_a_job_samples_the_model_on_the_bench():
 def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
     """It notes settings as the commands do, and passes the same to its steps."""
     passed = {}
-    for step in ("diagnose_into", "fit_into", "check_into"):
-        monkeypatch.setattr(job, step, lambda *_, step=step, **given: passed.update({step: given}))
-    monkeypatch.setattr(job, "load", lambda path: None)
+    for kind in (FitStep, CheckStep, DiagnoseStep):
+        monkeypatch.setattr(kind, "run", lambda step, *_: passed.update({step.name: step}))
     spec = {"data": str(DATA), "out": str(tmp_path), "pads": ["B"], "models": {}}
     spec |= {"all_tests": True, "effects_file": None}
     job.diagnosed(spec, None)
     job.sampled(spec, None)
     runs = RunLog.read(tmp_path / "run.json").runs
     assert runs["diagnose"].settings == {"thresholds": asdict(DiagnosisSettings())}
-    assert passed["diagnose_into"]["thresholds"] == DiagnosisSettings()
+    assert passed["diagnose"].thresholds == DiagnosisSettings()
     sampler = asdict(Settings())
     assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
-    assert passed["fit_into"]["settings"] == Settings()
+    assert passed["fit"].settings == Settings()
+    assert passed["fit"].all_tests

@@ -24,7 +24,7 @@ EXACT = 1e-12
 
 def functions(law):
     """The elastic force, stiffness, step and slope of a law, as expressions."""
-    return elastic_functions(reference(Choices(law=law)).elastic)
+    return elastic_functions(reference(Choices(elastic=law)).elastic)
 
 
 def evaluated(function, constants):
@@ -65,7 +65,7 @@ def compiled(tmp_path_factory):
         key = law, relaxation, bonded, flags
         if key not in known:
             folder = tmp_path_factory.mktemp("c")
-            pad = exported(folder, Choices(law=law, relaxation=relaxation, bonded=bonded))
+            pad = exported(folder, Choices(elastic=law, relaxation=relaxation, bonded=bonded))
             options = {} if flags is None else {"flags": flags}
             known[key] = pad, CompiledPad(folder / "c", CHeader().files(pad, None), **options)
         return known[key]
@@ -217,4 +217,4 @@ def test_the_slope_of_a_step_is_its_slope(law):
 
 def test_a_law_that_cannot_be_written_is_refused_with_the_remedy(tmp_path):
     with pytest.raises(InputError, match="spline cannot be written as code; use --to json"):
-        CHeader().files(exported(tmp_path, Choices(law="spline")), None)
+        CHeader().files(exported(tmp_path, Choices(elastic="spline")), None)

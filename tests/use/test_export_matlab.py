@@ -45,7 +45,7 @@ def ran(tmp_path_factory):
     time, depth = (x[::2] for x in retracting())  # Octave takes a millisecond a step
     pads = []
     for i, (law, bonded) in enumerate(CASES):
-        pad = exported(root / str(i), Choices(law=law, bonded=bonded))
+        pad = exported(root / str(i), Choices(elastic=law, bonded=bonded))
         (root / str(i) / "pad_B.m").write_bytes(MatlabFunction().files(pad, None)["pad_B.m"])
         pads.append(pad)
     names = ", ".join(f"'{root / str(i)}'" for i in range(len(CASES)))
