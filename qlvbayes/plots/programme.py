@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
-from qlvbayes.plots.phases import by_rate, trial_name
+from qlvbayes.plots.panels import slowest_first, trial_name
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -38,7 +38,7 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
     Where the loading rates span a decade there are two panels: logarithmic time, which shows every
     ramp, and linear time. ``experiment`` is the pad's, ``width`` in mm; returns the panels.
     """
-    tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
+    tight, trials = narrow(width), slowest_first(experiment.trials)
     scales = ["log", "linear"] if decades(trials) else ["linear"]
     with style():
         columns = 2 if tight else 4

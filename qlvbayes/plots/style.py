@@ -6,11 +6,13 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 from cycler import cycler
+from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -26,11 +28,13 @@ _NARROW = 110.0  # mm, up to which a figure is laid out for one column
 # Okabe and Ito, distinguishable by colour-blind readers.
 BLACK = "#000000"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+PLAIN = COLOURS[4]  # of the model without effects, which differs from the first in grey too
 LINES: Any = ("-", "--", ":", "-.")  # one for each colour, so that a grey copy can be read
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with Matplotlib
+    # the signs that figures use, from which a PDF's letters are cut quickly; others from the whole
+    "font.family": ["qlvbayes Sans", "DejaVu Sans"],
     "font.size": 7.5,
     "axes.titlesize": 7.5,
     "axes.labelsize": 7.0,
@@ -69,8 +73,16 @@ _KEY = re.compile(r"[Kk]ey ([\w.]+):")
 _matplotlib: Any = matplotlib  # the keys of its settings have too many types to declare
 
 
+@cache
+def _add_fonts() -> None:
+    """Make the package's fonts known to Matplotlib."""
+    for path in sorted((Path(__file__).parent / "fonts").glob("*.ttf")):
+        font_manager.fontManager.addfont(path)
+
+
 def style() -> AbstractContextManager[None]:
     """Return a context manager for ``STYLE`` and, over it, the settings of ``using``."""
+    _add_fonts()
     return _matplotlib.rc_context({**STYLE, **_own.get()})
 
 
