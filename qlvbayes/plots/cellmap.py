@@ -61,7 +61,7 @@ class ErrorMap:
     """The errors of one model, what stands in each cell, and which cells fail."""
 
     title: str
-    cells: Sequence[Cell | CellError]
+    cells: Sequence[Any]  # each a `Cell` or a `CellError`
     text: Callable[[Any], str]
     fails: Callable[[Any], bool]
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.constants_table import Entry, rounded
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style
@@ -45,7 +46,7 @@ def plot_constants(
             _draw(axis, [entry for entry in shown if entry.parameter == name], pads)
         for axis in axes:
             axis.set_ylim(len(pads) - 0.45, -0.75)
-            axis.set_yticks(range(len(pads)), [f"pad {shortened(pad, _NAME)}" for pad in pads])
+            axis.set_yticks(range(len(pads)), [pad_title(shortened(pad, _NAME)) for pad in pads])
             axis.tick_params(axis="y", length=0)
         if any(entry.reference is not None for entry in shown):
             _legend(figure, reference)

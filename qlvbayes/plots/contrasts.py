@@ -77,8 +77,9 @@ def _rows(comparison: Comparison) -> list[Contrast | str]:
 def _limits(comparison: Comparison) -> tuple[float, float]:
     edge = 1.0 + comparison.region
     ratios = [c.ratio for c in comparison.contrasts if c.ratio is not None]
-    low = min([1.0 / edge, *(r.low for r in ratios)])
-    high = max([edge, *(r.high for r in ratios)])
+    ends = [c.ratio95 for c in comparison.contrasts if c.ratio95 is not None]
+    low = min([1.0 / edge, *(r.low for r in ratios), *(low for low, _ in ends)])
+    high = max([edge, *(r.high for r in ratios), *(high for _, high in ends)])
     margin = 0.06 * np.log(min(high, _FAR) / max(low, 1.0 / _FAR))
     return max(low, 1.0 / _FAR) / np.exp(margin), min(high, _FAR) * np.exp(margin)
 
@@ -98,8 +99,10 @@ def _draw(
         axis.text(0.01, position, "no ratio", color="0.4", va="center", transform=transform)
         return
     axis.plot(
-        [ratio.low, ratio.high], [position, position], color=colour, linewidth=1.4, gid="interval"
+        [ratio.low, ratio.high], [position, position], color=colour, linewidth=1.8, gid="interval"
     )
+    if contrast.ratio95 is not None:
+        axis.plot(contrast.ratio95, [position, position], color=colour, linewidth=0.6, gid="95")
     sign = {"greater": "^", "less": "v"}.get(contrast.answer, MARKERS[0])
     hollow = contrast.answer == "cannot tell"
     middle = float(np.clip(ratio.median, *limits))
@@ -164,9 +167,10 @@ def _words(figure: Figure, comparison: Comparison, tight: bool) -> None:
     title = f"{kind} {first} against {kind} {second}: {_answer(comparison)}"
     figure.suptitle(fill(title, _TITLE_TIGHT if tight else _TITLE), x=0.01, ha="left")
     lines = [
-        f"Bars: 90 % intervals. Shaded: equal within {100 * comparison.region:g} % "
-        f"(ratio {1 / (1 + comparison.region):.3g} to {1 + comparison.region:.3g}). "
-        "Dots: equal; open: cannot tell; triangles: greater or less."
+        f"Bars: 90 %; thin lines: 95 %. Shaded: equal within {100 * comparison.region:g} % "
+        f"(ratio {1 / (1 + comparison.region):.3g} to {1 + comparison.region:.3g}). Full dot, "
+        "equal: 95 % of the probability is shaded. Triangle, greater or less: otherwise, and the "
+        "thin line is clear of 1. Open dot: cannot tell."
     ]
     if any(c.extrapolated for c in comparison.contrasts):
         lines.append("*: beyond what the tests of one of them cover.")

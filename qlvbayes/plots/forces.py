@@ -81,7 +81,7 @@ def finish(
 
 
 def legend(
-    figure: Figure, columns: int, also: Mapping[str, Any] | None = None, loc: str = "upper center"
+    figure: Figure, columns: int, also: Mapping[str, Any] | None = None, loc: Any = "upper center"
 ) -> None:
     """Write the legend of readings and one model over a figure; ``also`` has handles by label."""
     dot: dict[str, Any] = {"marker": ".", "linestyle": "None", "markersize": 5.0}

@@ -12,6 +12,7 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import rated
@@ -71,7 +72,7 @@ def plot_forces_at_rates(
         axes = figure.subplots(*shape, sharey=True, squeeze=False)
         by_pad = axes if tight else axes.T
         for (name, nearby), row in zip(chosen.items(), by_pad, strict=True):
-            row[0].set_title(f"pad {shortened(name, 24)}", loc="left", weight="bold")
+            row[0].set_title(pad_title(shortened(name, 24)), loc="left", weight="bold")
             for axis, scale in zip(row, scales, strict=True):
                 _draw(axis, nearby)
                 if scale == "log":

@@ -77,7 +77,7 @@ def _legend(figure: Figure, diagnosis: DiagnosisResult, count: int, *, tight: bo
         Patch(color="0.88", linewidth=0),
     ]
     labels = ["measured", "90 % of the noise floor"]
-    models: list[tuple[str, str, Sequence[str], Sequence[str]]] = [
+    models: list[tuple[str, Any, Sequence[str], Sequence[str]]] = [
         (PLAIN, "--", (), ()),
         (colours()[0], "-", diagnosis.tried, diagnosis.changed),
     ]

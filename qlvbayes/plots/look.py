@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -180,7 +181,7 @@ def _ring(panel: Axes, trial: Trial, time: PhaseTime, factor: float) -> None:
 
 def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial]) -> None:
     pad, count = shortened(experiment.pad), len(experiment.trials)
-    title = f"pad {pad}: first look"
+    title = f"{pad_title(pad)}: first look"
     if len(trials) < count:
         title += f" at {len(trials)} of {count} tests"
     handles: list[Any] = [

@@ -10,6 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.model.drawn import described_fields
@@ -49,12 +50,12 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
     cell = (width - margin - _RIGHT) / gaps
     upright = cell < _UPRIGHT
     longest = max(len(line) for text in labels.values() for line in text.split("\n"))
-    below = digits + _LETTER * longest + 2.0 if upright else margin
-    height = top + high * gaps + below
+    bottom = digits + _LETTER * longest + 2.0 if upright else margin
+    height = top + high * gaps + bottom
     with style():
         figure = Figure((width * MM, height * MM))
         grid = figure.add_gridspec(
-            count, count, left=margin / width, right=1.0 - _RIGHT / width, bottom=below / height,
+            count, count, left=margin / width, right=1.0 - _RIGHT / width, bottom=bottom / height,
             top=1.0 - top / height, wspace=_GAP, hspace=_GAP,
         )  # fmt: skip
         axes = []
@@ -159,7 +160,7 @@ def _legend(figure: Figure, pad: str, columns: int) -> None:
         Line2D([], [], color=colour, linestyle="--", linewidth=0.7),
     ]
     figure.suptitle(
-        f"pad {shortened(pad, 24)}: joint posterior", x=0.01, y=0.995, ha="left", va="top"
+        f"{pad_title(shortened(pad, 24))}: joint posterior", x=0.01, y=0.995, ha="left", va="top"
     )
     figure.legend(
         handles, ["50 % of the draws", "90 %", "median"], loc="upper left",

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.panels import slowest_first, trial_name
@@ -96,5 +97,5 @@ def _legend(figure: Figure, experiment: Experiment, trials: Sequence[Trial], col
                    markerfacecolor="white", markeredgewidth=0.7)
         )  # fmt: skip
         labels.append(f"{kind} begins")
-    title = f"pad {shortened(experiment.pad)}: displacement programme"
+    title = f"{pad_title(shortened(experiment.pad))}: displacement programme"
     titled_legend(figure, title, handles, labels, ncols=columns)

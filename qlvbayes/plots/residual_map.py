@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import decimals_of
@@ -43,7 +44,7 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
         for cell, (role, _) in zip(tests, roles, strict=True)
     ]
     one = ErrorMap(
-        f"pad {shortened(check.pad)}", check.cells, lambda c: _text(c, check.noise),
+        pad_title(shortened(check.pad)), check.cells, lambda c: _text(c, check.noise),
         lambda c: c.fails,
     )  # fmt: skip
     with style():
