@@ -57,9 +57,7 @@ FIGURES = (
         lambda checked: (checked.predictions, checked.experiment.units),
     ),
     Figure(
-        "residual_map",
-        "check",
-        takes=lambda checked: (checked.check, checked.experiment.units),
+        "residual_map", "check", takes=lambda checked: (checked.check, checked.experiment.units)
     ),
     Figure(
         "forces_at_rates",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,11 +15,11 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMetho
 from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import (
-    BLACK,
     DOUBLE,
     MARKERS,
     canvas,
     colours,
+    name_rows,
     narrow,
     percentage,
     shortened,
@@ -35,6 +36,11 @@ _NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
 _NOTE, _NOTE_TIGHT = 138, 60
 _FAR = 30.0  # largest ratio either way that is drawn; beyond, an arrow
 _LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # index into the palette
+_ANSWERS = {
+    True: "they differ",
+    False: "equal for practical purposes",
+    None: "the tests cannot tell",
+}
 _TICKS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
 _APART = 0.13  # share of the axis between two ticks that are labelled
 
@@ -141,17 +147,11 @@ def _ticks(low: float, high: float, spread: float) -> list[float]:
 
 def _label(axis: Axes, rows: Sequence[Contrast | str], first: str, tight: bool) -> None:
     names = [row if isinstance(row, str) else _name(row, tight) for row in rows]
-    axis.set_yticks(range(len(rows)), names)
-    for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
-        tick.set_fontweight("bold" if isinstance(row, str) else "normal")
-    axis.set_ylim(len(rows) - 0.4, -0.6)
-    axis.tick_params(axis="y", length=0)
-    axis.spines["left"].set_visible(False)
+    name_rows(axis, names, [k for k, row in enumerate(rows) if isinstance(row, str)])
     heads = (f"{first} is,\nP(greater)",) if tight else (f"{first} is", "P(greater)")
+    look: dict[str, Any] = {"xycoords": "axes fraction", "va": "bottom"}
     for text, points in zip(heads, _TEXT_AT, strict=False):
-        write_right(
-            axis, text, 1.0, points, up=2.0, xycoords="axes fraction", va="bottom", color=BLACK
-        )
+        write_right(axis, text, 1.0, points, up=2.0, **look)
 
 
 def _name(contrast: Contrast, tight: bool) -> str:
@@ -164,7 +164,7 @@ def _name(contrast: Contrast, tight: bool) -> str:
 def _words(figure: Figure, comparison: Comparison, tight: bool) -> None:
     first, second = (shortened(name, 24) for name in comparison.names)
     kind = comparison.between.removesuffix("s")
-    title = f"{kind} {first} against {kind} {second}: {_answer(comparison)}"
+    title = f"{kind} {first} against {kind} {second}: {_ANSWERS[comparison.differ]}"
     figure.suptitle(fill(title, _TITLE_TIGHT if tight else _TITLE), x=0.01, ha="left")
     lines = [
         f"Bars: 90 %; thin lines: 95 %. Shaded: equal within {100 * comparison.region:g} % "
@@ -176,9 +176,3 @@ def _words(figure: Figure, comparison: Comparison, tight: bool) -> None:
         lines.append("*: beyond what the tests of one of them cover.")
     most = _NOTE_TIGHT if tight else _NOTE
     figure.supxlabel("\n".join(fill(line, most) for line in lines), x=0.01, ha="left")
-
-
-def _answer(comparison: Comparison) -> str:
-    if comparison.differ is None:
-        return "the tests cannot tell"
-    return "they differ" if comparison.differ else "equal for practical purposes"

@@ -18,6 +18,7 @@ from qlvbayes.plots.style import (
     DOUBLE,
     canvas,
     colours,
+    name_rows,
     narrow,
     percentage,
     shortened,
@@ -35,11 +36,7 @@ _NOTE, _NOTE_TIGHT = 125, 56  # characters a line
 _TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
 _LOOKS: dict[str, dict[str, Any]] = {  # colours by their index in the palette, greys by value
     "named in the verdict": {"facecolor": 0, "edgecolor": 0},
-    "explains these tests as well": {
-        "facecolor": 5,
-        "edgecolor": BLACK,
-        "linewidth": 1.2,
-    },
+    "explains these tests as well": {"facecolor": 5, "edgecolor": BLACK, "linewidth": 1.2},
     "added, but structure is left": {"facecolor": "0.35", "edgecolor": "0.35"},
     "not named": {"facecolor": "0.72", "edgecolor": "0.72"},
 }
@@ -118,26 +115,14 @@ def _ticks(low: float, high: float, tight: bool) -> list[float]:
 
 def _label(axis: Axes, diagnosis: DiagnosisResult, ranking: tuple[Ranked, ...]) -> None:
     refused = _refused(diagnosis)
-    names = [_name(ranked, refused) for ranked in ranking]
-    axis.set_yticks(range(len(ranking)), names)
-    for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
-        marked = _look(diagnosis, ranked) in (_NAMED, _GROUP)
-        tick.set_fontweight("bold" if marked else "normal")
-    axis.set_ylim(len(ranking) - 0.4, -0.6)
-    axis.tick_params(axis="y", length=0)
-    axis.spines["left"].set_visible(False)
+    bold = [k for k, one in enumerate(ranking) if _look(diagnosis, one) in (_NAMED, _GROUP)]
+    name_rows(axis, [_name(ranked, refused) for ranked in ranking], bold)
     axis.axvline(0.0, color=BLACK, linewidth=0.6)
     axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
     for text, points in zip(("log BF", "probability"), _TEXT_END, strict=True):
         write_right(axis, text, 1.0, points, xycoords="axes fraction", ha="right", va="bottom")
-    axis.annotate(
-        "strong",
-        (_ODDS, 1.0),
-        xycoords=axis.get_xaxis_transform(),
-        ha="center",
-        va="bottom",
-        color="0.3",
-    )
+    place: dict[str, Any] = {"xycoords": axis.get_xaxis_transform(), "va": "bottom"}
+    axis.annotate("strong", (_ODDS, 1.0), ha="center", color="0.3", **place)
 
 
 def _name(ranked: Ranked, refused: set[str]) -> str:

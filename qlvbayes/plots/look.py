@@ -76,8 +76,7 @@ def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
 def _chosen(experiment: Experiment) -> list[Trial]:
     """Return all tests, or those with bad readings or a motion that departs; slowest first."""
     doubtful = sorted(
-        experiment.trials,
-        key=lambda t: (t.trajectory.departure is None) + (t.left_out is None),
+        experiment.trials, key=lambda t: (t.trajectory.departure is None) + (t.left_out is None)
     )
     return slowest_first(doubtful[:_MOST])
 
@@ -184,33 +183,37 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial]) -> No
     title = f"{pad_title(pad)}: first look"
     if len(trials) < count:
         title += f" at {len(trials)} of {count} tests"
-    handles: list[Any] = [
-        Line2D([], [], color=BLACK, marker=".", linestyle="None", markersize=3.5),
-        Line2D([], [], color=colours()[0]),
-        Patch(color=colours()[0], alpha=0.15, linewidth=0),
-    ]
-    loaded = {
-        phase.control == Control.FORCE
-        for trial in trials
-        for phase in trial.phases
-        if phase.kind in MOVING
-    } or {False}
+    phases = [phase for trial in trials for phase in trial.phases]
+    loaded = {p.control == Control.FORCE for p in phases if p.kind in MOVING} or {False}
     rising, falling = _MOVED[min(loaded), max(loaded)]
-    labels = ["readings", "motion taken from them", rising]
-    if any(phase.kind == "unload" for trial in trials for phase in trial.phases):
-        handles.append(Patch(color=colours()[1], alpha=0.15, linewidth=0))
-        labels.append(falling)
-    if any(line.get_gid() == "step" for panel in figure.axes for line in panel.lines):
-        handles.append(Line2D([], [], color=GREY, linestyle="--", linewidth=0.6))
-        labels.append("step of the encoder")
-    if any(trial.left_out is not None for trial in trials):
-        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="None", markersize=4.0))
-        labels.append(LABEL)
-    if any(trial.trajectory.departure is not None for trial in trials):
-        handles.append(
-            Line2D([], [], color=colours()[1], marker="o", linestyle="None", markerfacecolor="none")
-        )
-        labels.append("motion departs")
+    first, second = colours()[:2]
+    dot: dict[str, Any] = {"linestyle": "None", "markersize": 4.0}
+    entries = [
+        (True, "readings", Line2D([], [], color=BLACK, marker=".", **dot)),
+        (True, "motion taken from them", Line2D([], [], color=first)),
+        (True, rising, Patch(color=first, alpha=0.15, linewidth=0)),
+        (
+            any(phase.kind == "unload" for phase in phases),
+            falling,
+            Patch(color=second, alpha=0.15, linewidth=0),
+        ),
+        (
+            any(line.get_gid() == "step" for panel in figure.axes for line in panel.lines),
+            "step of the encoder",
+            Line2D([], [], color=GREY, linestyle="--", linewidth=0.6),
+        ),
+        (
+            any(trial.left_out is not None for trial in trials),
+            LABEL,
+            Line2D([], [], color=GREY, marker="x", **dot),
+        ),
+        (
+            any(trial.trajectory.departure is not None for trial in trials),
+            "motion departs",
+            Line2D([], [], color=second, marker="o", markerfacecolor="none", **dot),
+        ),
+    ]
+    labels, handles = zip(*[entry for there, *entry in entries if there], strict=True)
     titled_legend(
         figure, title, handles, labels, loc="upper left",
         ncols=4 if figure.get_figwidth() > 110 * MM else 2, borderaxespad=0.3,

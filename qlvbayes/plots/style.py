@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -138,6 +138,16 @@ def titled_legend(figure: Figure, title: str, *entries: Any, **look: Any) -> Non
     """Draw the legend, handles and labels, at the upper left under the figure's title."""
     look = {"loc": "outside upper left", "alignment": "left", **look}
     figure.legend(*entries, title=title, title_fontproperties=title_look(), **look)
+
+
+def name_rows(axis: Axes, names: Sequence[str], bold: Collection[int] = ()) -> None:
+    """Name the rows of an axis from top to bottom, some in bold letters, without ticks."""
+    axis.set_yticks(range(len(names)), names)
+    for row, tick in enumerate(axis.get_yticklabels()):
+        tick.set_fontweight("bold" if row in bold else "normal")
+    axis.set_ylim(len(names) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.spines["left"].set_visible(False)
 
 
 def write_right(

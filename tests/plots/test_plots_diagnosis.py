@@ -224,8 +224,8 @@ def test_every_axis_names_its_unit(case):
     assert all(axis.get_ylabel().endswith(f"({unit})") for axis in forces.axes[::2])
     assert "(s)" in next(t.get_text() for t in forces.texts if t.get_gid() == "time")
     assert "no unit" in evidence.axes[0].get_xlabel()
-    assert f"({unit})" in staircase.axes[0].get_ylabel()
-    assert f"noise floor\n0.0100 {unit}" in words(staircase)
+    assert f"({unit})" in staircase.axes[0].get_xlabel()
+    assert f"noise floor, 0.0100 {unit}" in words(staircase)
 
 
 def test_both_maps_share_their_scale_and_mark_what_fails():
@@ -355,17 +355,17 @@ def test_stairs_hold_both_errors_and_the_floor():
     fitted, heldout = (s.get_data().values for s in axis.patches)
     assert list(fitted) == [s.rmse for s in found.stages]
     assert list(heldout) == [s.heldout_rmse for s in found.stages]
-    assert any(np.all(np.asarray(line.get_ydata()) == NOISE) for line in axis.lines)
-    labels = [t.get_text() for t in axis.get_xticklabels()]
-    assert labels[:3] == ["plain model", "+ strain_dependent_\nstrength", "+ viscous_drag"]
+    assert any(np.all(np.asarray(line.get_xdata()) == NOISE) for line in axis.lines)
+    labels = [t.get_text() for t in axis.get_yticklabels()]
+    assert labels[:3] == ["plain model", "+ strain_dependent_strength", "+ viscous_drag"]
 
 
 def test_a_step_names_what_it_made_useless():
     found = diagnosed(3, MANY[:2])
     swapped = replace(found.stages[2], effects=("friction",))
     figure = page(plot_error_staircase, replace(found, stages=(*found.stages[:2], swapped)))
-    last = figure.axes[0].get_xticklabels()[2].get_text()
-    assert last == "+ friction\n− strain_dependent_\nstrength"
+    last = figure.axes[0].get_yticklabels()[2].get_text()
+    assert last == "+ friction\n− strain_dependent_strength"
 
 
 def test_a_step_names_another_law():
@@ -373,7 +373,7 @@ def test_a_step_names_another_law():
     hertz = replace(found.stages[1], base=LawPair("hertz", LAWS[1]), effects=())
     shown = replace(found, stages=(found.stages[0], hertz), effects=(), verdict="adequate")
     figure = page(plot_error_staircase, shown)
-    assert figure.axes[0].get_xticklabels()[1].get_text() == "hertz"
+    assert figure.axes[0].get_yticklabels()[1].get_text() == "hertz"
     assert "by hertz" in words(figure)
 
 

@@ -145,7 +145,9 @@ def test_without_left_out_tests_the_errors_are_those_of_the_fit(tmp_path):
     write(tmp_path / "B" / "diagnosis.json", content)
     box = verdict_box(collect(tmp_path).pads[0])
     assert box.bars_title == "Error of the fit (root mean square)"
-    assert [share for _, share, _, _ in box.bars] == pytest.approx([1.0, 0.0101 / 0.031, NOISE / 0.031])
+    assert [share for _, share, _, _ in box.bars] == pytest.approx(
+        [1.0, 0.0101 / 0.031, NOISE / 0.031]
+    )
     assert f"0.0101 {DASH} {DASH}" in Page(write_report(tmp_path)).words
 
 
