@@ -42,8 +42,7 @@ class Cell(
     p_value: float | None = None
     # whether structure beyond noise is left (1 % false alarms over all cells of the pad)
     fails: bool = False
-    # rmse (N) beyond which the cell fails: in a phase as short as the noise stays correlated it is
-    # far above the noise floor, as such noise moves all its samples together
+    # rmse (N) beyond which the cell fails; large in short phases, which noise moves as a whole
     limit: float | None = None
 
 
