@@ -36,11 +36,7 @@ _NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
 _NOTE, _NOTE_TIGHT = 138, 60
 _FAR = 30.0  # largest ratio either way that is drawn; beyond, an arrow
 _LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # index into the palette
-_ANSWERS = {
-    True: "they differ",
-    False: "equal for practical purposes",
-    None: "the tests cannot tell",
-}
+_ANSWERS = {True: "they differ", False: "equal for practical purposes", None: "cannot tell"}
 _TICKS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
 _APART = 0.13  # share of the axis between two ticks that are labelled
 

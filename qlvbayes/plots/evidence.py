@@ -66,12 +66,9 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
 
 
 def _look_of(name: str) -> dict[str, Any]:
-    """Return face, edge and hatch of a kind of bar, with the colours in use."""
+    """Return face and edge of a kind of bar, with the colours in use."""
     palette = colours()
-    return {
-        key: palette[value] if isinstance(value, int) else value
-        for key, value in _LOOKS[name].items()
-    }
+    return {k: palette[v] if isinstance(v, int) else v for k, v in _LOOKS[name].items()}
 
 
 def _look(diagnosis: DiagnosisResult, ranked: Ranked) -> str:

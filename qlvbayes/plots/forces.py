@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.plots.panels import (
-    GREY,
-    LABEL,
     Model,
     PhaseTime,
     Sheet,
     by_rate,
     draw_samples,
+    legend_entries,
     mark_left_out,
     role_look,
     trial_name,
 )
-from qlvbayes.plots.style import BLACK, DOUBLE, colours, force_label, narrow, style
+from qlvbayes.plots.style import DOUBLE, colours, force_label, narrow, style
 
 _HEIGHT = 26.0  # mm, a panel of force
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
@@ -55,7 +50,9 @@ def plot_forces(
             name = trial_name(one.trial, units, _NAME_TIGHT if tight else _NAME)
             role, weight = role_look(one.trial.role)
             panels[0].set_title(f"{name}, {role}", loc="left", pad=10.0, weight=weight)
-        legend(sheet.figure, columns=2 if tight else 4)
+        figure, most = sheet.figure, 2 if tight else 4
+        handles = legend_entries(figure)
+        figure.legend(*handles, ncols=most, loc="upper center", borderaxespad=0.3, markerscale=2.0)
     return [panels[0] for panels in sheet.blocks]
 
 
@@ -78,21 +75,3 @@ def finish(
         time.mark(axis, sheet.wide, last=axis is panels[-1])
         sheet.label(axis, text)
     time.name_phases(panels[0], sheet.wide)
-
-
-def legend(
-    figure: Figure, columns: int, also: Mapping[str, Any] | None = None, loc: Any = "upper center"
-) -> None:
-    """Write the legend of readings and one model over a figure; ``also`` has handles by label."""
-    dot: dict[str, Any] = {"marker": ".", "linestyle": "None", "markersize": 5.0}
-    handles: list[Any] = [
-        Line2D([], [], color=BLACK, markeredgewidth=0, **dot),
-        Line2D([], [], color=colours()[0]),
-        Patch(color=colours()[0], alpha=0.3, linewidth=0),
-    ]
-    labels = ["measured", "model's posterior mean", "90 % predictive band"]
-    if any(line.get_gid() == LABEL for axis in figure.axes for line in axis.lines):
-        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="None"))
-        labels.append(LABEL)
-    handles, labels = [*handles, *(also or {}).values()], [*labels, *(also or {})]
-    figure.legend(handles, labels, loc=loc, ncols=columns, borderaxespad=0.3)

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.phases import MOVING, phase_index
-from qlvbayes.plots.forces import legend, model_of
-from qlvbayes.plots.panels import by_rate, draw_samples, role_look, trial_name
-from qlvbayes.plots.style import (
-    DOUBLE,
-    canvas,
-    colours,
-    displacement_label,
-    force_label,
-    narrow,
-    style,
+from qlvbayes.plots.forces import model_of
+from qlvbayes.plots.panels import (
+    by_rate,
+    draw_band,
+    draw_samples,
+    legend_entries,
+    role_look,
+    trial_name,
 )
+from qlvbayes.plots.style import DOUBLE, canvas, displacement_label, force_label, narrow, style
 
 _PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and the margins
 _ACROSS, _ACROSS_TIGHT = 3, 2  # panels
@@ -57,15 +55,14 @@ def plot_hysteresis(
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
         for k, axis in enumerate(axes.flat[: len(shown)]):
-            axis.xaxis.set_major_locator(MaxNLocator(5))
-            axis.yaxis.set_major_locator(MaxNLocator(5))
+            axis.locator_params(nbins=5)
             if k % across == 0:
                 axis.set_ylabel(force_label(units))
             if k + across >= len(shown):
                 axis.set_xlabel(displacement_label(units))
                 axis.tick_params(labelbottom=True)
-        dashed = Line2D([], [], color=colours()[0], linestyle="--")
-        legend(figure, 2 if tight else 4, loc="outside upper center", also={"unloading": dashed})
+        look: dict[str, Any] = {"ncols": 2 if tight else 4, "markerscale": 2.0}
+        figure.legend(*legend_entries(figure), loc="outside upper center", **look)
     return list(axes.flat[: len(shown)])
 
 
@@ -79,12 +76,8 @@ def _draw(axis: Axes, prediction: Prediction) -> None:
         rows = np.flatnonzero(phase == k)
         if not rows.size:
             continue
-        line = "--" if one.kind in _BACK else "-"
         if one.kind in MOVING:
-            rising = rows[np.argsort(way[rows], kind="stable")]
-            axis.fill_between(
-                way[rising], model.low[rising], model.high[rising], color=model.colour, alpha=0.3,
-                linewidth=0, gid="band",
-            )  # fmt: skip
+            draw_band(axis, way, model, rows[np.argsort(way[rows], kind="stable")])
         rows = np.concatenate([rows[:1] - 1, rows]) if rows[0] else rows
-        axis.plot(way[rows], model.mean[rows], line, color=model.colour, gid="mean")
+        line, name = ("--", "model, unloading") if one.kind in _BACK else ("-", "model, loading")
+        axis.plot(way[rows], model.mean[rows], line, color=model.colour, label=name, gid="mean")

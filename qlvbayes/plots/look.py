@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from qlvbayes.diagnosis.phrases import pad_title
@@ -20,9 +18,9 @@ from qlvbayes.motion.firstlook.looking import ROUNDED
 from qlvbayes.motion.phases import MOVING
 from qlvbayes.plots.panels import (
     GREY,
-    LABEL,
     PhaseTime,
     Sheet,
+    legend_entries,
     mark_left_out,
     slowest_first,
     trial_name,
@@ -93,7 +91,13 @@ def _draw(sheet: Sheet, panels: Sequence[Axes], trial: Trial, units: UnitSystem)
     for panel, values in zip(panels, (force, way * test.displacement, factor * left), strict=True):
         _readings(panel, positions, values, bins)
     times = time.times(_BINS)
-    panels[1].plot(time(times), way * path.displacement(times), color=colours()[0], gid="motion")
+    panels[1].plot(
+        time(times),
+        way * path.displacement(times),
+        color=colours()[0],
+        gid="motion",
+        label="motion taken from them",
+    )
     shows = np.max(np.abs(left)) > ROUNDED * path.resolution
     exact = _EXACT * factor * float(np.ptp(test.displacement))
     _residual(panels[2], path.resolution * factor if shows else 0.0, exact)
@@ -104,11 +108,17 @@ def _draw(sheet: Sheet, panels: Sequence[Axes], trial: Trial, units: UnitSystem)
         (panels[1], units.displacement_name, way_unit),
         (panels[2], "residual", unit),
     ):
-        time.mark(panel, sheet.wide, last=panel is panels[-1])
+        time.mark(panel, sheet.wide, last=panel is panels[-1], moved=_moved(trial))
         sheet.label(panel, quantity(name, of).replace(" (", "\n("), fontsize=6.2)
         panel.yaxis.set_major_locator(MaxNLocator(3 if panel is panels[0] else 2))
     time.name_phases(panels[0], sheet.wide)
     panels[0].set_title(_title(trial, units), loc="left", pad=9.0)
+
+
+def _moved(trial: Trial) -> tuple[str, str]:
+    """Return the names of the tints, by whether force is prescribed while the test moves."""
+    loaded = {p.control == Control.FORCE for p in trial.phases if p.kind in MOVING} or {False}
+    return _MOVED[min(loaded), max(loaded)]
 
 
 def _title(trial: Trial, units: UnitSystem) -> str:
@@ -135,7 +145,7 @@ def _readings(panel: Axes, positions: np.ndarray, values: np.ndarray, bins: int)
         positions, values, line = np.repeat(positions[first], 2), np.column_stack(ends).ravel(), "-"
     panel.plot(
         positions, values, marker=".", linestyle=line, linewidth=0.5, color=BLACK, markersize=1.8,
-        markeredgewidth=0.0, gid="readings",
+        markeredgewidth=0.0, gid="readings", label="readings",
     )  # fmt: skip
     spare = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
     panel.set_ylim(low - spare, high + spare)
@@ -145,7 +155,9 @@ def _residual(panel: Axes, step: float, exact: float) -> None:
     """Draw zero, and the encoder's step on either side; ``exact`` is mere rounding error."""
     panel.axhline(0.0, color=colours()[0], linewidth=0.6)
     for side in (-step, step) if step > 0.0 else ():
-        panel.axhline(side, color=GREY, linewidth=0.5, linestyle="--", gid="step")
+        panel.axhline(
+            side, color=GREY, linewidth=0.5, linestyle="--", gid="step", label="step of the encoder"
+        )
     low, high = panel.get_ylim()
     most = max(-low, high, 1.3 * step, exact)
     panel.set_ylim(-most, most)
@@ -175,6 +187,7 @@ def _ring(panel: Axes, trial: Trial, time: PhaseTime, factor: float) -> None:
     panel.plot(
         time(np.array([off.time])), [factor * float(left)], "o", markerfacecolor="none",
         color=colours()[1], markersize=6.0, markeredgewidth=0.9, clip_on=False, gid="departure",
+        label="motion departs",
     )  # fmt: skip
 
 
@@ -183,39 +196,8 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial]) -> No
     title = f"{pad_title(pad)}: first look"
     if len(trials) < count:
         title += f" at {len(trials)} of {count} tests"
-    phases = [phase for trial in trials for phase in trial.phases]
-    loaded = {p.control == Control.FORCE for p in phases if p.kind in MOVING} or {False}
-    rising, falling = _MOVED[min(loaded), max(loaded)]
-    first, second = colours()[:2]
-    dot: dict[str, Any] = {"linestyle": "None", "markersize": 4.0}
-    entries = [
-        (True, "readings", Line2D([], [], color=BLACK, marker=".", **dot)),
-        (True, "motion taken from them", Line2D([], [], color=first)),
-        (True, rising, Patch(color=first, alpha=0.15, linewidth=0)),
-        (
-            any(phase.kind == "unload" for phase in phases),
-            falling,
-            Patch(color=second, alpha=0.15, linewidth=0),
-        ),
-        (
-            any(line.get_gid() == "step" for panel in figure.axes for line in panel.lines),
-            "step of the encoder",
-            Line2D([], [], color=GREY, linestyle="--", linewidth=0.6),
-        ),
-        (
-            any(trial.left_out is not None for trial in trials),
-            LABEL,
-            Line2D([], [], color=GREY, marker="x", **dot),
-        ),
-        (
-            any(trial.trajectory.departure is not None for trial in trials),
-            "motion departs",
-            Line2D([], [], color=second, marker="o", markerfacecolor="none", **dot),
-        ),
-    ]
-    labels, handles = zip(*[entry for there, *entry in entries if there], strict=True)
+    look: dict[str, Any] = {"columnspacing": 1.4, "handletextpad": 0.5, "fontsize": 6.5}
     titled_legend(
-        figure, title, handles, labels, loc="upper left",
-        ncols=4 if figure.get_figwidth() > 110 * MM else 2, borderaxespad=0.3,
-        columnspacing=1.4, handletextpad=0.5, fontsize=6.5,
+        figure, title, *legend_entries(figure), loc="upper left", markerscale=1.5,
+        ncols=4 if figure.get_figwidth() > 110 * MM else 2, borderaxespad=0.3, **look,
     )  # fmt: skip

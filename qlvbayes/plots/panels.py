@@ -32,6 +32,7 @@ _EARLIEST, _LATEST = 1e-3, 0.1  # bounds, as shares of a rest, of its first read
 # on its time is logarithmic
 _WAIT = 0.4  # width of a rest before any movement over that of another phase
 _DIGIT, _ROOM = 1.35, 1.6  # mm: a digit of a number at an axis, and between two numbers
+_DOT = 2.4  # points
 _CROSS = 4.5  # points: larger than a dot, which may lie under the cross of a reading left out
 _LETTER = 1.3  # mm, a letter of a phase's name
 
@@ -90,15 +91,17 @@ class PhaseTime:
             parts.append(phase.start + (phase.stop - phase.start) * part)
         return np.concatenate(parts)
 
-    def mark(self, axis: Axes, wide: float, *, last: bool) -> None:
+    def mark(self, axis: Axes, wide: float, *, last: bool, moved: Sequence[str] = ("", "")) -> None:
         """Draw movements on a tint, and the times of a panel that is ``wide`` mm wide.
 
-        Only the ``last`` of the panels that lie one below the other has numbers.
+        Only the ``last`` of the panels that lie one below the other has numbers. ``moved`` names
+        the tints of movements in and back for the legend.
         """
         for k, phase in enumerate(self.phases):
             if phase.kind in MOVING:
-                colour = colours()[0] if phase.kind == "ramp" else colours()[1]
-                axis.axvspan(*self.edges[k : k + 2], color=colour, alpha=0.07, linewidth=0)
+                back = phase.kind == "unload"
+                look: dict[str, Any] = {"color": colours()[back], "label": moved[back]}
+                axis.axvspan(*self.edges[k : k + 2], alpha=0.1, linewidth=0, **look)
             elif k and self.phases[k - 1].kind not in MOVING:
                 axis.axvline(self.edges[k], color="0.8", linewidth=0.5)
         axis.set_xlim(self.edges[0], self.edges[-1])
@@ -158,11 +161,13 @@ class Model:
     high: np.ndarray
     colour: str
     line: str = "-"
+    name: str = "model's posterior mean"
+    band: str = "90 % predictive band"
 
 
 def draw_samples(
     axis: Axes, x: np.ndarray, observed: np.ndarray, models: Sequence[Model],
-    floor: np.ndarray | None = None, *, dot: float = 2.4,
+    floor: np.ndarray | None = None,
 ) -> None:  # fmt: skip
     """Draw readings with the models' lines and bands, or with a floor what the models leave.
 
@@ -170,19 +175,36 @@ def draw_samples(
     the grey band, dots are measured minus modelled force in each model's colour.
     """
     if floor is not None:
-        axis.fill_between(x, -floor, floor, color="0.88", linewidth=0, zorder=0, gid="noise")
+        look: dict[str, Any] = {"color": "0.88", "label": "90 % of the noise floor"}
+        axis.fill_between(x, -floor, floor, linewidth=0, zorder=0, gid="noise", **look)
         axis.axhline(0.0, color="0.4", linewidth=0.4, zorder=0.5)
         for model in models:
-            axis.plot(x, observed - model.mean, ".", color=model.colour, markersize=dot,
+            axis.plot(x, observed - model.mean, ".", color=model.colour, markersize=_DOT,
                       markeredgewidth=0, gid="residual")  # fmt: skip
         return
     for model in models:
-        axis.fill_between(
-            x, model.low, model.high, color=model.colour, alpha=0.3, linewidth=0, gid="band"
-        )
-    axis.plot(x, observed, ".", color=BLACK, markersize=dot, markeredgewidth=0, gid="measured")
+        draw_band(axis, x, model)
+    look = {"color": BLACK, "markersize": _DOT, "markeredgewidth": 0, "label": "measured"}
+    axis.plot(x, observed, ".", gid="measured", **look)
     for model in reversed(models):  # dashes over the full line
-        axis.plot(x, model.mean, model.line, color=model.colour, linewidth=0.9, gid="mean")
+        look = {"color": model.colour, "linewidth": 0.9, "label": model.name}
+        axis.plot(x, model.mean, model.line, gid="mean", **look)
+
+
+def draw_band(axis: Axes, x: np.ndarray, model: Model, rows: Any = slice(None)) -> None:
+    """Draw the band of a model at some rows of x (n,)."""
+    look: dict[str, Any] = {"color": model.colour, "alpha": 0.3, "linewidth": 0}
+    low, high = model.low[rows], model.high[rows]
+    axis.fill_between(x[rows], low, high, label=model.band, gid="band", **look)
+
+
+def legend_entries(figure: Figure) -> tuple[list[Any], list[str]]:
+    """Return handles and labels of all that a figure shows, each once, for its legend."""
+    found: dict[str, Any] = {}
+    for axis in figure.axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values()), list(found)
 
 
 def mark_left_out(axis: Axes, x: np.ndarray, values: np.ndarray) -> None:
@@ -204,14 +226,13 @@ class Sheet:
     @classmethod
     def of(
         cls, width: float, count: int, heights: Sequence[float], *, head: float,
-        columns: int = 1, foot: float = 1.0, above: float = 8.5, below: float = 5.5,
+        columns: int = 1, foot: float = 1.0,
     ) -> Sheet:  # fmt: skip
         """Return ``count`` blocks of panels of these heights; all lengths are in mm.
 
-        ``head`` and ``foot`` are kept free for the title with its legend and for a note, ``above``
-        and ``below`` in each block for its name and for its times.
+        ``head`` and ``foot`` are kept free for the title with its legend and for a note.
         """
-        left, right, apart = 16.5, 4.0, 1.6
+        left, right, apart, above, below = 16.5, 4.0, 1.6, 8.5, 5.5  # room for names and numbers
         lines, foot = -(-count // columns), foot + 3.0
         block = above + sum(heights) + apart * (len(heights) - 1) + below
         height = head + block * lines + foot

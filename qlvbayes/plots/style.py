@@ -123,12 +123,6 @@ def colours() -> tuple[str, ...]:
     return (*names, *COLOURS[len(own) :])
 
 
-def title_look() -> dict[str, Any]:
-    """Return size and weight of a figure's title, for a legend that has it."""
-    size, weight = (_matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight"))
-    return {"size": size, "weight": weight}
-
-
 def canvas(width: float, height: float, **layout: Any) -> Figure:
     """Return an empty figure of this width and height (mm)."""
     return Figure((width * MM, height * MM), **(layout or {"layout": "constrained"}))
@@ -136,8 +130,9 @@ def canvas(width: float, height: float, **layout: Any) -> Figure:
 
 def titled_legend(figure: Figure, title: str, *entries: Any, **look: Any) -> None:
     """Draw the legend, handles and labels, at the upper left under the figure's title."""
+    fonts = {what: _matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight")}
     look = {"loc": "outside upper left", "alignment": "left", **look}
-    figure.legend(*entries, title=title, title_fontproperties=title_look(), **look)
+    figure.legend(*entries, title=title, title_fontproperties=fonts, **look)
 
 
 def name_rows(axis: Axes, names: Sequence[str], bold: Collection[int] = ()) -> None:
