@@ -35,6 +35,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
 
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
+_DRAWN = 200  # draws that make a band
+_BAND = (0.05, 0.95)  # quantiles of a band's ends
 _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 
@@ -244,6 +246,29 @@ class Bench:
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
         yield rmse(residuals) if residuals else float("nan")
+
+    def bands(
+        self, model: ByHand, names: Sequence[str], draws: Array
+    ) -> list[tuple[Array, Array, Array]]:
+        """Return the low end, mean and high end (n,) of the forces of each test.
+
+        They belong to draws (S, Q) of the constants that are named, of which some are used. Between
+        the ends a reading, with the noise at rest, lies with 90 % probability.
+        """
+        checked(model, self.space)
+        order = list(self.space.parameters(model.hypothesis).names)
+        some = draws[:: max(1, len(draws) // _DRAWN)][:_DRAWN]
+        constants = np.tile(constants_of(model, self.space), (len(some), 1))
+        for name, column in zip(names, some.T, strict=True):
+            if name in order:
+                constants[:, order.index(name)] = column
+        rng = np.random.default_rng(0)
+        found = []
+        for k, forces in enumerate(self.samples.predict(model.hypothesis, constants)):
+            read = forces + self.samples.floor(k) * rng.standard_normal(forces.shape)
+            low, high = np.quantile(read, _BAND, axis=0)
+            found.append((low, forces.mean(axis=0), high))
+        return found
 
     def _free(self, model: ByHand, effect: str) -> None:
         if effect in model.effects:

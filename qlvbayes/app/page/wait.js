@@ -35,5 +35,5 @@ export function drawSketch({ units, tests }) {
   const label = axisLabel(units, "force"), names = { names: units.names, name: units.names.force, unit: units.force, model: "model" };
   const { series, values } = report.forceChart(names, { t: view.x, low: none, high: none, observed, mean: none });
   new TimeChart(at("#sketch-force"), 250, idle).show(view, { series: series.slice(0, 4), values: values.slice(0, 4), bands: [], label });
-  new Loops(at("#sketch-loops"), 230, idle).show({ depth, observed, mean: none }, [axisLabel(units, "displacement"), label]);
+  new Loops(at("#sketch-loops"), 230, idle.pointed).show({ depth, observed, mean: none }, [axisLabel(units, "displacement"), label]);
 }
