@@ -269,7 +269,7 @@ class Search:
     ) -> list[Candidate]:
         """Return candidates of a neighbour that are not known yet, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
-        point = self.modes[base][0].point
+        point, size = self.modes[base][0].point, self.modes[base][0].mode.size
         breadth = self.breadth
         some = starts(
             self.density.space, point, hypothesis, breadth.shapes, (breadth.small, breadth.large)
@@ -285,10 +285,10 @@ class Search:
         if known or len(some) == 1:  # it was evaluated as the neighbour of another one before
             new: list[Mode] = []
             for start in (some[0], *exchanged):
-                new += find_modes(self.density, hypothesis, start, lowest, [*known, *new])
+                new += find_modes(self.density, hypothesis, start, lowest, [*known, *new], size)
         else:
             some += exchanged
-            new = modes(self.density, hypothesis, some, lowest, self.breadth.followed)
+            new = modes(self.density, hypothesis, some, lowest, breadth.followed, size)
         return self.candidates_from(hypothesis, new)
 
     def redraw(self, some: Sequence[Hypothesis]) -> None:

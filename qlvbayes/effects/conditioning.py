@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
@@ -50,7 +50,7 @@ class Conditioning(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force, weakened by the tests before."""
-        lost = -self.share * jnp.expm1(-motion.tests_before / self.tests)
+        lost = -self.share * xp.expm1(-motion.tests_before / self.tests)
         return below.force(motion) * (1.0 - lost)
 
     @classmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -60,7 +60,7 @@ class FluidPressure(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and no pressure."""
-        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+        return below.begin(displacement), Relaxing(displacement, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with the pressure added."""

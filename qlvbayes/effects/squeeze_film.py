@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
@@ -59,5 +59,5 @@ class SqueezeFilm(AbstractEffect):
         return state, force + self._film(line)
 
     def _film(self, moved: Motion | Line) -> Array:
-        left = jnp.maximum(1.0 - moved.displacement / self.h, _THINNEST)
-        return self.eta * moved.velocity / left**3
+        left = xp.maximum(1.0 - moved.displacement / self.h, _THINNEST)
+        return self.eta * moved.velocity / (left * left * left)

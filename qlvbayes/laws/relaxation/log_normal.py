@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
@@ -60,8 +60,9 @@ class LogNormalSpectrum(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the trapezoidal rule over the normal density."""
-        rates = jnp.exp(-self.sigma * _NODES) / self.tau
-        return shared_out(self.c0, jnp.asarray(np.exp(-0.5 * _NODES**2))), rates
+        nodes = xp.along_first(_NODES, self.tau)
+        rates = xp.exp(-self.sigma * nodes) / self.tau
+        return shared_out(self.c0, np.exp(-0.5 * nodes**2)), rates
 
     def times(self) -> dict[str, Array]:
         """Return the median relaxation time (s)."""
