@@ -21,7 +21,6 @@ BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",
     "hidden": "a pad with something hidden in it",
 }
-_AT_FIRST = 2.0  # s in which the page requests all that it shows
 _HOW = {"keep": "kept", "fit": "fit", "add": "add {}", "remove": "remove {}",
         "elastic": "laws", "relaxation": "laws"}  # fmt: skip
 _KINDS = ("diagnose", "sample", "report")  # of jobs
@@ -155,11 +154,6 @@ class Actions:
                 self._keep(session, pad, own.add("start", opened["model"], rmse))
             await self._bands(session, pad)
         session.save()
-        self._later(None, self._warm(session, pad))
-
-    async def _warm(self, session: Session, pad: str) -> None:
-        await asyncio.sleep(_AT_FIRST)
-        await self._ask("warm", **self._where(session, pad))
 
     async def _bands(self, session: Session, pad: str) -> None:
         """Read the bands of a chain that was sampled before, here or by a command."""

@@ -27,7 +27,6 @@ from qlvbayes.fitting.results import load
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.io.runtime import forget_compiled
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
@@ -92,7 +91,6 @@ def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
     def make() -> Bench:
         experiment = _experiment(data, pad)
         bonded = experiment.units.bonded_default
-        forget_compiled()
         return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
 
     return _benches.get((*_version(data), pad, effects_file), make)
@@ -151,12 +149,6 @@ def _units(experiment: Experiment) -> Answer:
         "speed": units.speed,
         "names": names,
     }
-
-
-def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
-    """Compile what most effects need, when there are no other calls."""
-    _bench(data, pad, effects_file).warm()
-    yield {}
 
 
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
@@ -274,7 +266,7 @@ def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, pads, open_pad, warm, measured, catalogue, parameters, curves,
+        read, pads, open_pad, measured, catalogue, parameters, curves,
         signature, change, held_out, bands,
     )
 }  # fmt: skip

@@ -69,8 +69,6 @@ class Signature:
 class Bench:
     """Bench on which any model of the package is compared with one pad's tests.
 
-    It is compiled once for all models.
-
     experiment: The tests of the pad; choices: Laws, effects and priors; samples: The samples at
     which forces and errors are computed; density: The posterior density under independent noise, by
     which models are fitted.
@@ -121,7 +119,7 @@ class Bench:
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
-        """Return a model's force and errors, in some milliseconds, as nothing is compiled anew."""
+        """Return a model's force and errors, in some milliseconds."""
         checked(model, self.space)
         constants = constants_of(model, self.space)
         forces = [force[0] for force in self.samples.predict(model.hypothesis, constants[None])]
@@ -132,14 +130,6 @@ class Bench:
                 values_of(own, constants), tuple(forces), rmse(left),
                 tuple(cell_errors(self.samples, left)),
             )  # fmt: skip
-
-    def warm(self) -> None:
-        """Compile what most effects need; costly effects are compiled when they are first used."""
-        baseline = self.baseline()
-        cheap = [e.name for e in self.effects.values() if not e.costly and e.generalises is None]
-        new = [name for name in cheap if name not in baseline.effects]
-        for name in new[:1]:
-            self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
         """Return the model of the choices, fitted from its priors, if a draw can be used."""

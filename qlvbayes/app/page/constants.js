@@ -102,7 +102,7 @@ function spanned(parameter, value, posterior) {
   if (!posterior) return { ...parameter, widest, likely: prior, about: derived ? "follows from the others" : `prior ${text(prior, 2)}` };
   const [from, to] = posterior.hdi90, room = to - from || Math.abs(to) || 1;
   const ends = [Math.min(value, Math.max(low, from - room)), Math.max(value, Math.min(high, to + room))];
-  return { ...parameter, widest, low: ends[0], high: ends[1], log: parameter.log && ends[0] > 0 && ends[1] / ends[0] > DECADES, likely: [from, to], about: `90 % in ${text([from, to], DIGITS)}` };
+  return { ...parameter, widest, low: ends[0], high: ends[1], log: parameter.log && ends[0] > 0 && ends[1] / ends[0] > DECADES, likely: [from, to], about: `90 %: ${text([from, to], DIGITS)}` };
 }
 
 /** A long name may go on in the next line after its dots and underscores. */
