@@ -135,14 +135,22 @@ def test_a_force_brings_back_its_displacement(compiled, case):
     found, _ = program.displacement(TIME, force)
     assert np.max(np.abs(found - HELD)[touched]) <= EXACT
     assert np.sum(touched) > 0.9 * TIME.size
-    for time, depth in motions():
-        force, _ = program.force(time, depth)
-        found, touched = program.displacement(time, force)
+    runs = motions()
+    if len(case) > 1:  # effects in other models
+        runs = runs[-1:]
+    elif "bonded" not in case:
+        runs = runs[:-1]
+    for time, depth in runs:
+        force, touched = program.force(time, depth)
+        found, _ = program.displacement(time, force)
         again, _ = program.force(time, found)
         assert off(again, force) <= exact
-        if "bonded" in case:
-            assert np.max(np.abs(found - depth)) <= EXACT
-            assert np.all(touched)
+        if "effects" not in case or len(case) > 1:
+            first = np.argmax(touched)
+            left = np.flatnonzero(~touched[first:])  # then the platen may be anywhere outside
+            until = first + left[0] if left.size else time.size
+            assert until > 0.4 * time.size
+            assert np.max(np.abs(found - depth)[first:until]) <= EXACT
 
 
 @needs_gcc
