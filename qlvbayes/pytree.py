@@ -21,8 +21,8 @@ def static(**options: Any) -> Any:
     return field(metadata={"static": True}, **options)
 
 
-@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field, static))
-class Pytree(ABC):  # noqa: B024  # subclasses have the abstract methods
+@dataclass_transform(eq_default=False, field_specifiers=(field, static))
+class Pytree(ABC):  # subclasses have the abstract methods
     """Base of classes of arrays; every subclass becomes a dataclass and a pytree of JAX.
 
     Fields are not changed once they are set: ``dataclasses.replace`` gives another object. A field
@@ -30,13 +30,14 @@ class Pytree(ABC):  # noqa: B024  # subclasses have the abstract methods
     object together again from its leaves does not call its ``__init__``.
     """
 
+    __dataclass_fields__: ClassVar[dict[str, Any]]
     _parts: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = ((), ())
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Make a dataclass of the subclass, and tell JAX of it."""
         super().__init_subclass__(**options)
         dataclass(eq=False)(cls)
-        own = fields(cls)  # type: ignore[arg-type]
+        own = fields(cls)
         fixed = tuple(one.name for one in own if one.metadata.get("static", False))
         cls._parts = tuple(one.name for one in own if one.name not in fixed), fixed
         made = partial(_put_together, cls)

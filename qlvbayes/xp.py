@@ -12,7 +12,7 @@ functions that work along time therefore work along the first axis.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -20,8 +20,8 @@ import jax.scipy.special
 import numpy as np
 import scipy.special
 
-Array = Any
-"""An array of NumPy or of JAX, or a number."""
+Array: TypeAlias = Any
+"""An array of NumPy or of JAX, or a number: a type checker knows no common type."""
 
 _NUMPY = (np.ndarray, np.generic, float, int, complex, type(None))
 
@@ -162,7 +162,7 @@ def argsort(x: Array) -> Array:
 def take(x: Array, index: Array) -> Array:
     """Return x at indices along its first axis, set by set where the other axes have length."""
     if not on_numpy(x, index):
-        return x[index]
+        return jnp.asarray(x)[index]
     rest = np.ndim(x) - 1
     sizes = enumerate(x.shape[1:], start=1)
     shared = [np.arange(n).reshape((-1,) + (1,) * (rest - k)) for k, n in sizes]
@@ -208,6 +208,14 @@ def recur(advance: Callable[[Array, Any], Array], start: Array, points: tuple[Ar
         return state, state
 
     return jax.lax.scan(carry, start, points)[1]
+
+
+def of_distinct(function: Callable[[Array], Any], constant: Array) -> Any:
+    """Return the arrays that a costly function gives, computed once for equal constants (K,)."""
+    if not on_numpy(constant) or np.ndim(constant) != 1:
+        return function(constant)
+    distinct, which = np.unique(constant, return_inverse=True)
+    return tuple(x[..., which] for x in function(distinct))
 
 
 def along_first(x: Any, like: Array) -> Array:

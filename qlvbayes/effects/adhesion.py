@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _GONE = 40.0  # in strengths; beyond, less than e^-294 of the tension is left
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.adhesion import Adhesion
@@ -14,6 +13,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _SHARPNESS = 8.0  # nine tenths of the tension are lost between 1 and 1.3 stretches
 _TORN = 3.0  # in stretches; beyond, less than e^-800 of the ligaments is left

@@ -8,7 +8,6 @@ from typing import ClassVar, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -17,6 +16,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 _ALONG = ("time", "displacement", "velocity", "acceleration", "ago", "sagitta")
 LINES = 256  # most steps that the delay may span
@@ -78,8 +78,8 @@ class ChannelLag(AbstractEffect):
         """Return the state at the start, whose force is read until the delay is over."""
         still = xp.zeros_like(displacement)
         state, force = below.step(below.begin(displacement), Line(still, displacement, still))
-        none = np.zeros(LINES + 1)
-        return _Late(state, displacement, force, np.zeros((), int), none, none, none)
+        none = jnp.zeros(LINES + 1)
+        return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force after the law beneath has gone on to the delayed time."""

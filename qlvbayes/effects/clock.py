@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.xp import Array
 
 
 class AbstractClocked(AbstractEffect):

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -14,6 +13,7 @@ from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _REST = 1e5  # s at zero displacement before the test
 BEFORE = 2

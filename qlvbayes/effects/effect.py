@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
 class Level(IntEnum):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading, material_duration, material_time
@@ -18,6 +17,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class FluidPressure(AbstractEffect):

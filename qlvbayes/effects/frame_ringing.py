@@ -6,7 +6,6 @@ import math
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
@@ -16,6 +15,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _FASTEST = 200.0  # Hz: a stiff testing machine
 _DAMPING = (0.005, 0.4)

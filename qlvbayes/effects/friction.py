@@ -6,7 +6,6 @@ from abc import abstractmethod
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -19,6 +18,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _REACHES = (0.002, 0.2)
 """Bounds of the reach over the depth: what an encoder shows, and an end of sliding in the travel.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.effects.contact_offset import BEFORE, ContactOffset, begun_rested, rested
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -14,6 +12,7 @@ from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class GradualContact(AbstractEffect):

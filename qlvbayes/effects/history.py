@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.smoothmath import exp_slope
+from qlvbayes.xp import Array
 
 
 def largest(depth: Array, ago: Array | None = None) -> Array:

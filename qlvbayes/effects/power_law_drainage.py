@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -17,6 +16,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _NONE = 1e-12  # share of the stroke below which the power is replaced by a straight line
 _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.effects.friction import AbstractFriction, Friction, reversing
 from qlvbayes.effects.history import confined
@@ -15,6 +13,7 @@ from qlvbayes.laws.motion import Line
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class SharpFriction(AbstractFriction):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
 from qlvbayes.laws.scales import Scales
+from qlvbayes.xp import Array
 
 LARGEST = 2.0
 """Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""

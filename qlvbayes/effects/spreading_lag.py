@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.effects.channel_lag import ChannelLag, joined_with
@@ -18,6 +17,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finite slope
 
@@ -64,6 +64,6 @@ class SpreadingLag(AbstractEffect):
         begin = xp.take(force, xp.first_true(own))
         change = xp.where(own, force - begin, 0.0)
         rate = 1.0 / (self.spread * self.delay + _INSTANT)
-        filtering = Prony(np.array([1.0, -1.0]), rate[None])
+        filtering = Prony(np.array([1.0, -1.0]), xp.asarray(rate)[None])
         filtered = begin + hereditary_force(Linear(1.0), filtering, joined.time, change)
         return xp.take(filtered, xp.argsort(order)[: motion.time.shape[0]])

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.effects.frame_compliance import AbstractFrame, FrameCompliance
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class StiffeningFrame(AbstractFrame):

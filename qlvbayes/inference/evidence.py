@@ -84,7 +84,7 @@ def evidence(density: Density, point: Point, guess: float = 0.0) -> Evidence:
         float(logsumexp(logs)),
         logs,
         theta + shift,
-        covariance,
+        np.asarray(covariance),
         positive_part(_discrepancy_moment(density, point, softmax(logs)) - covariance),
     )
 

@@ -22,7 +22,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
@@ -30,6 +29,7 @@ from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.recursion import add_modes
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 _VECTOR = 16  # numbers: two of the widest vectors of common processors
 _NEAR = 0.03  # below this the series is exact to 1e-9, and the closed form loses digits

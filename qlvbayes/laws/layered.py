@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Protocol
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.hereditary import at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.pytree import Pytree, static
+from qlvbayes.xp import Array
 
 State = Any
 """The state of a law between two steps: nested tuples of arrays."""

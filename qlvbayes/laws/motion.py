@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
 class Line(Pytree):

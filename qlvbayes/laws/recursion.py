@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def add_modes(
     if given is not None:
         given = np.ascontiguousarray(np.broadcast_to(given, (*given.shape[:2], *rest)))
     powers = tuple(map(whole, rise.powers))
-    exponential = rise.exponential and tuple(map(whole, rise.exponential))
+    exponential: Any = rise.exponential and tuple(map(whole, rise.exponential))
     total = np.array(whole(force))
     run = _by_numpy if _library() is None else _by_library
     run(total, whole(lasting), whole(rates), whole(shares), Rise(powers, exponential), given)

@@ -6,9 +6,10 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
+from qlvbayes.xp import Array
 
 _NEAR = 0.04  # below this the series is exact to 1e-16; above it plain division loses 1e-14
 _SERIES = tuple(1.0 / math.factorial(k + 1) for k in range(8))

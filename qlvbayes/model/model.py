@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from jaxtyping import Array
-
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.io.checks import InputError
@@ -12,6 +10,7 @@ from qlvbayes.laws.layered import Contact, Law, Layer
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.pytree import Pytree, static
+from qlvbayes.xp import Array
 
 
 class Model(Pytree):

@@ -9,7 +9,6 @@ from typing import Any, TypeGuard, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.model import Model
@@ -17,6 +16,7 @@ from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 Part = TypeVar("Part")
 

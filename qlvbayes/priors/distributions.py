@@ -8,11 +8,12 @@ from dataclasses import fields
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
 from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 Constant: TypeAlias = Any
 """A constant of a law, an effect or a noise model: `Float[Array, ...]` where it is fixed, and an

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
-from qlvbayes.priors.distributions import AbstractPositivePrior, AbstractPrior, LogNormal
+from qlvbayes.priors.distributions import (
+    AbstractPositivePrior,
+    AbstractPrior,
+    AbstractScalarPrior,
+    LogNormal,
+)
 from qlvbayes.priors.transforms import from_between, from_simplex, to_between, to_simplex
 from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 
 class Dirichlet(AbstractPrior):
@@ -95,13 +101,15 @@ class Ordered(AbstractPrior):
     log_normaliser: Array
 
     def __init__(self, members: tuple[AbstractPositivePrior | float, ...]) -> None:
-        self.members = tuple(x if isinstance(x, AbstractPrior) else xp.asarray(x) for x in members)
+        self.members = tuple(
+            x if isinstance(x, AbstractScalarPrior) else xp.asarray(x) for x in members
+        )
         self.log_normaliser = np.asarray(np.log(_probability_of_order(self.members)))
 
     @property
     def size(self) -> int:
         """Return the number of free rates."""
-        return sum(isinstance(x, AbstractPrior) for x in self.members)
+        return sum(isinstance(x, AbstractScalarPrior) for x in self.members)
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
         """Return the (r,) falling rates at y and the log density over y."""
@@ -109,7 +117,7 @@ class Ordered(AbstractPrior):
         total = -self.log_normaliser
         taken = 0
         for index, member in enumerate(self.members):
-            if isinstance(member, AbstractPrior):
+            if isinstance(member, AbstractScalarPrior):
                 low, high = self._bounds(index, logs)
                 log_value, log_volume = to_between(y[taken], low, high)
                 density = member.log_density(xp.exp(log_value))
@@ -123,7 +131,7 @@ class Ordered(AbstractPrior):
     def _rates(self, logs: list[Array]) -> Array:
         """Return the (r,) rates from their logarithms; a fixed rate keeps its last digit."""
         pairs = zip(self.members, logs, strict=True)
-        return xp.stack([xp.exp(y) if isinstance(x, AbstractPrior) else x for x, y in pairs])
+        return xp.stack([xp.exp(y) if isinstance(x, AbstractScalarPrior) else x for x, y in pairs])
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the unconstrained numbers whose rates are ``value``, shape (r,), falling."""
@@ -131,13 +139,13 @@ class Ordered(AbstractPrior):
         free = [
             from_between(logs[index], *self._bounds(index, logs[:index]))
             for index, member in enumerate(self.members)
-            if isinstance(member, AbstractPrior)
+            if isinstance(member, AbstractScalarPrior)
         ]
         return xp.stack(free) if free else np.zeros(0)
 
     def _bounds(self, index: int, before: list[Array]) -> tuple[Array | None, Array | None]:
         """Return the logs of the next fixed rate below and of the rate just above, or None."""
-        below = [x for x in self.members[index + 1 :] if not isinstance(x, AbstractPrior)]
+        below = [x for x in self.members[index + 1 :] if not isinstance(x, AbstractScalarPrior)]
         low = xp.log(below[0]) if below else None
         return low, (before[-1] if before else None)
 
@@ -146,7 +154,7 @@ class Ordered(AbstractPrior):
         while True:
             rates = np.array(
                 [
-                    float(x.draw(rng)) if isinstance(x, AbstractPrior) else float(x)
+                    float(x.draw(rng)) if isinstance(x, AbstractScalarPrior) else float(x)
                     for x in self.members
                 ]
             )
@@ -156,7 +164,7 @@ class Ordered(AbstractPrior):
     def describe(self) -> str:
         """Return the members' descriptions, joined by ``>``."""
         return " > ".join(
-            x.describe() if isinstance(x, AbstractPrior) else f"{float(x):.4g}"
+            x.describe() if isinstance(x, AbstractScalarPrior) else f"{float(x):.4g}"
             for x in self.members
         )
 
@@ -166,7 +174,7 @@ _NARROW = 0.05  # log sd below which the grid needs points of its own around the
 
 def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) -> float:
     """Return the probability that independent draws of the free members fall in order."""
-    fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
+    fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractScalarPrior)]
     around = [
         np.asarray(x.log_median) + np.asarray(x.log_sd) * np.linspace(-10.0, 10.0, 4001)
         for x in members
@@ -176,7 +184,7 @@ def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) ->
     grid = np.unique(np.concatenate([wide, *around, fixed, [x + 1e-12 for x in fixed]]))
     below = np.ones_like(grid)
     for member in reversed(members):
-        if not isinstance(member, AbstractPrior):
+        if not isinstance(member, AbstractScalarPrior):
             log_rate = float(np.log(member))
             below = np.where(grid > log_rate, np.interp(log_rate, grid, below), 0.0)
             continue

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
 from qlvbayes.priors.distributions import (
@@ -26,6 +26,7 @@ from qlvbayes.priors.distributions import (
     Normal,
     Uniform,
 )
+from qlvbayes.xp import Array
 
 Part = TypeVar("Part")
 

@@ -6,9 +6,10 @@ Each ``to_*`` returns the value and log\|d value / d y\|; each ``from_*`` invert
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from qlvbayes import xp
+from qlvbayes.xp import Array
 
 
 def to_positive(y: Array) -> tuple[Array, Array]:
@@ -41,11 +42,11 @@ def to_simplex(y: Array) -> tuple[Array, Array]:
 
 def from_simplex(fractions: ArrayLike) -> Array:
     """Return the (k - 1,) numbers that ``to_simplex`` maps to these (k,) fractions."""
-    fractions = xp.asarray(fractions)
-    pieces = fractions.shape[0] - 1
-    after = xp.cumsum(fractions[::-1])[::-1][1:]
-    count = xp.along_first(np.log(np.arange(pieces, 0, -1.0)), fractions[0])
-    return xp.log(fractions[:-1]) - xp.log(after) + count
+    shares: Array = xp.asarray(fractions)
+    pieces = shares.shape[0] - 1
+    after = xp.cumsum(shares[::-1])[::-1][1:]
+    count = xp.along_first(np.log(np.arange(pieces, 0, -1.0)), shares[0])
+    return xp.log(shares[:-1]) - xp.log(after) + count
 
 
 def to_between(y: Array, low: Array | None, high: Array | None) -> tuple[Array, Array]:

@@ -55,7 +55,9 @@ def together(tests):
         return np.stack([np.asarray(x)[:size] for x in values], axis=1)[:, :, None]
 
     path = {name: along(name) for name in ("time", "displacement", "velocity", "acceleration")}
-    whole = {name: np.array([[float(getattr(t, name))] for t in tests]) for name in ("start", "number")}
+    whole = {
+        name: np.array([[float(getattr(t, name))] for t in tests]) for name in ("start", "number")
+    }
     return Motion(**path, **whole, ago=along("ago"), sagitta=along("sagitta")), size
 
 
@@ -92,7 +94,9 @@ def check_equal(elastic, relaxation, effects=(), bonded=False, seed=0, exact=1e-
         own = model([singles[k] for singles, _ in parts])
         for j, test in enumerate(TESTS):
             cut = {
-                name: getattr(test, name) if getattr(test, name) is None else jnp.asarray(getattr(test, name))[:size]
+                name: getattr(test, name)
+                if getattr(test, name) is None
+                else jnp.asarray(getattr(test, name))[:size]
                 for name in ("time", "displacement", "velocity", "acceleration", "ago", "sagitta")
             }
             force = np.asarray(slow(own, replace(test, **cut)))

@@ -54,7 +54,9 @@ def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_la
     low = search.density.at(search.baseline, away)
     terms = search.density.terms(low, 0.0)
     known = replace(plain, mode=Mode(low, 0.0, terms.loss, False, 1, terms.curvature))
-    exchanged = replace(search.candidates[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1, terms.curvature))
+    exchanged = replace(
+        search.candidates[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1, terms.curvature)
+    )
     some = {search.baseline: [replace(known, log_evidence=-1e9)], hypothesis: [exchanged]}
     monkeypatch.setattr(search, "modes", some)
     search.evaluate(search.baseline, hypothesis)

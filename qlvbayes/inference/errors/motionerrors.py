@@ -49,18 +49,20 @@ def motion_columns(
     if errors is None or not effects:
         return np.zeros((0, *real.shape))
     own = space.parameters(hypothesis)
-    forces = sum(_forces(space, filled(one, constants[own.columns[one.name]])) for one in effects)
+    added = [_forces(space, filled(one, constants[own.columns[one.name]])) for one in effects]
+    forces = np.sum(added, axis=0)
     nodes = np.asarray(space.record.nodes)
     found = []
     for k, force in enumerate(np.moveaxis(forces, 1, 0)):  # (N, 1 + E)
         kept = whitener.blocks[k]
         change = (force[:, 1:] - force[:, :1])[nodes[k, kept]].mean(axis=1).T
-        own = _noticed(change[np.any(change != 0.0, axis=1)], partial(whitener.whiten_test, k))
-        columns = np.zeros((len(own[0]), *real.shape))
-        columns[:, k, kept] = own[0]
-        found.append((columns, own[1]))
-    sizes = np.concatenate([size for _, size in found])
-    return np.concatenate([some for some, _ in found])[np.argsort(-sizes)]
+        moved = change[np.any(change != 0.0, axis=1)]
+        seen, sizes = _noticed(moved, partial(whitener.whiten_test, k))
+        columns = np.zeros((len(seen), *real.shape))
+        columns[:, k, kept] = seen
+        found.append((columns, sizes))
+    order = np.argsort(-np.concatenate([sizes for _, sizes in found]))
+    return np.concatenate([columns for columns, _ in found])[order]
 
 
 def _forces(space: Space, effect: AbstractEffect) -> Array:

@@ -84,7 +84,7 @@ class Whitener:
 
     @cached_property
     def _bases(self) -> list[tuple[Array, Array]]:
-        """Return for each test 1/sqrt(lambda) and the rows of lambda^{-1/2} V^T, or their diagonal."""
+        """Return for each test 1/sqrt(lambda), and rows of lambda^{-1/2} V^T or their diagonal."""
         bases = []
         for one in self.covariances:
             if np.count_nonzero(one) == len(one):  # independent noise

@@ -88,7 +88,7 @@ class Forces:
     def _by_numpy(self, model: Model, count: int, record: Record) -> Array:
         means = np.empty((count, *np.shape(record.nodes)[:2]))
         law = model.law
-        layers = tuple(_Users(x) if _is_users(type(x)) else x for x in law.layers)
+        layers: Any = tuple(_Users(x) if _is_users(type(x)) else x for x in law.layers)
         law = replace(law, layers=layers)
         with np.errstate(all="ignore"):  # what is not finite is refused by the callers
             for group in self.groups(record):

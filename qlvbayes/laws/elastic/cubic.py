@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Cubic(AbstractElastic):

@@ -5,11 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
 class AbstractElastic(Pytree):

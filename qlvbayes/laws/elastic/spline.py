@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _PIECES = 6  # intervals of depth: they follow a contact halfway to about 1 % of the peak force
 

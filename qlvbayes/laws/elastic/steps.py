@@ -9,10 +9,9 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import NamedTuple, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.laws.smoothmath import exp_difference_ratio
+from qlvbayes.xp import Array
 
 _NEAR = 0.3  # decay below which a series of 13 terms is exact to 1e-15, and above which division is
 _TERMS = 13

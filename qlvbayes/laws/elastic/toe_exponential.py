@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class ToeExponential(AbstractElastic):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
 from qlvbayes import xp
@@ -12,6 +11,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, shared_
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _PER_DECADE = 4  # Gauss-Legendre nodes; with two in addition the error is below 1e-6 of g(0)
 

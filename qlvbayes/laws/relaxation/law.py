@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.scales import Scales
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 MOST_TERMS = 60
 """Largest number of exponentials of a law: the time that a force takes grows with it."""

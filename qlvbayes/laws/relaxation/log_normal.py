@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 # nodes in sds of ln tau: they end where the normal density is 1e-6 of its peak, and their step of
 # 0.2 sds resolves a mode's decay (pi^2/1.6 e-folds) to sigma = 3.3

@@ -6,7 +6,6 @@ import math
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_of, shared_out
@@ -14,6 +13,7 @@ from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _STEP = 0.58  # in ln(rate tau): the rule's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
 # is 7e-7 at alpha = 1

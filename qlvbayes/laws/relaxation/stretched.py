@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
 from qlvbayes import xp
@@ -13,6 +12,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_o
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _NODES = 56  # of the trapezoidal rule; with fewer the error is above 1e-6 at beta = 0.15
 _FASTEST = 25.0  # ln(rate tau): below t = 2e-10 tau the spectrum's far end no longer relaxes
@@ -66,8 +66,7 @@ class StretchedExponential(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the trapezoidal rule over the stable density."""
-        log_rates, steps = _nodes(self.beta)
-        weights = log_rate_density(log_rates, self.beta) * steps
+        log_rates, weights = xp.of_distinct(_weighted_nodes, self.beta)
         left = xp.maximum(1.0 - xp.sum(weights), 0.0)
         weights = xp.concatenate([weights[:-1], weights[-1:] + left])
         return shared_out(self.c0, weights), xp.exp(log_rates) / self.tau
@@ -75,6 +74,12 @@ class StretchedExponential(AbstractRelaxation):
     def times(self) -> dict[str, Array]:
         """Return tau (s)."""
         return {"tau": self.tau}
+
+
+def _weighted_nodes(beta: Array) -> tuple[Array, Array]:
+    """Return (k,) logarithms of rate times tau, and the share that relaxes with each."""
+    log_rates, steps = _nodes(beta)
+    return log_rates, log_rate_density(log_rates, beta) * steps
 
 
 def _nodes(beta: Array) -> tuple[Array, Array]:
