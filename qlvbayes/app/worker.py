@@ -1,7 +1,7 @@
 """Run a worker: a process that answers the calls of one module, in order of their urgency.
 
 Two threads answer. Calls in the module's ``FIRST``, for which a slider or a first view waits,
-precede all others: running fits and compilations leave Python free meanwhile. All other calls are
+precede all others: running fits leave Python free meanwhile. All other calls are
 answered in turn, and long ones (held-out errors) continue between the calls, a piece at a time. Of
 several waiting calls for curves from one tab only the last is computed.
 """

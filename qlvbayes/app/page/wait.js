@@ -10,7 +10,7 @@ import { View } from "./view.js";
 const DOING = {
   reading: ["Reading the measurements", "Columns, units and tests are found."],
   preparing: ["Preparing the pad", "Motion, phases and the noise floor are found."],
-  fitting: ["Fitting the baseline model", "These are your measurements. The model is compiled and fitted to them; the first time on a machine this takes some seconds more."],
+  fitting: ["Fitting the baseline model", "These are your measurements. The model is fitted to them."],
 };
 
 export function waitFor({ stage, error, name, worker, sketch, limit }) {
