@@ -102,19 +102,19 @@ def unsure_of_columns(names: Sequence[str], file: Path) -> UnsureError:
 
 
 class Format(Protocol):
-    """What reads files of one layout: a class under `AbstractFormat`, or a row of a table."""
+    """Reader of files of one layout: a class under `AbstractFormat`, or a row of a table."""
 
     @property
     def name(self) -> str:
-        """Name in messages."""
+        """Return the name in messages."""
 
     @property
     def machine(self) -> str:
-        """Whose files these are."""
+        """Return whose files these are."""
 
     @property
     def general(self) -> bool:
-        """Whether every other layout that fits takes precedence."""
+        """Return whether every other layout that fits takes precedence."""
 
     def sniff(self, head: bytes) -> Sight:
         """Return which marks of the layout the first bytes of a file show."""

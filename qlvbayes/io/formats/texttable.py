@@ -188,7 +188,7 @@ def read_below(
         tests = [
             test
             for specimen, first, some in specimens
-            for test in _beside(
+            for test in _side_by_side(
                 replace(header, columns=columns, line=above + header.line), some, separator, file,
                 first, f"{name} {specimen}".strip(), began, over,
             )
@@ -214,7 +214,7 @@ def _without_units(rows: bytes, units: str) -> bytes:
     return rows
 
 
-def _beside(
+def _side_by_side(
     header: Header,
     rows: bytes,
     separator: str,

@@ -169,7 +169,9 @@ class _Header:
             if suffix not in scales:
                 unknown.append((quantity, suffix, name))
                 continue
-            if quantity in by_quantity and quantity in _MEASURED and f"{quantity} 2" not in twins:
+            known = by_quantity.get(quantity)
+            second = f"{quantity} 2" not in twins and quantity in _MEASURED
+            if known is not None and second and known.suffix != suffix:
                 twins[f"{quantity} 2"] = Column(index, name, suffix, scales[suffix])
                 continue
             if quantity in by_quantity:
