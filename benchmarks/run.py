@@ -105,12 +105,12 @@ def pieces_section():
     whole = sum(float(row[1]) for row in rows)
     return f"""\
 Microseconds a set of constants, eight at once, on the record of `data/hidden.csv` (six tests): as a
-chain of compiled pieces, as `diagnose` runs it, against the same model compiled by itself and
+force on arrays of NumPy, as `diagnose` runs it, against the same model compiled by JAX and
 called once for all tests and sets. The two take turns; the quickest of {pieces.REPEATS} counts.
 First calls, with nothing compiled before, take {whole:.1f} s together: what one has compiled the
 others use.
 
-| model | first call s | in pieces | by itself | ratio |
+| model | first call s | NumPy | JAX | ratio |
 |---|---:|---:|---:|---:|
 {table}
 """

@@ -117,7 +117,7 @@ def test_files_motion_and_simulator_need_no_jax():
             for alias in node.names
         ]
         jax = [name for name in names if name.split(".")[0] in ("jax", "equinox")]
-        assert not jax or path.name in ("runtime.py", "executables.py"), path
+        assert not jax or path.name == "runtime.py", path
 
 
 def test_no_module_imports_itself_in_a_circle():
