@@ -395,7 +395,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
     taken = {*d.tried, *d.effects, *d.group, "none", *(one.effect for one in d.not_identifiable)}
-    taken |= {kind.generalises for kind in FORMS if kind.name in taken}  # named through a form
+    taken |= {kind.family() for kind in FORMS if kind.name in taken}  # named through a form
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []
