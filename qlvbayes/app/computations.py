@@ -248,7 +248,7 @@ def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
     bench, saved = _bench(data, pad, effects_file), load(Path(folder) / "posterior.nc")
     summary = FitSummary.read(Path(folder) / "summary.json")
     own = saved.choices
-    model = ByHand(own.law, own.relaxing, own.effects)
+    model = ByHand(own.elastic, own.relaxing, own.effects)
     forces = bench.bands(model, saved.names, saved.curve_draws)
     tests = [
         {"name": trial.name, "mean": _short(mean), "low": _short(low), "high": _short(high)}

@@ -17,9 +17,9 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import results_folder
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.conversion import Conversion, convert, in_short
+from qlvbayes.io.formats.layouts import columns_in
 from qlvbayes.io.formats.naming import DEFAULT_PAD, pad_in, pattern_of, suggested_pattern
 from qlvbayes.io.formats.recognition import head_of
-from qlvbayes.io.formats.stated_columns import columns_in
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import SUFFIXES

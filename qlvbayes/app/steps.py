@@ -17,14 +17,12 @@ from qlvbayes.app.protocol import Told
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
-from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline.checking import check_into
-from qlvbayes.pipeline.diagnosing import diagnose_into
-from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.pipeline.source import alone
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
 
@@ -126,10 +124,8 @@ def diagnosed(order: Order, watcher: Watcher) -> None:
     study, out = read_measurements(order.data), Path(order.out)
     choices = Choices(bonded=study.units.bonded_default, effects_file=order.effects_file)
     thresholds = DiagnosisSettings()
-    diagnose_into(
-        out / order.pad, study.pad(order.pad), choices, thresholds=thresholds, seed=0,
-        watcher=watcher,
-    )  # fmt: skip
+    step = DiagnoseStep(choices, 0, thresholds)
+    step.run(out / order.pad, alone(study, study.pad(order.pad)), watcher)
     command = _command("diagnose", order)
     record_run(out, "diagnose", command, study, choices, 0, {"thresholds": thresholds})
 
@@ -139,12 +135,10 @@ def sampled(order: Order, watcher: Watcher) -> None:
     study, out, settings = read_measurements(order.data), Path(order.out), Settings()
     folder = out / order.pad
     choices = choices_of(order.model, study.units.bonded_default, order.effects_file)
-    fit_into(
-        folder, study.pad(order.pad), study, choices, method=_METHOD, all_tests=True,
-        settings=settings, watcher=watcher,
-    )  # fmt: skip
-    check_into(folder, load(folder / "posterior.nc"), study, seed=0, watcher=watcher)
-    chosen = ["--elastic", choices.law, "--relaxation", choices.relaxing, "--all-tests"]
+    pad = alone(study, study.pad(order.pad))
+    for step in (FitStep(choices, _METHOD, True, settings), CheckStep()):
+        step.run(folder, pad, watcher)
+    chosen = ["--elastic", choices.elastic, "--relaxation", choices.relaxing, "--all-tests"]
     chosen += [word for effect in choices.effects for word in ("--add", effect)]
     recorded = {"method": _METHOD, "all_tests": True, "sampler": settings}
     record_run(out, "fit", _command("fit", order, *chosen), study, choices, 0, recorded)
@@ -164,7 +158,7 @@ def choices_of(model: dict[str, Any] | None, bonded: bool, effects_file: str | N
     relaxation, _, modes = model["relaxation"].partition(":")
     return replace(
         default,
-        law=model["elastic"],
+        elastic=model["elastic"],
         relaxation=relaxation,
         modes=int(modes) if modes else default.modes,
         effects=tuple(model["effects"]),

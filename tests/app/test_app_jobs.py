@@ -110,6 +110,10 @@ def test_a_search_tells_the_probabilities_so_far_and_ends_once_when_that_is_enou
 def test_a_job_samples_the_model_on_the_bench():
     model = {"elastic": "hertz", "relaxation": "prony:3", "effects": ["friction"]}
     choices = choices_of(model, True, None)
-    assert (choices.law, choices.relaxing, choices.effects) == ("hertz", "prony:3", ("friction",))
+    assert (choices.elastic, choices.relaxing, choices.effects) == (
+        "hertz",
+        "prony:3",
+        ("friction",),
+    )
     assert choices.bonded
     assert choices_of({**model, "relaxation": "fung"}, False, None).relaxing == "fung"

@@ -269,7 +269,7 @@ def evaluated(function, constants):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_slope_of_a_step_is_its_slope(law):
-    functions = elastic_functions(reference(Choices(law=law)).elastic)
+    functions = elastic_functions(reference(Choices(elastic=law)).elastic)
     force, _, step, slope = (evaluated(function, ELASTIC[law]) for function in functions)
     # within the toe of 0.4 and beyond, through its end in both directions, and nearly at rest
     ends = ((0.1, 0.3), (0.5, 0.7), (0.9, 0.6), (0.2, 0.7), (0.8, 0.1), (0.9, 0.90001))
@@ -284,7 +284,7 @@ def test_the_slope_of_a_step_is_its_slope(law):
 
 def test_a_law_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="spline"):
-        CHeader().files(exported(tmp_path, Choices(law="spline")), None)
+        CHeader().files(exported(tmp_path, Choices(elastic="spline")), None)
 
 
 OWN = """

@@ -65,7 +65,7 @@ def pads(tmp_path_factory):
     def build(law="exponential", relaxation="prony", **options):
         key = law, relaxation, *sorted(options.items())
         if key not in known:
-            choices = Choices(law=law, relaxation=relaxation, **options)
+            choices = Choices(elastic=law, relaxation=relaxation, **options)
             known[key] = exported(tmp_path_factory.mktemp("pad"), choices)
         return known[key]
 
@@ -217,8 +217,9 @@ def test_stress_over_strain_is_a_modulus_already(tmp_path, units):
 
 
 def test_other_units_of_a_stiffness_become_the_same_modulus(tmp_path):
-    mm = exported(tmp_path / "mm", Choices(law="linear"))
-    um = exported(tmp_path / "um", Choices(law="linear"), units=("um", "mN"))  # 1 mN/um = 1 N/mm
+    mm = exported(tmp_path / "mm", Choices(elastic="linear"))
+    # 1 mN/um = 1 N/mm
+    um = exported(tmp_path / "um", Choices(elastic="linear"), units=("um", "mN"))
     files = [PronyTable().files(pad, BLOCK)["pad_B_prony.json"] for pad in (mm, um)]
     young = [json.loads(x)["fast_limit"]["E_Pa"] for x in files]
     assert young[0] == pytest.approx(young[1], rel=EXACT)
@@ -241,7 +242,7 @@ def test_json_loses_nothing(pads):
 
 def test_drake_is_exact_for_a_pad_that_is_its_own_law(tmp_path):
     """A linear pad that hardly relaxes is a spring; the file's numbers are in SI units."""
-    pad = exported(tmp_path, Choices(law="linear"))
+    pad = exported(tmp_path, Choices(elastic="linear"))
     text = Drake().files(pad, None)["pad_B.sdf"].decode()
     root = ElementTree.fromstring(text)
     k, d = (float(child.text) for child in root)

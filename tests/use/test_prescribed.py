@@ -219,7 +219,7 @@ def test_a_free_curve_of_stiffness_stands_over_the_depth_of_its_tests():
         saved(),
         names=(*names, *(f"k{j}" for j in range(7))),
         constants=np.stack(columns, axis=-1)[None],
-        choices=Choices(law="spline", noise="white"),
+        choices=Choices(elastic="spline", noise="white"),
     )
     found = predict_program(fit, "ramp 1.6 mm in 1e-6 s", draws=2)
     # at once to the full depth: the area under the stiffness

@@ -110,7 +110,7 @@ class Bench:
 
     def baseline(self) -> ByHand:
         """Return the model of the choices, its constants at their priors' medians."""
-        return ByHand(self.choices.law, self.choices.relaxing, self.choices.effects)
+        return ByHand(self.choices.elastic, self.choices.relaxing, self.choices.effects)
 
     def sliders(self, model: ByHand) -> list[Slider]:
         """Return a model's constants, each with range, unit and meaning."""
