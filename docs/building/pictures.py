@@ -203,7 +203,7 @@ def bench() -> None:
         page.goto(visit.home)
         page.locator(".drop").wait_for()
         drop(page, "test1.csv", UNCLEAR)
-        page.locator("#asking canvas").last.wait_for()
+        page.locator("#asking pre").wait_for()
         take("asked")
         page.goto(visit.home)
         file = workbook(Path(made) / "specimens.xlsx", ["AA1", "AA2", "BB1", "BB2"])
@@ -228,7 +228,7 @@ def bench() -> None:
         page.locator("#test").select_option("all tests")
         take("added")
         press("Search all hypotheses")
-        page.get_by_text("Verdict:").click(timeout=5 * PATIENCE)
+        page.get_by_text("Verdict:").wait_for(timeout=5 * PATIENCE)
         take("searched")
         browser.close()
 

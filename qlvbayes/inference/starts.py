@@ -14,7 +14,6 @@ from qlvbayes.inference.projection import projected, with_curve
 from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
 
-_SCREENED = 2  # starts of an effect that are optimised, the most promising ones
 _SCALED = 0.1  # least share of an amplitude to which a start is scaled down
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
 
@@ -92,9 +91,18 @@ def over_shapes(
 
 
 def starts(
-    space: Space, point: Point, hypothesis: Hypothesis, count: int, sizes: tuple[float, float]
+    space: Space,
+    point: Point,
+    hypothesis: Hypothesis,
+    count: int,
+    sizes: tuple[float, float],
+    promising: int,
 ) -> list[Array]:
-    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour."""
+    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour.
+
+    A new effect's force is tried at ``count`` or more shapes and at each of ``sizes`` (sds of the
+    amplitude's prior); ``promising`` of them are starts.
+    """
     parameters = space.parameters(hypothesis)
     base = projected(space, point, hypothesis, transferred(point.own, point.theta, parameters))
     thetas = [base]
@@ -102,7 +110,7 @@ def starts(
         thetas = [
             theta
             for start in thetas
-            for theta in _screened(space, point, parameters, effect, start, count, sizes)
+            for theta in _screened(space, point, parameters, effect, start, count, sizes, promising)
         ]
     return thetas
 
@@ -132,6 +140,7 @@ def _screened(
     theta: Array,
     count: int,
     sizes: tuple[float, float],
+    promising: int,
 ) -> list[Array]:
     """Return thetas (F,) with an effect at the shape and amplitude that promise most at a point.
 
@@ -156,7 +165,7 @@ def _screened(
         start[amplitude.number] += scale * size * amplitude.sd
         chosen.append((float(gains[k]), start))
     chosen.sort(key=lambda one: -one[0])
-    return [start for _, start in chosen[:_SCREENED]]
+    return [start for _, start in chosen[:promising]]
 
 
 def _gains(

@@ -70,14 +70,15 @@ def methods_of(results: Results) -> Methods:
 
 def _laws(choices: dict) -> tuple[str, str]:
     """Return both laws as equations; by name where a file of the user's own has gone."""
-    if "law" not in choices:
+    if not {"elastic", "law"} & choices.keys():
         return DASH, DASH
     try:
         given = Choices.from_dict(choices)
-        elastic = find_elastic(given.law, given.laws)
+        elastic = find_elastic(given.elastic, given.laws)
         relaxation = find_relaxation(given.relaxation, given.laws)
     except InputError:
-        return str(choices.get("law", DASH)), str(choices.get("relaxation", DASH))
+        name = str(choices.get("elastic", choices.get("law", DASH)))
+        return name, str(choices.get("relaxation", DASH))
     modes = f", of {given.modes} mode{'s' if given.modes != 1 else ''}"
     return elastic.law, relaxation.law + modes * given.is_prony
 
@@ -153,7 +154,7 @@ def _commands(results: Results) -> tuple[str, ...]:
     default = Choices()
     given = Choices.from_dict(_choices(results)) if _choices(results) else default
     words = ["qlvbayes", "fit", name, "-o", results.out.name]
-    options = {"elastic": "law", "relaxation": "relaxing", "noise": "noise"}
+    options = {"elastic": "elastic", "relaxation": "relaxing", "noise": "noise"}
     for option, key in options.items():
         if getattr(given, key) != getattr(default, key):
             words += [f"--{option}", str(getattr(given, key))]

@@ -124,7 +124,7 @@ def _of_laws(pad: PadResults) -> dict[str, str]:
     """Return the meanings of the constants of a pad's laws, none if the user's file is gone."""
     try:
         given = Choices.from_dict(json.loads(pad.final.facts.get("choices", "{}")))
-        elastic = find_elastic(given.law, given.laws)
+        elastic = find_elastic(given.elastic, given.laws)
         return elastic.meanings | find_relaxation(given.relaxation, given.laws).meanings
     except InputError:
         return {}

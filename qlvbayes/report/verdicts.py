@@ -160,7 +160,7 @@ def _other_laws(pad: PadResults) -> Iterator[str]:
         own = Choices.from_dict(json.loads(chosen))
     except InputError:  # a law's file that has gone
         return
-    if (own.law, own.relaxing) != d.base.pair:
+    if (own.elastic, own.relaxing) != d.base.pair:
         words = ["--elastic", d.base.elastic, "--relaxation", d.base.relaxation]
         words += [word for name in own.effects for word in ("--add", name)]
         yield (

@@ -102,7 +102,7 @@ PLAIN = {
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
     DiagnosisSettings: lambda rng: DiagnosisSettings(*rng.uniform(0.0, 0.5, 7)),
     Choices: lambda rng: Choices(
-        law=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
+        elastic=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
     ),
     Any: lambda rng: (None, True, 0.5, "x", 3)[rng.integers(5)],
 }

@@ -93,7 +93,7 @@ def posterior(modes=2, law="exponential", seed=1, effects=()):
     names |= {"noise.white": np.full(4000, 0.01)}
     return Saved(
         "B", tuple(names), np.stack(list(names.values()), axis=-1)[None],
-        Choices(modes=modes, law=law, noise="white", effects=tuple(effects)), "emcee", "", "",
+        Choices(modes=modes, elastic=law, noise="white", effects=tuple(effects)), "emcee", "", "",
         False, (),
     )  # fmt: skip
 

@@ -47,7 +47,7 @@ def explanation_of_draws(
 
     whole = filled(model, constants(np.zeros((1, root.shape[1])))[0])
     fractions, rates = whole.relaxation.spectrum()
-    words = " + ".join((choices.law, choices.relaxing, *choices.effects))
+    words = " + ".join((choices.elastic, choices.relaxing, *choices.effects))
     return Explanation(
         words,
         1.0,

@@ -113,7 +113,7 @@ def _command(d: DiagnosisResult) -> str:
     """Return the command that fits the selected hypothesis to all tests."""
     default, base = Choices(), d.base
     words = ["qlvbayes fit FILE -o OUT --all-tests"]
-    words += [f"--elastic {base.elastic}"] * (base.elastic != default.law)
+    words += [f"--elastic {base.elastic}"] * (base.elastic != default.elastic)
     words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
     added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
     return " ".join([*words, *(f"--add {name}" for name in added)])
