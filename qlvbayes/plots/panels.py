@@ -8,7 +8,7 @@ than a layout engine that draws everything to find out how much room it needs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -260,11 +260,6 @@ class Sheet:
 def by_rate(rate: float) -> float:
     """Return the key that sorts tests by loading rate, those without one last."""
     return rate if np.isfinite(rate) else np.inf
-
-
-def slowest_first(trials: Iterable[Trial]) -> list[Trial]:
-    """Return tests in the order of their loading rates."""
-    return sorted(trials, key=lambda trial: by_rate(trial.rate))
 
 
 def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:
