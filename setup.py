@@ -31,9 +31,13 @@ class BuildLibrary(build_ext):
         """Return no symbol of a Python module: the source marks what it exports."""
         return []
 
+    def get_ext_filename(self, fullname: str) -> str:
+        """Return a name that Python does not take for a module's."""
+        return str(Path(*fullname.split(".")).with_suffix(".library"))
+
 
 recursion = Extension(
-    "qlvbayes.laws._recursion",
+    "qlvbayes.laws.recursion",
     ["qlvbayes/laws/recursion.c"],
     extra_compile_args=[] if __import__("os").name == "nt" else ["-O3", "-ffp-contract=off"],
     optional=True,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qlvbayes.fitting.ensemble import Settings as SamplerSettings
     from qlvbayes.io.data import Measurements
     from qlvbayes.io.formats.answers import Answers
-    from qlvbayes.io.formats.format import AbstractFormat
+    from qlvbayes.io.formats.format import Format
     from qlvbayes.model.choices import Choices
     from qlvbayes.pipeline.source import Source
 
@@ -194,7 +194,7 @@ class Settings:
         return any(KEYS[name].part == "reading" for name in self.values if name in KEYS)
 
     @property
-    def formats(self) -> tuple[type[AbstractFormat], ...]:
+    def formats(self) -> tuple[Format, ...]:
         """Formats of the package, then those of the user's file."""
         from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 

@@ -110,9 +110,7 @@ def starts(
         thetas = [
             theta
             for start in thetas
-            for theta in _screened(
-                space, point, parameters, effect, start, count, sizes, promising
-            )
+            for theta in _screened(space, point, parameters, effect, start, count, sizes, promising)
         ]
     return thetas
 

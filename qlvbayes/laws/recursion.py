@@ -90,11 +90,9 @@ def _by_library(
 @cache
 def _library() -> ctypes.CDLL | None:
     """Return the compiled library; None where there is none."""
-    for file in sorted(Path(__file__).parent.glob("_recursion*.*")):
-        try:
-            library = ctypes.CDLL(str(file))
-        except OSError:  # it was compiled for another machine
-            continue
-        library.add_modes.restype = None
-        return library
-    return None
+    try:
+        library = ctypes.CDLL(str(Path(__file__).with_suffix(".library")))
+    except OSError:  # there is none, or it was compiled for another machine
+        return None
+    library.add_modes.restype = None
+    return library

@@ -20,10 +20,10 @@ from qlvbayes.io.files import folder_fault, results_folder, same_folder
 from qlvbayes.io.formats.answers import Answers
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.format import AbstractFormat
+from qlvbayes.io.formats.format import Format
+from qlvbayes.io.formats.layouts import TWO_CLOCKS
 from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import tidy_text, write_tidy
-from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import PAD
 from qlvbayes.io.wording import listed
@@ -232,10 +232,10 @@ def _is_tidy(file: Path, asked: bool) -> bool:
         dialect = sniff(file)
     except InputError:
         return not asked and not _matches(file, FORMATS)
-    return not dialect.columns.ignored or not (asked or _matches(file, (TwoClocks,)))
+    return not dialect.columns.ignored or not (asked or _matches(file, (TWO_CLOCKS,)))
 
 
-def _matches(file: Path, formats: Sequence[type[AbstractFormat]]) -> bool:
+def _matches(file: Path, formats: Sequence[Format]) -> bool:
     try:
         return bool(matching(head_of(file), formats)[0])
     except InputError:
