@@ -1,4 +1,4 @@
-"""What changes the force with the clock or from test to test: offset, drift, leak, creep."""
+"""Changes of the force with the clock or from test to test: offset, drift, leak, creep."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ class PhaseTime:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What one model makes of the samples (n,) of a test, and how it is drawn."""
+    """Curve that one model makes of the samples (n,) of a test, and how it is drawn."""
 
     mean: np.ndarray
     low: np.ndarray
