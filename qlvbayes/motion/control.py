@@ -24,7 +24,8 @@ _NOISY = 8.0  # sds of neighbouring readings, by which it may be too: slow error
 _FEWEST = 20  # readings in a hold: fewer show no drift
 _LONG = 0.05  # of a test's time: a force that is held for less was not prescribed
 _LOADED = 0.2  # of the largest force, below which a specimen recovers instead of creeping
-_CREPT = 0.03  # of the largest displacement: less is what a held displacement drifts
+_CREPT = 0.004  # of the largest displacement: less is what a held displacement drifts,
+_SEEN = 3.0  # and so many resolutions of the displacement
 _STEADY = 0.01  # of the largest force, above which a force scatters too much to be held
 _SLOW_ERRORS = 4.0  # sds of neighbouring readings, above which too: it rises and relaxes at a turn
 _PLAIN = 2.0  # times what the scatter of the force explains, above which a specimen creeps
@@ -32,11 +33,14 @@ _ENOUGH = 5000  # readings of a test that show its holds
 _ENDS = 0.05  # of a hold's time at either end, where the movement next to it may reach in
 _OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
 _FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
-_CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold
+_CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold,
+_EXACT = 3e-4  # and so much of the largest force: in a smaller change rounding would decide
 _EVENLY = 0.5  # of the other quantity's deviation from a straight line, below which one is even
 _MIDDLE = (0.1, 0.9)  # of a movement, where it is compared with a straight line
 _SHOWN = 6  # readings there, that show how even a movement is
-_RESTS = 0.3  # of the time between two holds, or of a hold, for which one quantity rests there
+_RESTS = 0.3  # of the time between two holds, for which one quantity rests there
+_STOPS = 0.5  # of its way before, that it makes in the same time when it has stopped
+_STAYS = 0.9  # of a hold, for which the displacement rests: it has crept before, or never did
 
 
 @dataclass(frozen=True)
@@ -154,10 +158,12 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     scatter = float(np.std(test.force[inside]))
     if scatter > max(_STEADY * peak, _SLOW_ERRORS * sensor_noise(test.time, test.force)):
         return False
-    if np.mean(trajectory.velocity(time) == 0.0) > _RESTS:  # as after a ramp that slows down
-        return False
+    resting = float(np.mean(trajectory.velocity(time) == 0.0))
+    if resting > _STAYS or (resting > _RESTS and not _stops(trajectory, first, spare)):
+        return False  # as after a ramp that slows down
     explained = scatter * depth / peak
-    if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
+    least = max(_CREPT * depth, _SEEN * trajectory.resolution, _PLAIN * explained)
+    if abs(crept) < least:
         return False
     share = np.maximum.accumulate((displacement - displacement[0]) / crept)
     quarters = np.interp([0.25, 0.5, 0.75], share, time)
@@ -166,6 +172,12 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
         return False
     lasted = float(quarters[2] - quarters[0])
     return abs(level) >= _LOADED * peak or _recovers(test, trajectory, first, crept, lasted)
+
+
+def _stops(trajectory: Trajectory, first: float, lasts: float) -> bool:
+    """Return whether the platen's speed falls at once when a force begins to be held."""
+    before, at, after = trajectory.displacement(np.array([first - lasts, first, first + lasts]))
+    return bool(abs(after - at) < _STOPS * abs(at - before))
 
 
 def _recovers(
@@ -185,7 +197,8 @@ def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]
     """Return when a held force begins and ends (s), to a reading."""
     spare = max(int(_ENDS * (part.stop - part.first)), 1)
     sd = float(np.std(fewer.force[part.first + spare : part.stop - spare]))
-    outside = np.abs(test.force - part.level) > _CORNER * sd
+    least = max(_CORNER * sd, _EXACT * float(np.max(np.abs(test.force))))
+    outside = np.abs(test.force - part.level) > least
     gone = outside[1:] & outside[:-1]
     middle = int(np.searchsorted(test.time, fewer.time[(part.first + part.stop) // 2]))
     before, after = np.flatnonzero(gone[: middle - 1]), np.flatnonzero(gone[middle:])

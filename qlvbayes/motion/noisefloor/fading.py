@@ -40,6 +40,8 @@ _MARGIN = 3
 """Readings on either side of a change of phase that are no cubic of their number."""
 _EVEN = 1.5
 """Ratio of neighbouring sampling intervals, above which a logger has changed its pace."""
+_EXACT = 1e-4
+"""Of the median force: no reading is known better, however many digits the file has."""
 _VARIANCE = 35.0 / 18.0
 _MEDIAN = 0.6744897501960817
 """Median size of a standard normal."""
@@ -105,7 +107,12 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
     middle = _by_window(np.mean, index, cut, size)
     if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
         return None
-    return middle, level / np.sqrt(_VARIANCE)
+    return middle, np.maximum(level / np.sqrt(_VARIANCE), _least(test))
+
+
+def _least(test: Test) -> float:
+    """Return the sd (N) below which rounding would decide."""
+    return _EXACT * float(np.median(np.abs(test.force)))
 
 
 def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
@@ -116,7 +123,8 @@ def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
     size = median_filter(np.abs(e), 2 * half + 1)[whole] / _MEDIAN
     least = np.min(size[size > 0.0], initial=np.inf)  # of a force that repeats itself for a while
     own = _falling(np.maximum(size, least)) / np.sqrt(_VARIANCE)
-    return np.asarray(np.exp(np.interp(np.arange(test.time.size), index[whole], np.log(own))))
+    sds = np.exp(np.interp(np.arange(test.time.size), index[whole], np.log(own)))
+    return np.maximum(sds, _least(test))
 
 
 def _by_window(what: Callable[..., Any], values: NDArray[Any], cut: int, size: int) -> Array:

@@ -38,7 +38,7 @@ _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, 
 _NEUTRAL = 0.1  # of a dwell: memory where none is seen
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
 _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
-_LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
+_LEAST_STEP = 1e-4  # of the largest force: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
 _WEIGHTED = (
@@ -52,12 +52,20 @@ _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
 def measure(
-    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+    tests: Sequence[MeasuredTest],
+    phases: Sequence[Sequence[Phase]],
+    *,
+    of_a_step: float = 0.0,
+    read: Sequence[MeasuredTest] | None = None,
 ) -> NoiseFloor:
-    """Return the noise seen in the holds and recoveries of the tests, pooled."""
+    """Return the noise seen in the holds and recoveries of the tests, pooled.
+
+    of_a_step: change of the force (N) for one step of the encoder; read: the tests with the force
+    as it was read, where that of ``tests`` has the errors of the displacement too.
+    """
     tests = [_without_outliers(test) for test in tests]
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
-    step = _force_step(tests)
+    step = _force_step(read or tests)
     dwells = find_dwells(tests, phases, step)
     weighted = any(test.force_sd is not None for test in tests)
     known = 0.0 if weighted else peak
@@ -89,9 +97,10 @@ def _without_outliers(test: MeasuredTest) -> MeasuredTest:
 def _force_step(tests: Sequence[MeasuredTest]) -> float:
     """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
     steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
-    span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
+    # of a force that is held the range is rounding, and the largest one counts
+    size = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = min(steps, default=0.0)
-    return step if step > _LEAST_STEP * span else 0.0
+    return step if step > _LEAST_STEP * size else 0.0
 
 
 def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
