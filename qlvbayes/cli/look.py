@@ -33,11 +33,11 @@ from qlvbayes.io.reading.csvtext import digest
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.firstlook import FirstLook, PadSeen, Shown
-from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
-from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
+from qlvbayes.motion.pad import arguments_of, refuse_unknown
 from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.source import files_at
+from qlvbayes.report.firstlook import FirstLook, PadSeen, Shown
+from qlvbayes.report.firstlook.words import lines_of, phases_in_words
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 

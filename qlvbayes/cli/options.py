@@ -244,7 +244,7 @@ class ModelOptions:
 
         Of several files one is read at a time, so that no test can be missed before the last.
         """
-        from qlvbayes.motion.leavingout import refuse_unknown
+        from qlvbayes.motion.pad import refuse_unknown
 
         choices = self.choices(source.whole)
         if source.read is not None:

@@ -109,7 +109,17 @@ def _alike(slopes: Sequence[Slope | None]) -> bool:
     known = [slope for slope in slopes if slope is not None]
     if len(known) < _MOST * len(slopes):
         return False
-    values, sds = np.array([(slope.along, slope.along_sd) for slope in known]).T
+    return _agree([(slope.along, slope.along_sd) for slope in known]) and _agree(
+        [(slope.drift, slope.drift_sd) for slope in known]
+    )
+
+
+def _agree(found: Sequence[tuple[float, float]]) -> bool:
+    """Return whether values with their sds are one, 0 where neither was needed."""
+    values, sds = np.array(found).T
+    if not sds.any():
+        return True
+    sds = np.where(sds > 0.0, sds, sds.max())
     mean = float(np.average(values, weights=sds**-2.0))
     return bool(np.all(np.abs(values - mean) <= _AGREES * np.hypot(sds, 0.1 * np.abs(mean))))
 
@@ -120,19 +130,23 @@ def _slope_of(test: Test) -> Slope | None:
         return None
     fresh = np.ones(test.time.size, dtype=bool) if test.used is None else test.used
     time, way, force = test.time[fresh], test.displacement[fresh], test.force[fresh]
+    # where the file's own zero is the contact, all beyond it is the specimen's
+    beyond = 0.0 if test.contact_sd is None else np.inf
+    if not way[0] < beyond:
+        return None
     peak = int(np.argmax(force))
     contact, line = find_contact(way, force), None
     for _ in range(_ROUNDS):
-        limit = _limit(way[: peak + 1], force[: peak + 1], contact)
+        if contact is None:  # it begins in contact
+            return None
+        limit = min(_limit(float(way[0]), contact), beyond)
         line = _line(time, way, force, peak, limit)
         if line is None or not _is_sure(*line):
             return None
         constants, _, _ = line
         contact = find_contact(way, force - constants @ [np.ones_like(way), way, time])
-        if contact is None:
-            return None
-    assert line is not None
-    assert contact is not None
+    if contact is None or line is None:
+        return None
     constants, sds, back = line
     reach = constants[1] * (contact.position - way[0])
     change = float(reach + constants[2] * (time[contact.rows] - time[0])) / float(force.max())
@@ -150,12 +164,8 @@ def _is_sure(constants: Array, sds: Array, back: bool) -> bool:
     return bool(np.any(np.abs(constants[1:]) > (_SURE if back else _SURER) * sds[1:]))
 
 
-def _limit(way: Array, force: Array, contact: FirstContact | None) -> float:
+def _limit(start: float, contact: FirstContact) -> float:
     """Return the displacement below which the platen is surely off the specimen."""
-    start = float(way[0])
-    if contact is None:  # a slope may look like a force from the beginning
-        half = np.flatnonzero(force <= force[0] + 0.5 * (force.max() - force[0]))
-        return 0.5 * (start + float(way[half[-1]]))
     way_in = contact.position - start
     return contact.position - max(_CLEAR * way_in, min(2.0 * contact.sd, 0.5 * way_in))
 

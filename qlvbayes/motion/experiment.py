@@ -20,27 +20,23 @@ from qlvbayes.motion.badreadings import (
     sound_tests,
     without,
 )
-from qlvbayes.motion.control import controls_of
-from qlvbayes.motion.cutting import cut
-from qlvbayes.motion.encoder import encoder_steps
+from qlvbayes.motion.control import controls_of, crept_path, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of
-from qlvbayes.motion.heldforce import fresh_forces, held_notices, with_fresh
-from qlvbayes.motion.leavingout import (
+from qlvbayes.motion.noisefloor import NoiseFloor, measure
+from qlvbayes.motion.noisefloor.fading import with_fading_sd
+from qlvbayes.motion.pad import (
     NamedPhase,
+    cut,
     excluded_notices,
     excluded_readings,
     left_out_of,
     marked,
     parts_of,
 )
-from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
-from qlvbayes.motion.noisefloor import NoiseFloor, measure
-from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.noramp import no_ramp
 from qlvbayes.motion.past import EarlierMotion, past_of
-from qlvbayes.motion.phases import Phase, loading_rate, phase_index
-from qlvbayes.motion.polling import with_own_readings
-from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
+from qlvbayes.motion.polling import fresh_forces, held_notices, with_fresh, with_own_readings
+from qlvbayes.motion.sensor import encoder_steps, known_scatter
 from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
 

@@ -17,9 +17,8 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.firstlook.looking import ROUNDED
-from qlvbayes.motion.firstlook.words import span
-from qlvbayes.motion.phases import MOVING, Phase, phase_name
+from qlvbayes.motion.facts import ROUNDED
+from qlvbayes.motion.phases import MOVING, Phase, phase_name, span
 from qlvbayes.plots.panels import GREY, LABEL
 from qlvbayes.plots.phases import by_rate, trial_name
 from qlvbayes.plots.style import (

@@ -29,8 +29,8 @@ from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook import FirstLook
 from qlvbayes.pipeline.run import _on_laws
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[2]

@@ -10,6 +10,7 @@ from qlvbayes.motion.approach import without_slopes
 UM = UnitSystem("um", "nN")
 CONTACT, NOISE, SPEED = 4.0, 0.004, 2.0  # um, nN, um/s
 COURSE = ([0.0, 2.8, 6.8, 10.0], [0.0, 5.6, 5.6, -0.8])
+OFF = 0.3  # um, by which a contact that was found is wrong
 
 
 def a_test(along=0.0, drift=0.0, back=True, seed=0, drag=0.0, film=0.0, **kwargs):
@@ -24,7 +25,8 @@ def a_test(along=0.0, drift=0.0, back=True, seed=0, drag=0.0, film=0.0, **kwargs
     force += drag * np.sign(velocity) + film * velocity / (1.0 - (way - CONTACT) / 12.0) ** 3
     force += NOISE * np.random.default_rng(seed).standard_normal(time.size)
     kept = slice(None) if back else time < 6.5
-    return Test("t", "p", time[kept], way[kept], force[kept], **kwargs)
+    zero = CONTACT - OFF if "contact_sd" in kwargs else CONTACT
+    return Test("t", "p", time[kept], way[kept] - zero, force[kept], **kwargs)
 
 
 def of(*tests):
@@ -50,7 +52,7 @@ def test_contact_that_was_found_is_found_again():
     for test in tests:
         (levelled,) = of(test)[0].tests
         shift = float(test.displacement[0] - levelled.displacement[0])
-        off.append((shift - CONTACT) / levelled.contact_sd)
+        off.append((shift - OFF) / levelled.contact_sd)
         assert levelled.contact_sd < 0.15
     assert np.sqrt(np.mean(np.square(off))) < 1.8  # of 12 standard errors; 0.999 of a normal's
 
@@ -73,6 +75,15 @@ def test_a_level_force_stays_as_it_was_read(seed):
 @pytest.mark.parametrize("other", [{"drag": 0.05}, {"film": 0.02}])
 def test_what_turns_with_the_direction_is_left_to_the_model(other):
     assert of(a_test(**other))[1] == ()
+
+
+@pytest.mark.parametrize("contact_sd", [None, 0.05])
+def test_a_specimen_that_is_touched_from_the_start_keeps_its_stiffness(contact_sd):
+    time = np.arange(0.0, 8.0, 0.02)
+    way = np.minimum(time, 6.0)
+    for force in (0.5 * way, 0.4 * np.expm1(0.5 * way), 0.2 * way**2):
+        read = force + NOISE * np.random.default_rng(0).standard_normal(time.size)
+        assert of(Test("t", "p", time, way, read, contact_sd=contact_sd))[1] == ()
 
 
 def test_a_slope_that_one_test_of_three_shows_is_not_the_rigs():

@@ -13,12 +13,11 @@ from support.posteriors import from_truth
 from qlvbayes import InputError
 from qlvbayes.io.data import Control, Pad, Prescribed, Test, read_measurements
 from qlvbayes.io.units import PAD
-from qlvbayes.motion.control import controls_of
+from qlvbayes.motion.control import controls_of, with_both_errors
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook.looking import look_at
-from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
-from qlvbayes.motion.loadcontrol import with_both_errors
 from qlvbayes.motion.trajectory import smooth
+from qlvbayes.report.firstlook.looking import look_at
+from qlvbayes.report.firstlook.words import lines_of, phases_in_words
 from qlvbayes.simulate import (
     NOISES,
     TABLE_1,

@@ -8,7 +8,7 @@ import pytest
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.heldforce import fresh_forces
+from qlvbayes.motion.polling import fresh_forces
 
 MM = UnitSystem("mm", "N")
 RATE, NOISE = 100.0, 3e-3  # rows a second, N
@@ -65,6 +65,12 @@ def test_a_quick_test_is_judged_by_the_load_cell_of_the_others():
     for test, mask in zip((slow, quick), fresh, strict=True):
         assert mask is not None
         assert np.count_nonzero(mask) == pytest.approx(test.time.size / 10, rel=0.02)
+
+
+def test_one_quick_test_shows_it_where_the_platen_rests():
+    (mask,) = fresh_forces([held(a_test(QUICK, 2), [10] * 3000)[0]])
+    assert mask is not None
+    assert np.count_nonzero(mask) == pytest.approx(QUICK[0][-1] * RATE / 10, rel=0.02)
 
 
 @pytest.mark.parametrize("step", [1e-4, 0.01, 0.03, 0.1])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.sensor import encoder_step
 
 Run = tuple[int, int]
 

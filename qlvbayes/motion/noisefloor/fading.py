@@ -50,7 +50,14 @@ _MEDIAN = 0.6744897501960817
 def with_fading_sd(
     tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
 ) -> tuple[list[Test], tuple[str, ...]]:
-    """Return tests with an sd of each reading where the noise decays, and a sentence on each."""
+    """Return tests with an sd of each reading where the noise decays, and a sentence on each.
+
+    No sd, measured or stated, is less than what rounding makes.
+    """
+    tests = [
+        test if sd is None else replace(test, force_sd=np.maximum(sd, _least(test)))
+        for test, sd in ((test, test.force_sd) for test in tests)
+    ]
     sds = [None if test.force_sd is not None else _levels(test, cut) for test, cut in
            zip(tests, phases, strict=True)]  # fmt: skip
     fades = [sd is not None and falls(*sd) for sd in sds]
