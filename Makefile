@@ -23,7 +23,10 @@ demo: $(VENV)/installed
 	@echo "open $(OUT)/report.html in a browser"
 
 test: $(VENV)/installed-dev
-	$(PYTEST) -m "not slow"
+	@cat $(VENV)/test-time 2>/dev/null || echo "make test: ten minutes or more on two cores"
+	@begin=$$(date +%s); $(PYTEST) -m "not slow"; status=$$?; \
+	echo "make test: the last run took $$((($$(date +%s) - begin) / 60 + 1)) minutes" > $(VENV)/test-time; \
+	exit $$status
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

@@ -1,8 +1,13 @@
-"""Puts ``data/`` into the wheel as ``qlvbayes/data``; all else is in pyproject.toml."""
+"""Puts ``data/`` into the wheel as ``qlvbayes/data`` and compiles the recursion, where that can be.
+
+All else is in pyproject.toml. Without a C compiler the package is installed as it is: NumPy then
+runs the recursion.
+"""
 
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 
@@ -19,4 +24,22 @@ class BuildWithData(build_py):
                 self.copy_file(str(file), str(target / file.name))
 
 
-setup(cmdclass={"build_py": BuildWithData})
+class BuildLibrary(build_ext):
+    """The recursion is a plain library, which any version of Python loads."""
+
+    def get_export_symbols(self, ext: Extension) -> list[str]:
+        """Return no symbol of a Python module: the source marks what it exports."""
+        return []
+
+    def get_ext_filename(self, fullname: str) -> str:
+        """Return a name that Python does not take for a module's."""
+        return str(Path(*fullname.split(".")).with_suffix(".library"))
+
+
+recursion = Extension(
+    "qlvbayes.laws.recursion",
+    ["qlvbayes/laws/recursion.c"],
+    extra_compile_args=[] if __import__("os").name == "nt" else ["-O3", "-ffp-contract=off"],
+    optional=True,
+)
+setup(ext_modules=[recursion], cmdclass={"build_py": BuildWithData, "build_ext": BuildLibrary})

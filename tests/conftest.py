@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.io.executables import forget_executables
 from qlvbayes.io.runtime import configure, forget_compiled
 
 LARGE = 1500  # MiB, from which compiled functions are dropped after a file
@@ -67,7 +66,6 @@ def _forget_compiled():
     forget_compiled()
     TRIM(0)
     if _resident() > LARGE:
-        forget_executables()
         jax.clear_caches()
         gc.collect()
         TRIM(0)

@@ -103,7 +103,19 @@ def commands() -> str:
     from qlvbayes.cli.main import application
 
     group: Any = typer.main.get_command(application())
-    return "\n\n".join(_command(name, command) for name, command in group.commands.items())
+    shown = [_command(name, command) for name, command in group.commands.items()]
+    return "\n\n".join((*shown, _settings_of_commands()))
+
+
+def _settings_of_commands() -> str:
+    """Return the settings that commands share: keys of a file, and options."""
+    from qlvbayes.cli.settings import KEYS, PARTS
+
+    used = {part: ", ".join(name for name, own in PARTS.items() if part in own) for part in (
+        dict.fromkeys(key.part for key in KEYS.values())
+    )}  # fmt: skip
+    rows = [(f"`--{name}`", _plain(key.what), used[key.part]) for name, key in KEYS.items()]
+    return "\n\n".join(("## Settings", _table(("", "what it is", "used by"), rows)))
 
 
 def _command(name: str, command: Any) -> str:

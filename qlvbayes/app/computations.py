@@ -1,11 +1,15 @@
-"""Define the calls that the worker answers, with the answers that the page receives."""
+"""Define the calls that the worker answers, with the answers that the page receives.
+
+Numbers that are not finite become null on their way.
+"""
 
 from __future__ import annotations
 
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -16,16 +20,13 @@ from numpy.typing import NDArray
 from qlvbayes.app.bench.bench import Bench
 from qlvbayes.app.bench.model import ByHand
 from qlvbayes.app.intake import read_in
-from qlvbayes.app.specimens import pads_by
-from qlvbayes.app.tables import constants_csv, residuals_csv
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import protocol_of
-from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.prediction import representative_rows
+from qlvbayes.fitting.results import load
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.io.runtime import forget_compiled
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
@@ -47,18 +48,18 @@ class Cache(Generic[T]):
     def __init__(self, most: int) -> None:
         self._most = most
         self._kept: OrderedDict[Any, T] = OrderedDict()
-        self._looking = threading.Lock()
-        self._making = threading.Lock()
+        self._looking, self._making = threading.Lock(), threading.Lock()
 
     def get(self, key: Any, make: Callable[[], T]) -> T:
         """Return the object for a key; a thread that finds it does not wait."""
-        kept = self._find(key)
-        if kept is None:
+        if (kept := self._find(key)) is None:
             with self._making:
-                kept = self._find(key)  # made by who came first
-                if kept is None:
+                if (kept := self._find(key)) is None:  # not made by who came first
                     kept = make()
-                    self._put(key, kept)
+                    with self._looking:
+                        self._kept[key] = kept
+                        while len(self._kept) > self._most:
+                            self._kept.popitem(last=False)
         return kept
 
     def _find(self, key: Any) -> T | None:
@@ -66,12 +67,6 @@ class Cache(Generic[T]):
             if key in self._kept:
                 self._kept.move_to_end(key)
             return self._kept.get(key)
-
-    def _put(self, key: Any, made: T) -> None:
-        with self._looking:
-            self._kept[key] = made
-            while len(self._kept) > self._most:
-                self._kept.popitem(last=False)
 
 
 _studies: Cache[Measurements] = Cache(_STUDIES)
@@ -96,7 +91,6 @@ def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
     def make() -> Bench:
         experiment = _experiment(data, pad)
         bonded = experiment.units.bonded_default
-        forget_compiled()
         return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
 
     return _benches.get((*_version(data), pad, effects_file), make)
@@ -106,41 +100,24 @@ def _version(data: str) -> tuple[str, int]:
     return data, Path(data).stat().st_mtime_ns
 
 
-def model_of(model: Answer) -> ByHand:
-    """Return a model from the page's description; raise InputError where it is invalid."""
-    try:
-        return msgspec.convert(model, _Model).by_hand()
-    except msgspec.ValidationError as error:
-        raise InputError(f"this is no model ({error})", remedy="see docs/app.md") from error
-
-
 class _Model(msgspec.Struct):
     elastic: str
     relaxation: str
-    effects: list[str] = []
+    effects: tuple[str, ...] = ()
     values: dict[str, float] = {}
 
-    def by_hand(self) -> ByHand:
-        return ByHand(self.elastic, self.relaxation, tuple(self.effects), self.values)
 
-
-def _written(model: ByHand) -> Answer:
-    return {
-        "elastic": model.elastic,
-        "relaxation": model.relaxation,
-        "effects": list(model.effects),
-        "values": dict(model.values),
-    }
+def model_of(model: Answer) -> ByHand:
+    """Return a model from the page's description; raise InputError where it is invalid."""
+    try:
+        return ByHand(*msgspec.structs.astuple(msgspec.convert(model, _Model)))
+    except msgspec.ValidationError as error:
+        raise InputError(f"this is no model ({error})", remedy="see docs/app.md") from error
 
 
 def read(folder: str, uploads: list[str], answers: dict[str, str]) -> Answer:
     """Convert uploaded files to one tidy file in a session's folder, or to questions."""
     return read_in(Path(folder), [Path(one) for one in uploads], answers)
-
-
-def specimens(names: list[str], pattern: str) -> Answer:
-    """Return the pads that a pattern finds in the names of tests."""
-    return {"pads": pads_by(names, pattern)}
 
 
 def pads(data: str) -> Answer:
@@ -153,41 +130,25 @@ def open_pad(data: str, pad: str, effects_file: str | None, first: bool) -> Answ
     """Open a pad: return what is known of it, and its first fitted model if ``first``."""
     bench = _bench(data, pad, effects_file)
     experiment = bench.experiment
-    facts: Answer = {
-        "units": _units(experiment),
-        "noise": bench.noise,
-        "peak": experiment.scales.force,
-        "tests": [
-            {"name": t.name, "role": t.role, "rate": _real(t.rate), "start_s": t.test.start_s}
-            for t in experiment.trials
-        ],
-        "notices": [
-            *experiment.notices,
-            *(f"pad {pad}: {text}" for text in experiment.floor.notices),
-        ],
+    notices = [*experiment.notices, *(f"pad {pad}: {text}" for text in experiment.floor.notices)]
+    opened: Answer = {
+        "facts": {"units": _units(experiment), "noise": bench.noise, "notices": notices}
     }
     if first:
         model = bench.first()
-        facts["model"] = _written(model)
-        facts["curves"] = _look(bench, model)
-    return facts
+        opened |= {"model": msgspec.to_builtins(model), "curves": _look(bench, model)}
+    return opened
 
 
 def _units(experiment: Experiment) -> Answer:
     units = experiment.units
+    names = {"force": units.force_name, "displacement": units.displacement_name}
     return {
         "force": units.force,
         "displacement": units.displacement,
         "speed": units.speed,
-        "time": "s",
-        "names": {"force": units.force_name, "displacement": units.displacement_name},
+        "names": names,
     }
-
-
-def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
-    """Compile what most effects need, when there are no other calls."""
-    _bench(data, pad, effects_file).warm()
-    yield {}
 
 
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
@@ -200,12 +161,8 @@ def measured(data: str, pad: str, effects_file: str | None) -> Answer:
         tests.append(
             {
                 "name": trial.name,
-                "role": trial.role,
-                "rate": _real(trial.rate),
-                "phases": [
-                    {"kind": p.kind, "start": float(p.start), "stop": float(p.stop)}
-                    for p in trial.phases
-                ],
+                "rate": trial.rate,
+                "phases": [(p.kind, float(p.start), float(p.stop)) for p in trial.phases],
                 "time": [round(t, 6) for t in time.tolist()],
                 "phase": trial.phase_of(time).tolist(),
                 "displacement": _short(trial.test.displacement[rows]),
@@ -216,29 +173,21 @@ def measured(data: str, pad: str, effects_file: str | None) -> Answer:
 
 
 def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
-    """Return the laws and effects that can be chosen."""
+    """Return the laws and effects that can be chosen, those of the list first."""
     bench = _bench(data, pad, effects_file)
     space = bench.space
     protocol = protocol_of(bench.experiment, bonded=bench.choices.bonded)
     listed = {kind.name for kind in bench.choices.candidates}
+    effects = [
+        {"name": name, "law": effect.law, "seen": effect.seen, "listed": name in listed,
+         "blind": type(effect).blind(protocol)}
+        for name, effect in sorted(space.effects.items(), key=lambda x: x[0] not in listed)
+    ]  # fmt: skip
     return {
-        "elastic": [_law(name, law) for name, law in space.elastic.items()],
-        "relaxation": [_law(name, law) for name, law in space.relaxation.items()],
-        "effects": [
-            {
-                **_law(name, effect),
-                "seen": effect.seen,
-                "family": effect.family(),
-                "listed": name in listed,
-                "blind": type(effect).blind(protocol),
-            }
-            for name, effect in sorted(space.effects.items(), key=lambda x: x[0] not in listed)
-        ],
+        "elastic": [{"name": name, "law": law.law} for name, law in space.elastic.items()],
+        "relaxation": [{"name": name, "law": law.law} for name, law in space.relaxation.items()],
+        "effects": effects,
     }
-
-
-def _law(name: str, law: Any) -> Answer:
-    return {"name": name, "law": law.law, "reference": law.reference}
 
 
 def parameters(data: str, pad: str, effects_file: str | None, model: Answer) -> Answer:
@@ -251,22 +200,21 @@ def curves(
     data: str, pad: str, effects_file: str | None, model: Answer, tab: str | None = None
 ) -> Answer:
     """Return a model's force and errors; a later call of the same ``tab`` supersedes this one."""
-    bench = _bench(data, pad, effects_file)
-    return _look(bench, model_of(model))
+    return _look(_bench(data, pad, effects_file), model_of(model))
 
 
 def signature(data: str, pad: str, effects_file: str | None, model: Answer, effect: str) -> Answer:
-    """Return what an effect would add to a model."""
-    added = _bench(data, pad, effects_file).signature(model_of(model), effect)
-    trials = _bench(data, pad, effects_file).samples.trials
+    """Return what an effect would add to a model, with the shift of the model's constants."""
+    bench = _bench(data, pad, effects_file)
+    added = bench.signature(model_of(model), effect)
     return {
         "effect": added.effect,
         "amplitude": {"name": added.amplitude, "value": added.size, "unit": added.unit},
-        "takes": _real(added.takes),
-        "rmse": _real(added.error),
+        "takes": added.takes,
+        "rmse": added.error,
         "tests": [
-            {"name": trial.name, "alone": _short(alone), "with_constants": _short(moved)}
-            for trial, alone, moved in zip(trials, added.alone, added.with_constants, strict=True)
+            {"name": trial.name, "with_constants": _short(moved)}
+            for trial, moved in zip(bench.samples.trials, added.with_constants, strict=True)
         ],
     }
 
@@ -277,9 +225,7 @@ def change(
     """Return a changed model, fitted unless it is only to be kept."""
     bench, given = _bench(data, pad, effects_file), model_of(model)
     changes: dict[str, Callable[[], ByHand]] = {
-        "keep": lambda: ByHand(
-            given.elastic, given.relaxation, given.effects, bench.look(given).values
-        ),
+        "keep": lambda: replace(given, values=bench.look(given).values),
         "fit": lambda: bench.fit(given),
         "add": lambda: bench.add(given, name),
         "remove": lambda: bench.remove(given, name),
@@ -287,58 +233,47 @@ def change(
         "relaxation": lambda: bench.rebase(given, relaxation=name),
     }
     changed = changes[how]()
-    return {"model": _written(changed), "curves": _look(bench, changed)}
+    return {"model": msgspec.to_builtins(changed), "curves": _look(bench, changed)}
 
 
 def held_out(data: str, pad: str, effects_file: str | None, model: Answer) -> Iterator[Any]:
     """Yield the held-out error, computed in pieces."""
     bench = _bench(data, pad, effects_file)
     for error in bench.held_out(model_of(model)):
-        yield None if error is None else {"heldout": _real(error)}
+        yield None if error is None else {"heldout": error}
 
 
 def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
-    """Return the bands of a sampled fit at the samples, and its summary."""
-    samples = _bench(data, pad, effects_file).samples
-    by_test = {test.test: test for test in Curves.read(Path(folder) / "curves.json").tests}
+    """Return what a sampled fit predicts at the samples, and its summary with the intervals."""
+    bench, saved = _bench(data, pad, effects_file), load(Path(folder) / "posterior.nc")
     summary = FitSummary.read(Path(folder) / "summary.json")
-    tests = []
-    for trial, rows in zip(samples.trials, samples.rows, strict=True):
-        own = by_test[trial.name]
-        indices = np.searchsorted(np.array(own.time), trial.test.time[rows] - 5e-7)
-        indices = np.minimum(indices, len(own.time) - 1)
-        tests.append(
-            {"name": trial.name}
-            | {
-                key: [values[k] for k in indices]
-                for key, values in (("mean", own.mean), ("low", own.low), ("high", own.high))
-            }
-        )
-    return {"converged": summary.converged, "summary": summary.as_dict(), "tests": tests}
-
-
-def residuals(data: str, pad: str, effects_file: str | None, model: Answer) -> str:
-    """Return a row for every sample, as CSV."""
-    bench = _bench(data, pad, effects_file)
-    return residuals_csv(bench, bench.look(model_of(model)))
-
-
-def constants(
-    data: str, pad: str, effects_file: str | None, model: Answer, begun: dict[str, float]
-) -> str:
-    """Return a model's constants as CSV; ``begun`` are those that its fit began from."""
-    return constants_csv(_bench(data, pad, effects_file), model_of(model), begun)
+    own = saved.choices
+    model = ByHand(own.elastic, own.relaxing, own.effects)
+    forces = bench.bands(model, saved.names, saved.curve_draws)
+    tests = [
+        {"name": trial.name, "mean": _short(mean), "low": _short(low), "high": _short(high)}
+        for trial, (low, mean, high) in zip(bench.samples.trials, forces, strict=True)
+    ]
+    described = msgspec.to_builtins(model) | {"values": None}
+    return {
+        "model": described,
+        "converged": summary.converged,
+        "summary": summary.as_dict(),
+        "tests": tests,
+    }
 
 
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, specimens, pads, open_pad, warm, measured, catalogue, parameters, curves,
-        signature, change, held_out, bands, residuals, constants,
+        read, pads, open_pad, measured, catalogue, parameters, curves,
+        signature, change, held_out, bands,
     )
 }  # fmt: skip
 """The calls by name."""
-FIRST = frozenset({"pads", "specimens", "measured", "catalogue", "parameters", "curves"})
+NICE = 0
+"""Added to the niceness."""
+FIRST = frozenset({"pads", "measured", "catalogue", "parameters", "curves"})
 """Calls that take some milliseconds and that the page waits for; they precede the others."""
 
 
@@ -346,7 +281,7 @@ def _look(bench: Bench, model: ByHand) -> Answer:
     look = bench.look(model)
     return {
         "values": look.values,
-        "rmse": _real(look.error),
+        "rmse": look.error,
         "tests": [
             {"name": trial.name, "model": _short(force)}
             for trial, force in zip(bench.samples.trials, look.forces, strict=True)
@@ -360,10 +295,7 @@ def _cell(bench: Bench, cell: CellError) -> Answer:
     return {
         "test": cell.test,
         "phase": cell.phase,
-        "n": cell.n,
-        "rmse": _real(cell.rmse),
-        "bias": _real(cell.bias),
-        "over_noise": _real(over),
+        "over_noise": over,
         "fails": not cell.rmse <= bench.limits[cell.test, cell.phase],
         "words": _words(cell, over, bench.experiment.units.force),
     }
@@ -384,20 +316,10 @@ def _words(cell: CellError, over: float, unit: str) -> str:
     )
 
 
-def _short(values: NDArray[np.float64] | Sequence[float]) -> list[float | None]:
-    """Return values to six digits, and None for those that are not finite."""
-    given = np.asarray(values, dtype=np.float64)
-    finite = np.isfinite(given)
-    size = np.abs(np.where(finite & (given != 0.0), given, 1.0))
-    decimals = _DIGITS - 1 - np.floor(np.log10(size))
-    # a power of ten beyond 1e22 is not exact: such small values are left unchanged
-    scale = 10.0 ** np.clip(decimals, 0.0, 22.0)
+def _short(values: NDArray[np.float64]) -> list[float]:
+    """Return values to six digits."""
+    size = np.abs(np.where(np.isfinite(values) & (values != 0.0), values, 1.0))
+    # a power of ten beyond 1e22 is not exact
+    scale = 10.0 ** np.clip(_DIGITS - 1 - np.floor(np.log10(size)), 0.0, 22.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        rounded = np.where(decimals > 22.0, given, np.round(given * scale) / scale)
-    return [
-        x if known else None for x, known in zip(rounded.tolist(), finite.tolist(), strict=True)
-    ]
-
-
-def _real(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+        return list((np.round(values * scale) / scale).tolist())

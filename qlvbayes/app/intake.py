@@ -5,25 +5,41 @@ Nothing in a file is executed, and no name in it becomes a path.
 
 from __future__ import annotations
 
-import csv
-import io
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app import columns, specimens
 from qlvbayes.app.sessions import ASKED, DATA
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.io.files import results_folder, write_whole
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.files import results_folder
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
-from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.conversion import convert, in_short
-from qlvbayes.io.formats.recognition import head_of, matching
+from qlvbayes.io.formats.conversion import Conversion, convert, in_short
+from qlvbayes.io.formats.layouts import columns_in
+from qlvbayes.io.formats.naming import DEFAULT_PAD, pad_in, pattern_of, suggested_pattern
+from qlvbayes.io.formats.recognition import head_of
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
-from qlvbayes.io.units import column_name
+from qlvbayes.io.units import SUFFIXES
+from qlvbayes.io.wording import plain
+
+ONE, SEVERAL = "one", "several"  # answers to whether the tests are of one pad or of several
+_HOW = "specimens"  # the name of that answer
+_PAD = "pad{}"  # the answer that names the pad of a test, by the test's number
+_SHOWN = 10  # lines of a file that are shown
+_NAMES = {
+    "time": r"time|zeit|^t$|\bt\b",
+    "displacement": r"disp|pos|ext|depth|travel|stroke|crosshead|indent|weg|^d$|^x$|strain",
+    "force": r"force|load|kraft|last|^f$|stress",
+}
+_UNITS = {
+    "time": list(SUFFIXES["time"]),
+    "displacement": [*SUFFIXES["displacement"], "strain"],
+    "force": [*SUFFIXES["force"], *SUFFIXES["stress"]],
+}
+_WORDS = {"time": "time", "displacement": "displacement (or strain)", "force": "force (or stress)"}
 
 Answer = dict[str, Any]
 
@@ -31,21 +47,16 @@ Answer = dict[str, Any]
 def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
     """Return the tidy file's path as ``data``, or ``questions``."""
     try:
-        return _read_in(results_folder(folder), uploads, answers)
+        results_folder(folder)
+        tidy = [_is_tidy(one) for one in uploads]
+        if not all(tidy):
+            return _converted(folder, uploads, answers)
+        if len(uploads) > 1:
+            what = f"of {len(uploads)} files in tidy form each is a study of its own"
+            raise InputError(what, remedy="open one, or write their rows into one file")
+        return _kept(folder, uploads[0])
     except InputError as error:
         raise _by_name(error, uploads) from error
-
-
-def _read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
-    if len(uploads) == 1 and _is_tidy(uploads[0]):
-        return _kept(folder, uploads[0])
-    if all(_is_machine(one) for one in uploads):
-        return _converted(folder, uploads, answers)
-    if len(uploads) == 1:
-        return _described(folder, uploads[0], answers)
-    studies = [read_measurements(one) for one in uploads]
-    write_whole(folder / DATA, _joined(studies))
-    return {"data": str(folder / DATA)}
 
 
 def _is_tidy(file: Path) -> bool:
@@ -54,11 +65,6 @@ def _is_tidy(file: Path) -> bool:
     except InputError:
         return False
     return True
-
-
-def _is_machine(file: Path) -> bool:
-    """Return whether exactly one known layout fits; a tidy file has none."""
-    return not _is_tidy(file) and len(matching(head_of(file), FORMATS)[0]) == 1
 
 
 def _kept(folder: Path, file: Path) -> Answer:
@@ -71,100 +77,132 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
-    """Convert machine files to a tidy file, or return the one question that they leave open."""
-    chosen = {name: answers[name] for name in ASKED if answers.get(name)}
-    pads = specimens.pads_of(answers)
-    stated = Answers.from_words(
-        chosen.get("sign"),
-        chosen.get("contact"),
-        chosen.get("units"),
-        _number(chosen.get("area")),
-        pads,
-    )
+    """Convert files as ``convert`` does, or return the one question that they leave open."""
+    said = _said(answers)
+    pads = _pads_of(answers)
     try:
-        conversion = convert(files, stated)
+        conversion = convert(files, Answers.from_words(**said, pads=pads))
     except UnsureError as error:
-        if error.option in ("units", "columns") and len(files) == 1 and columns.is_table(files[0]):
-            return _described(folder, files[0], answers)
-        choices = list(SIGNS) if error.option == "sign" else None
-        ask: Answer = {"name": error.option, "text": error.question, "choices": choices}
-        ask |= {"value": answers.get(error.option), "optional": False}
-        name = Path(error.file or files[0]).name
-        text = str(_by_name(error, files))
-        questions = {"file": name, "kind": "machine", "rows": [], "ask": [ask], "text": text}
-        return {"questions": questions}
+        return {"questions": _asked(error, files, answers)}
     if conversion.undivided:
-        return {"questions": specimens.asked(conversion)}
+        return {"questions": _asked_for_pads(conversion)}
     write_tidy(conversion, folder / DATA)
-    options = {**chosen, **({"pad": ",".join(pads)} if pads else {})}
+    options = {name: str(value) for name, value in said.items()}
+    options |= {"pad": ",".join(pads)} if pads else {}
     made = {"files": [file.name for file in files], "options": options}
-    return {"data": str(folder / DATA), "notices": in_short(conversion.notices), "made": made}
+    return {"data": str(folder / DATA), "found": in_short(conversion.notices), "made": made}
 
 
-def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
-    """Convert a table of unknown columns or units, once the user has stated them."""
-    if "time" not in answers:
-        return {"questions": columns.asked(file)}
-    described = folder / DATA
-    write_whole(described, columns.renamed(file, answers))
-    try:
-        read_measurements(described)
-    except InputError as error:
-        described.unlink()
-        raise InputError(error.message, file=file, line=error.line, remedy=error.remedy) from error
-    return {"data": str(described)}
+def _said(answers: dict[str, str]) -> dict[str, Any]:
+    """Return the options of ``convert`` that answers state."""
+    said: dict[str, Any] = {}
+    for name, (first, last) in {"columns": ("", ""), "units": ("", "_unit")}.items():
+        parts = [answers.get(f"{first}{what}{last}", "") for what in _NAMES]
+        if any(parts):
+            said[name] = ",".join(part.partition(":")[0] for part in parts)
+    said |= {name: answers[name] for name in ASKED if answers.get(name)}
+    if "area" in said:
+        try:
+            said["area"] = float(said["area"])
+        except ValueError:
+            text = f"{said['area']!r} is no number"
+            raise InputError(text, remedy="give the area in mm2") from None
+    return said
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        return float(text) if text else None
-    except ValueError:
-        raise InputError(f"{text!r} is no number", remedy="give the area in mm2") from None
+def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -> Answer:
+    """Return the question of an error, with the first lines of the file that it is about."""
+    file = next((one for one in files if str(one) == str(error.file)), files[0])
+    lines = ""
+    if error.option == "columns":
+        names = [f"{k}: {name}" for k, name in enumerate(columns_in(head_of(file)), 1)]
+        ask = [_choice(what, f"the column of {_WORDS[what]}", names, _like(what, names))
+               for what in _NAMES]  # fmt: skip
+    elif error.option == "units":
+        ask = [_choice(f"{what}_unit", f"the unit of {_WORDS[what]}", units,
+                       _unit_in(answers.get(what, ""), units))
+               for what, units in _UNITS.items()]  # fmt: skip
+    else:
+        choices = list(SIGNS) if error.option == "sign" else None
+        ask = [_choice(error.option, error.question, choices, answers.get(error.option))]
+    if error.option in ("columns", "units"):
+        text = head_of(file).decode("utf-8", "replace")
+        lines = "\n".join(text.splitlines()[:_SHOWN])
+    text = str(_by_name(error, files))
+    return {"file": file.name, "kind": "machine", "lines": lines, "ask": ask, "text": text}
 
 
-def _joined(studies: Sequence[Measurements]) -> bytes:
-    """Return several tidy files as one; a test whose name is taken is prefixed with its file's."""
-    units = studies[0].units
-    displacement = column_name(
-        units.displacement_name, "" if units.dimensionless else units.displacement
+def _choice(name: str, text: str, choices: list[str] | None, value: str | None) -> Answer:
+    return {"name": name, "text": text, "choices": choices, "value": value}
+
+
+def _like(what: str, names: Sequence[str]) -> str | None:
+    """Return the column that is named like a quantity."""
+    named = (name for name in names if re.search(_NAMES[what], name.partition(": ")[2], re.I))
+    return next(named, None)
+
+
+def _unit_in(column: str, units: Sequence[str]) -> str | None:
+    """Return the unit in a column's name, as '(mm)' or after an underscore."""
+    words = re.findall(r"[\w/%]+", column.replace("_", " "))
+    return next((word for word in reversed(words) if word in units), None)
+
+
+def _asked_for_pads(conversion: Conversion) -> Answer:
+    """Return the questions whether tests are of one or several pads, and which is of which."""
+    tests, units = conversion.tests, conversion.units
+    names = [test.named for test in tests]
+    pattern = suggested_pattern(names)
+    pads = [pad_in(name, pattern_of(pattern)) if pattern else None for name in names]
+    files = list(dict.fromkeys(test.file.name for test in tests))
+    more = f" and {len(files) - 1} more hold" if len(files) > 1 else " holds"
+    way = "1" if units.dimensionless else units.displacement
+    head = ["Test", "Rows", "Duration (s)", f"Largest {units.displacement_name} ({way})",
+            f"Largest {units.force_name} ({units.force})"]  # fmt: skip
+    rows = [
+        [test.test, str(len(test.time)), plain(float(test.time[-1])),
+         plain(float(test.displacement.max())), plain(float(test.force.max()))]
+        for test in tests
+    ]  # fmt: skip
+    ask = [_choice(_HOW, "these tests are of", [ONE, SEVERAL], ONE)]
+    ask += [
+        _choice(_PAD.format(k), test.test, None, pad)
+        for k, (test, pad) in enumerate(zip(tests, pads, strict=True))
+    ]
+    text = (
+        f"{files[0]}{more} {len(tests)} tests. "
+        "They may be tests of one pad, or of several pads (specimens)."
     )
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\n")
-    force = column_name(units.force_name, units.force)
-    table.writerow(["pad", "test", "start_s", "time_s", displacement, force])
-    taken: set[tuple[str, str]] = set()
-    for study in studies:
-        if study.units != units:
-            raise InputError(
-                "this file has other units than the first",
-                file=study.source,
-                remedy="open it by itself",
-            )
-        for pad in study.pads:
-            for test in pad.tests:
-                name = test.name
-                if (pad.name, name) in taken:
-                    name = f"{Path(study.source).stem} {name}"
-                taken.add((pad.name, name))
-                start = f"{test.start_s:.9g}" if test.start_known else ""
-                rows = zip(
-                    test.time.tolist(), test.displacement.tolist(), test.force.tolist(), strict=True
-                )
-                table.writerows([pad.name, name, start, *map(repr, row)] for row in rows)
-    return out.getvalue().encode()
+    return {"file": files[0], "kind": _HOW, "rows": [head, *rows], "ask": ask, "text": text}
+
+
+def _pads_of(answers: dict[str, str]) -> tuple[str, ...]:
+    """Return the pads' names that answers state: one, one a test, or none if none is stated."""
+    if answers.get(_HOW) == ONE:
+        return (DEFAULT_PAD,)
+    if answers.get(_HOW) != SEVERAL:
+        return ()
+    last = max((k for k in range(len(answers)) if _PAD.format(k) in answers), default=-1)
+    pads = [answers.get(_PAD.format(k), "").strip() for k in range(last + 1)]
+    if "" in pads or not pads:
+        raise InputError(
+            f"test {pads.index('') + 1 if pads else 1} has no pad",
+            remedy="name the pad of each test",
+        )
+    return tuple(pads)
 
 
 def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
     """Return the same error with names of uploads in place of their paths."""
 
-    def plain(text: str | None) -> str | None:
+    def named(text: str | None) -> str | None:
         for one in uploads:
             text = text.replace(str(one), one.name) if text else text
         return text
 
     return InputError(
-        plain(error.message) or "",
-        file=plain(error.file),
+        named(error.message) or "",
+        file=named(error.file),
         line=error.line,
-        remedy=plain(error.remedy),
+        remedy=named(error.remedy),
     )

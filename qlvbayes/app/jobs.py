@@ -1,11 +1,9 @@
-"""Run long work in processes of its own: a queue, one warm process, progress, cancelling."""
+"""Run long work, each in a worker of its own: a queue, one spare worker, progress, cancelling."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
-from collections import defaultdict
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from itertools import count
@@ -14,54 +12,40 @@ from typing import Any
 
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import ErrorContent, RefusedError, error_content, refused
-from qlvbayes.app.pipes import Process
+from qlvbayes.app.protocol import Worker
 
-MODULE = "qlvbayes.app.job"
+MODULE = "steps"
 AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))
 """Jobs that run together, with one core left for the page."""
-_OVER = ("done", "failed", "cancelled")
-_LISTED = 50  # jobs of a session that are kept
-
-Finished = Callable[["Job"], Awaitable[None]]
+_LISTED = 50  # jobs of a session that are kept once they are over
 
 
 @dataclass(eq=False)
 class Job:
-    """Job of the server.
+    """Job of a session: a call of ``steps``, with its arguments and its progress so far.
 
-    ``enough`` is whether a search was asked to end with its results so far; ``result`` is what its
-    process returned; ``probabilities`` are those that it reported last.
+    ``enough`` is whether a search was asked to end with its results so far; ``probabilities`` are
+    those that it reported last. ``finished`` takes in what the job has left in the folder.
     """
 
     id: str
     session: str
+    kind: str
+    pad: str | None
     spec: dict[str, Any]
+    finished: Callable[[Job], Awaitable[None]]
     state: str = "waiting"
-    text: str = ""
-    done: int | None = None
-    total: int | None = None
-    left_s: float | None = None
-    elapsed_s: float = 0.0
+    progress: dict[str, Any] = field(default_factory=lambda: {"text": "", "elapsed_s": 0.0})
     error: ErrorContent | None = None
     enough: bool = False
-    result: dict[str, Any] = field(default_factory=dict)
     probabilities: dict[str, Any] = field(default_factory=dict)
-    ended: asyncio.Event = field(default_factory=asyncio.Event)
-
-    @property
-    def kind(self) -> str:
-        """Return the kind of job."""
-        return str(self.spec["kind"])
-
-    @property
-    def pads(self) -> list[str]:
-        """Return the names of its pads."""
-        return list(self.spec["pads"])
+    worker: Worker | None = None
+    task: asyncio.Task[None] | None = None
 
     @property
     def over(self) -> bool:
         """Return whether it has ended, one way or another."""
-        return self.state in _OVER
+        return self.state in ("done", "failed", "cancelled")
 
 
 class Jobs:
@@ -69,207 +53,145 @@ class Jobs:
 
     def __init__(self, events: Events) -> None:
         self._events = events
-        self._jobs: dict[str, Job] = {}
-        self._finished: dict[str, Finished] = {}
-        self._running: dict[str, asyncio.Task[None]] = {}
-        self._processes: dict[str, Process] = {}
-        self._numbers: defaultdict[str, count[int]] = defaultdict(lambda: count(1))
-        self._spare: asyncio.Task[Process] | None = None
-        self._closed = False
+        self._jobs: list[Job] = []
+        self._numbers = count(1)
+        self._turn = asyncio.Semaphore(AT_ONCE)
+        self._spare: asyncio.Task[Worker] | None = None
 
     def warm(self) -> None:
-        """Start a process that is ready for the next job."""
-        if self._spare is None and not self._closed:
-            self._spare = asyncio.create_task(Process.spawn(MODULE))
+        """Start a worker that is ready for the next job."""
+        if self._spare is None:
+            self._spare = asyncio.create_task(Worker.spawn(MODULE))
 
     async def close(self) -> None:
-        """End every process."""
-        self._closed = True
-        for task in list(self._running.values()):
-            task.cancel()
-        await asyncio.gather(*self._running.values(), return_exceptions=True)
+        """End every worker."""
+        for job in self._jobs:
+            if job.task is not None:
+                job.task.cancel()
+        await asyncio.gather(*(job.task for job in self._jobs if job.task), return_exceptions=True)
         if self._spare is not None:
             await (await self._spare).kill()
 
-    # what the page asks for
-
-    def add(self, session: str, spec: dict[str, Any], finished: Finished) -> Job:
+    def add(
+        self, session: str, kind: str, pad: str | None, spec: dict[str, Any],
+        finished: Callable[[Job], Awaitable[None]],
+    ) -> Job:  # fmt: skip
         """Append a job to the queue; raise RefusedError where the same job is there already."""
-        for other in self.in_session(session):
-            same = (other.kind, other.pads) == (spec["kind"], spec["pads"])
-            if same and not other.over:
-                raise refused(409, f"a {other.kind} of this is there already", "wait or cancel it")
-        job = Job(f"j{next(self._numbers[session])}", session, spec)
-        self._jobs[f"{session}/{job.id}"] = job
-        self._finished[f"{session}/{job.id}"] = finished
-        over = [one for one in self.in_session(session) if one.over]
-        for old in over[: max(0, len(over) - _LISTED)]:
-            self._forget(old)
-        self._start_next()
-        self._publish_waiting()
+        own = self.in_session(session)
+        if any((one.kind, one.pad) == (kind, pad) and not one.over for one in own):
+            raise refused(409, f"a {kind} of this is there already", "wait or cancel it")
+        for old in [one for one in own if one.over][:-_LISTED]:
+            self._jobs.remove(old)
+        job = Job(f"j{next(self._numbers)}", session, kind, pad, spec, finished)
+        self._jobs.append(job)
+        job.task = asyncio.create_task(self._run(job))
+        self._publish(job)
         return job
+
+    async def run(self, kind: str, spec: dict[str, Any]) -> None:
+        """Do something short at once, outside the queue."""
+        await self._work(Job("", "", kind, None, spec, _nothing))
 
     def get(self, session: str, number: str) -> Job:
         """Return the job of that id; raise RefusedError where there is none."""
-        key = f"{session}/{number}"
-        if key not in self._jobs:
-            raise refused(404, f"there is no job {number}", "ask for the session's state")
-        return self._jobs[key]
+        for job in self.in_session(session):
+            if job.id == number:
+                return job
+        raise refused(404, f"there is no job {number}", "ask for the session's state")
 
     def in_session(self, session: str) -> list[Job]:
         """Return the jobs of one session."""
-        return [job for job in self._jobs.values() if job.session == session]
+        return [job for job in self._jobs if job.session == session]
 
     async def cancel(self, job: Job) -> None:
-        """End a job and its process at once; remove one that is over."""
+        """End a job and its worker at once; remove one that is over."""
         if job.over:
-            self._forget(job)
-            return
-        job.state = "cancelled"
-        if (task := self._running.get(_key(job))) is not None:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
-        else:
-            self._end(job)
+            self._jobs.remove(job)
+        elif job.task is not None:
+            job.task.cancel()
+            await asyncio.gather(job.task, return_exceptions=True)
 
     async def enough(self, job: Job) -> None:
         """Make a search sum up its results so far; raise RefusedError where there are none."""
-        process = self._processes.get(_key(job))
-        if job.kind != "diagnose" or process is None or not job.probabilities:
+        if job.worker is None or not job.probabilities or job.over:
             raise refused(409, "nothing is known yet", "wait for the first probabilities")
         if not job.enough:
             job.enough = True
-            with contextlib.suppress(ConnectionError):
-                await process.write({"enough": True})
+            await job.worker.call("enough")
             self._publish(job)
 
     async def cancel_all(self, session: str) -> None:
-        """Cancel all jobs of one session."""
+        """Cancel and remove all jobs of one session."""
         for job in self.in_session(session):
             await self.cancel(job)
-            if _key(job) in self._jobs:
-                self._forget(job)
+        self._jobs = [job for job in self._jobs if job.session != session]
 
     def shown(self, job: Job) -> dict[str, Any]:
         """Return a job as the page receives it."""
+        waiting = [one for one in self._jobs if one.state == "waiting"]
         return {
             "id": job.id,
             "kind": job.kind,
-            "pad": job.pads[0] if job.pads else None,
-            "pads": job.pads,
+            "pad": job.pad,
             "state": job.state,
-            "place": self._waiting.index(job) + 1 if job in self._waiting else 0,
-            "text": job.text,
-            "enough": None if not (job.kind == "diagnose" and job.probabilities) else job.enough,
-            "done": job.done,
-            "total": job.total,
-            "left_s": job.left_s,
-            "elapsed_s": job.elapsed_s,
+            "place": waiting.index(job) + 1 if job in waiting else 0,
+            "enough": job.enough if job.probabilities else None,
             "error": job.error,
+            **job.progress,
         }
 
-    async def run(self, spec: dict[str, Any]) -> dict[str, Any]:
-        """Return the result of something short, done in a process of its own outside the queue."""
-        job = Job("", "", {"pads": [], **spec})
-        process = await self._take()
-        try:
-            await self._follow(job, process)
-        finally:
-            await process.kill()
-            self.warm()
-        return job.result
-
-    # the queue
-
-    @property
-    def _waiting(self) -> list[Job]:
-        return [job for job in self._jobs.values() if job.state == "waiting"]
-
-    def _start_next(self) -> None:
-        for job in self._waiting:
-            if len(self._running) >= AT_ONCE or self._closed:
-                return
-            job.state = "running"
-            self._running[_key(job)] = asyncio.create_task(self._run(job))
-
     async def _run(self, job: Job) -> None:
-        process: Process | None = None
         try:
-            job.text = "starting"
-            self._publish(job)
-            process = self._processes[_key(job)] = await self._take()
-            await self._follow(job, process)
-            await self._finished[_key(job)](job)
+            async with self._turn:
+                job.state = "running"
+                self._publish(job)
+                await self._work(job)
             job.state = "done"
         except RefusedError as error:
             job.state, job.error = "failed", error.content
         except asyncio.CancelledError:
             job.state = "cancelled"
+        job.progress["left_s"] = None
+        for one in (job, *(one for one in self._jobs if one.state == "waiting")):
+            self._publish(one)
+
+    async def _work(self, job: Job) -> None:
+        """Do a job in the spare worker, or a new one, and end that."""
+        self.warm()
+        assert self._spare is not None
+        spare, self._spare = self._spare, None
+        job.worker = await spare
+        try:
+            await job.worker.call(job.kind, lambda line: self._told(job, line), **job.spec)
+            await job.finished(job)
+        except RefusedError as error:
+            if error.status != 503:
+                raise
+            message = "the process that computed this has died"
+            content = error_content(message, "start it again: it goes on where it was")
+            raise RefusedError(500, content) from None
         finally:
-            if process is not None:
-                await asyncio.shield(_gone(process, job))
-            self._running.pop(_key(job), None)
-            self._processes.pop(_key(job), None)
-            self._end(job)
-            self._start_next()
-            self._publish_waiting()
+            await asyncio.shield(_end(job.worker, job))
             self.warm()
 
-    async def _follow(self, job: Job, process: Process) -> None:
-        """Send the job to the process, and listen until it is over."""
-        with contextlib.suppress(ConnectionError):
-            await process.write(job.spec)
-        while (line := await process.read()) is not None:
-            if "error" in line:
-                raise RefusedError(422, line["error"])
-            if "result" in line:
-                job.result = line["result"]
-                return
-            if "probabilities" in line:
-                job.probabilities = line["probabilities"]
-                self._events.publish(job.session, "ranking", job.probabilities)
-                continue
-            job.text, job.elapsed_s = line["text"], line["elapsed_s"]
-            job.done, job.total, job.left_s = line["done"], line["total"], line["left_s"]
-            if job.session:
-                self._publish(job)
-        status = await process.wait()
-        message = f"the process that computed this has died (status {status})"
-        raise RefusedError(500, error_content(message, "start it again: it goes on where it was"))
-
-    async def _take(self) -> Process:
-        """Return the spare process, or a new one."""
-        self.warm()
-        if self._spare is None:
-            raise refused(503, "the server is ending", "start it again")
-        spare, self._spare = self._spare, None
-        return await spare
-
-    def _end(self, job: Job) -> None:
-        job.left_s = None
-        job.ended.set()
+    def _told(self, job: Job, line: dict[str, Any]) -> None:
+        if "probabilities" in line:
+            job.probabilities = line["probabilities"]
+            self._events.publish(job.session, "ranking", job.probabilities)
+        else:
+            job.progress = line
         self._publish(job)
-
-    def _forget(self, job: Job) -> None:
-        self._jobs.pop(_key(job), None)
-        self._finished.pop(_key(job), None)
 
     def _publish(self, job: Job) -> None:
         self._events.publish(job.session, "job", self.shown(job))
 
-    def _publish_waiting(self) -> None:
-        """Publish the waiting jobs, as their positions have changed."""
-        for job in self._waiting:
-            self._publish(job)
+
+async def _nothing(job: Job) -> None:
+    """Take in nothing."""
 
 
-def _key(job: Job) -> str:
-    return f"{job.session}/{job.id}"
-
-
-async def _gone(process: Process, job: Job) -> None:
-    """End a process, and remove its half-written files."""
-    await process.kill()
-    for name in job.pads:
-        for part in (Path(job.spec["out"]) / name).glob("*.part"):
-            part.unlink(missing_ok=True)
+async def _end(worker: Worker, job: Job) -> None:
+    """End a job's worker, and remove its half-written files."""
+    await worker.kill()
+    for part in Path(job.spec["out"]).glob(f"{job.pad or ''}/*.part"):
+        part.unlink(missing_ok=True)

@@ -15,24 +15,20 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from qlvbayes.app.actions import Actions
+from qlvbayes.app.actions import BUNDLED, Actions
 from qlvbayes.app.failures import refused
-from qlvbayes.app.scripts import commands, script
+from qlvbayes.app.jobs import Job
+from qlvbayes.app.scripts import commands
 from qlvbayes.app.security import UPLOAD_LIMIT
 from qlvbayes.app.sessions import Session
+from qlvbayes.io.files import bundled
 
 _PAGE = Path(__file__).parent / "page"
 _REPORT = Path(__file__).parents[1] / "report" / "static"
 _MOST_FILES = 50  # files of an upload
 _LONGEST = 100  # characters of an uploaded file's name that are kept
-_FIGURES = (".png", ".pdf")
-_TYPES = {
-    ".png": "image/png",
-    ".pdf": "application/pdf",
-    ".html": "text/html; charset=utf-8",
-    ".csv": "text/csv; charset=utf-8",
-    ".gz": "application/gzip",
-}
+_HTML = "text/html; charset=utf-8"
+_CSV = "text/csv; charset=utf-8"
 
 
 class Routes:
@@ -54,30 +50,17 @@ class Routes:
             ("DELETE", "/api/s/{id}", self.forget),
             ("GET", "/api/s/{id}/events", self.events),
             ("POST", "/api/s/{id}/answers", self.answers),
-            ("POST", "/api/s/{id}/specimens", self.specimens),
             ("GET", "/api/s/{id}/tidy.csv", self.tidy),
-            ("POST", "/api/s/{id}/guess", self.guess),
+            ("GET", "/api/s/{id}/report.html", self.report),
             ("POST", "/api/s/{id}/jobs", self.order),
             ("GET", "/api/s/{id}/jobs/{job}", self.job),
             ("DELETE", "/api/s/{id}/jobs/{job}", self.cancel),
             ("POST", "/api/s/{id}/jobs/{job}/enough", self.enough),
-            ("GET", "/api/s/{id}/comparison", self.comparison),
-            ("GET", "/api/s/{id}/report.html", self.report),
-            ("GET", "/api/s/{id}/figures", self.figures),
             ("POST", "/api/s/{id}/pads/{pad}/open", self.open_pad),
-            ("GET", "/api/s/{id}/pads/{pad}/measured", self.measured),
-            ("GET", "/api/s/{id}/pads/{pad}/catalogue", self.catalogue),
-            ("POST", "/api/s/{id}/pads/{pad}/parameters", self.parameters),
-            ("POST", "/api/s/{id}/pads/{pad}/curves", self.curves),
-            ("POST", "/api/s/{id}/pads/{pad}/signature", self.signature),
             ("POST", "/api/s/{id}/pads/{pad}/states", self.change),
             ("POST", "/api/s/{id}/pads/{pad}/current", self.go_back),
-            ("GET", "/api/s/{id}/pads/{pad}/figures/{name}", self.figure),
-            ("GET", "/api/s/{id}/pads/{pad}/residuals.csv", self.residuals),
-            ("GET", "/api/s/{id}/pads/{pad}/constants.csv", self.constants),
-            ("GET", "/api/s/{id}/pads/{pad}/repeat", self.repeat),
-            ("GET", "/api/s/{id}/pads/{pad}/repeat.py", self.repeat_script),
-            ("GET", "/api/s/{id}/pads/{pad}/repeat.sh", self.repeat_commands),
+            ("GET", "/api/s/{id}/pads/{pad}/{call:str}", self.pad_file),
+            ("POST", "/api/s/{id}/pads/{pad}/{call:str}", self.model),
         ]
         return [Route(path, answer, methods=[method]) for method, path, answer in table]
 
@@ -91,7 +74,7 @@ class Routes:
 
     async def page(self, request: Request) -> Response:
         """Return the one page."""
-        return FileResponse(_PAGE / "index.html", media_type="text/html; charset=utf-8")
+        return FileResponse(_PAGE / "index.html", media_type=_HTML)
 
     async def static(self, request: Request) -> Response:
         """Return a static file of the page or of the report."""
@@ -109,8 +92,11 @@ class Routes:
         return JSONResponse(
             {
                 "version": _version(),
-                "worker": self.actions.calls.status,
-                "bundled": self.actions.bundled(),
+                "bundled": [
+                    {"name": name, "text": text}
+                    for name, text in BUNDLED.items()
+                    if bundled(f"{name}.csv").is_file()
+                ],
                 "sessions": self.actions.sessions.known(),
                 "upload_limit_bytes": UPLOAD_LIMIT,
             }
@@ -118,12 +104,7 @@ class Routes:
 
     async def open(self, request: Request) -> Response:
         """Open a session with measurements that come with the package."""
-        body = await _body(request)
-        name = body.get("open")
-        if name == "deal":
-            session = self.actions.open_simulated()
-        else:
-            session = self.actions.open_bundled(str(name), guess=bool(body.get("guess")))
+        session = self.actions.open_bundled(str((await _body(request)).get("open")))
         return JSONResponse({"id": session.id})
 
     async def upload(self, request: Request) -> Response:
@@ -160,8 +141,7 @@ class Routes:
 
     async def events(self, request: Request) -> Response:
         """Return the stream of a session's events."""
-        session = self._session(request)
-        stream = self.actions.events.stream(session.id)
+        stream = self.actions.events.stream(self._session(request).id)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def answers(self, request: Request) -> Response:
@@ -173,56 +153,47 @@ class Routes:
         await self.actions.answer(self._session(request), words)
         return JSONResponse({"ok": True})
 
-    async def specimens(self, request: Request) -> Response:
-        """Return the pads that a pattern finds in the tests' names."""
-        pattern = (await _body(request)).get("pad_from")
-        if not isinstance(pattern, str):
-            raise refused(422, "no pattern is given", "see docs/app.md")
-        return JSONResponse(await self.actions.specimens(self._session(request), pattern))
-
     async def tidy(self, request: Request) -> Response:
         """Return the measurements."""
-        session = self._session(request)
-        return _download(Path(session.data or "none"), Path(session.data).name or "data.csv")
+        file = Path(self._session(request).data or "none")
+        return _file(file, "application/gzip" if file.suffix == ".gz" else _CSV)
 
-    async def guess(self, request: Request) -> Response:
-        """Record a guess."""
-        body = await _body(request)
-        effects, words = body.get("effects", []), body.get("words", "")
-        if not (isinstance(effects, list) and isinstance(words, str)):
-            raise refused(422, "this is no guess", "see docs/app.md")
-        session = self._session(request)
-        return JSONResponse(
-            {"guess": self.actions.guess(session, [str(x) for x in effects], words)}
-        )
+    async def report(self, request: Request) -> Response:
+        """Return the report, written anew where there is a newer result."""
+        folder = self._session(request).folder
+        file = folder / "report.html"
+        written = file.stat().st_mtime if file.is_file() else 0.0
+        if any(one.stat().st_mtime >= written for one in folder.glob("*/*.json")) or not written:
+            await self.actions.jobs.run("report", {"out": str(folder)})
+        return _file(file, _HTML)
 
     # jobs
 
+    def _job(self, request: Request) -> Job:
+        return self.actions.jobs.get(self._session(request).id, request.path_params["job"])
+
+    def _shown(self, job: Job) -> Response:
+        return JSONResponse(self.actions.jobs.shown(job))
+
     async def order(self, request: Request) -> Response:
         """Start a job."""
-        session = self._session(request)
-        job = self.actions.order(session, await _body(request))
-        return JSONResponse(self.actions.jobs.shown(job))
+        return self._shown(self.actions.order(self._session(request), await _body(request)))
 
     async def job(self, request: Request) -> Response:
         """Return the progress of a job."""
-        session = self._session(request)
-        job = self.actions.jobs.get(session.id, request.path_params["job"])
-        return JSONResponse(self.actions.jobs.shown(job))
+        return self._shown(self._job(request))
 
     async def cancel(self, request: Request) -> Response:
         """Cancel or remove a job."""
-        session = self._session(request)
-        job = self.actions.jobs.get(session.id, request.path_params["job"])
+        job = self._job(request)
         await self.actions.jobs.cancel(job)
-        return JSONResponse(self.actions.jobs.shown(job))
+        return self._shown(job)
 
     async def enough(self, request: Request) -> Response:
         """End a search with its results so far."""
-        session = self._session(request)
-        job = self.actions.jobs.get(session.id, request.path_params["job"])
+        job = self._job(request)
         await self.actions.jobs.enough(job)
-        return JSONResponse(self.actions.jobs.shown(job))
+        return self._shown(job)
 
     # the model by hand
 
@@ -230,33 +201,7 @@ class Routes:
         """Open a pad."""
         session, pad = self._session(request), request.path_params["pad"]
         await self.actions.open_pad(session, pad)
-        return JSONResponse(session.shown()["pad"][pad])
-
-    async def measured(self, request: Request) -> Response:
-        """Return the samples."""
-        return await self._forwarded(request, "measured")
-
-    async def catalogue(self, request: Request) -> Response:
-        """Return the laws and effects."""
-        return await self._forwarded(request, "catalogue")
-
-    async def parameters(self, request: Request) -> Response:
-        """Return the sliders of a model."""
-        return await self._forwarded(request, "parameters", model=await _body(request))
-
-    async def curves(self, request: Request) -> Response:
-        """Return a model's force and errors."""
-        tab = request.headers.get("x-tab")
-        key = None if tab is None else f"{request.path_params['id']} {tab}"
-        return await self._forwarded(request, "curves", model=await _body(request), tab=key)
-
-    async def signature(self, request: Request) -> Response:
-        """Return what an effect would add to a model."""
-        body = await _body(request)
-        model, effect = body.get("model"), body.get("effect")
-        if not (isinstance(model, dict) and isinstance(effect, str)):
-            raise refused(422, "no effect in addition to a model is named", "see docs/app.md")
-        return await self._forwarded(request, "signature", model=model, effect=effect)
+        return JSONResponse(session.shown_pad(pad))
 
     async def change(self, request: Request) -> Response:
         """Make a new state."""
@@ -267,105 +212,38 @@ class Routes:
         """Go back to a state of the history."""
         session, pad = self._session(request), request.path_params["pad"]
         number = (await _body(request)).get("state")
-        if not isinstance(number, int):
-            raise refused(422, "no state is named", "see docs/app.md")
         return JSONResponse(await self.actions.go_back(session, pad, number))
+
+    async def model(self, request: Request) -> Response:
+        """Return force and errors of a model, its sliders, or what an effect would add to it."""
+        call, body = request.path_params["call"], await _body(request)
+        if call == "signature":
+            arguments = {"model": body.get("model"), "effect": body.get("effect")}
+        elif call == "parameters":
+            arguments = {"model": body}
+        elif call == "curves":
+            tab = request.headers.get("x-tab")
+            key = None if tab is None else f"{request.path_params['id']} {tab}"
+            arguments = {"model": body, "tab": key}
+        else:
+            raise refused(404, f"there is no {call}")
+        return await self._forwarded(request, call, **arguments)
+
+    async def pad_file(self, request: Request) -> Response:
+        """Return the samples, the laws and effects, or command lines that do the same."""
+        call = request.path_params["call"]
+        if call in ("measured", "catalogue"):
+            return await self._forwarded(request, call)
+        if call != "repeat.sh":
+            raise refused(404, f"there is no {call}")
+        lines = commands(self._session(request), request.path_params["pad"])
+        headers = {"content-disposition": f'attachment; filename="{call}"'}
+        return Response(lines, media_type="text/x-sh", headers=headers)
 
     async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
         session, pad = self._session(request), request.path_params["pad"]
         answer = await self.actions.forwarded(session, pad, call, **arguments)
         return Response(answer, media_type="application/json")
-
-    # data out
-
-    async def comparison(self, request: Request) -> Response:
-        """Return the results of the comparisons."""
-        files = sorted(self._session(request).folder.glob("compare/*/compare.json"))
-        results = [json.loads(file.read_text()) for file in files]
-        return JSONResponse({"comparisons": results})
-
-    async def report(self, request: Request) -> Response:
-        """Return the report, written anew where there is a newer result."""
-        session = self._session(request)
-        if session.is_hiding:
-            raise refused(409, "a guess is owed first", "write down what you think is missing")
-        file = session.folder / "report.html"
-        if _older(file, session.folder):
-            await self.actions.jobs.run({"kind": "report", "out": str(session.folder)})
-        return _download(file, "report.html")
-
-    async def figures(self, request: Request) -> Response:
-        """Return the list of figures."""
-        session = self._session(request)
-        formats_of: dict[tuple[str, str], list[str]] = {}
-        for pad in ("-", *session.pads):
-            for file in sorted(_folder_of(session, pad).glob("*.*")):
-                if file.suffix in _FIGURES:
-                    formats_of.setdefault((pad, file.stem), []).append(file.suffix[1:])
-        entries = [
-            {"pad": pad, "name": name, "formats": sorted(formats, reverse=True)}
-            for (pad, name), formats in formats_of.items()
-        ]
-        return JSONResponse({"figures": entries})
-
-    async def figure(self, request: Request) -> Response:
-        """Return one figure."""
-        session, name = self._session(request), request.path_params["name"]
-        folder = _folder_of(session, request.path_params["pad"])
-        file = folder / name
-        if file.parent != folder or file.suffix not in _FIGURES:
-            raise refused(404, f"there is no figure {name}")
-        return _download(file, name, attached=file.suffix == ".pdf")
-
-    async def residuals(self, request: Request) -> Response:
-        """Return the residuals as CSV."""
-        return await self._table(request, "residuals")
-
-    async def constants(self, request: Request) -> Response:
-        """Return the constants as CSV."""
-        return await self._table(request, "constants")
-
-    async def _table(self, request: Request, call: str) -> Response:
-        session, pad = self._session(request), request.path_params["pad"]
-        own = session.pad(pad)
-        number = request.query_params.get("state", "")
-        state = own.state(int(number) if number.isdecimal() else own.current)
-        more = {"begun": state.begun} if call == "constants" else {}
-        raw = await self.actions.forwarded(session, pad, call, model=state.model, **more)
-        return _attached(json.loads(raw).encode(), f"{pad}_{call}.csv", _TYPES[".csv"])
-
-    async def repeat(self, request: Request) -> Response:
-        """Return script and command lines, to be shown."""
-        session, pad = self._session(request), request.path_params["pad"]
-        python, lines = script(session, pad), commands(session, pad)
-        return JSONResponse({"python": python, "commands": lines})
-
-    async def repeat_script(self, request: Request) -> Response:
-        """Return the script."""
-        session, pad = self._session(request), request.path_params["pad"]
-        return _attached(script(session, pad).encode(), "repeat.py", "text/x-python")
-
-    async def repeat_commands(self, request: Request) -> Response:
-        """Return the command lines."""
-        session, pad = self._session(request), request.path_params["pad"]
-        return _attached(commands(session, pad).encode(), "repeat.sh", "text/x-sh")
-
-
-def _older(report: Path, folder: Path) -> bool:
-    """Return whether a result is newer than the report, or there is no report."""
-    if not report.is_file():
-        return True
-    results = [*folder.glob("*/*.json"), *folder.glob("compare/*/*.json")]
-    return any(one.stat().st_mtime > report.stat().st_mtime for one in results)
-
-
-def _folder_of(session: Session, pad: str) -> Path:
-    """Return the folder of a pad, or with ``-`` that of all pads."""
-    if pad == "-":
-        return session.folder
-    if pad not in session.pads:
-        raise refused(404, f"there is no pad {pad!r}")
-    return session.folder / pad
 
 
 async def _body(request: Request) -> dict[str, Any]:
@@ -379,19 +257,11 @@ async def _body(request: Request) -> dict[str, Any]:
     return content
 
 
-def _download(file: Path, name: str, *, attached: bool = False) -> Response:
+def _file(file: Path, kind: str) -> Response:
     if not file.is_file():
-        raise refused(404, f"there is no {name} yet")
-    kind = "attachment" if attached else "inline"
+        raise refused(404, f"there is no {file.name} yet")
     return FileResponse(
-        file, filename=name, media_type=_TYPES.get(file.suffix), content_disposition_type=kind
-    )
-
-
-def _attached(content: bytes, name: str, kind: str) -> Response:
-    plain = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
-    return Response(
-        content, media_type=kind, headers={"content-disposition": f'attachment; filename="{plain}"'}
+        file, filename=file.name, media_type=kind, content_disposition_type="inline"
     )
 
 

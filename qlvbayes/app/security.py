@@ -16,6 +16,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from qlvbayes.app.failures import error_content
+
 CHANGING = "x-qlvbayes"
 """Header of requests that change something; no form sends it."""
 POLICY = (
@@ -168,6 +170,4 @@ def _limited(receive: Receive, limit: int) -> Receive:
 
 
 def _refusal(message: str, remedy: str) -> Response:
-    content = {"message": message, "file": None, "line": None, "remedy": remedy}
-    content["text"] = f"{message}; {remedy}"
-    return JSONResponse({"error": content}, status_code=403)
+    return JSONResponse({"error": error_content(message, remedy)}, status_code=403)

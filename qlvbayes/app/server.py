@@ -21,13 +21,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from qlvbayes.app.actions import Actions
-from qlvbayes.app.calls import Calls
 from qlvbayes.app.events import Events
-from qlvbayes.app.failures import ErrorContent, RefusedError, error_content
+from qlvbayes.app.failures import RefusedError, error_content
 from qlvbayes.app.jobs import Jobs
 from qlvbayes.app.routes import Routes
 from qlvbayes.app.security import UPLOAD_LIMIT, Address, RequestFilter, TooLargeError
-from qlvbayes.app.sessions import Session, Sessions
+from qlvbayes.app.sessions import Sessions
+from qlvbayes.app.warm import WarmWorker
 
 
 @dataclass(frozen=True)
@@ -49,74 +49,59 @@ class Options:
     behind: str | None = None
 
 
-def _error(status: int, content: ErrorContent) -> Response:
+_FAILURES = (RefusedError, HTTPException, TooLargeError, MultiPartException, Exception)
+
+
+async def _answer(request: Request, error: Exception) -> Response:
+    """Return the answer to a request that failed: its status and one plain line."""
+    if isinstance(error, RefusedError):
+        status, content = error.status, error.content
+    elif isinstance(error, HTTPException):
+        status, content = error.status_code, error_content(str(error.detail).lower())
+    elif isinstance(error, TooLargeError):
+        remedy = f"send less than {UPLOAD_LIMIT // 2**20} MB, or .csv.gz"
+        status, content = 413, error_content("the upload is too large", remedy)
+    elif isinstance(error, MultiPartException):
+        status, content = 422, error_content("the upload is malformed", "send the file again")
+    else:
+        content = error_content(f"internal error ({type(error).__name__})", "report it")
+        status = 500
     return JSONResponse({"error": content}, status_code=status)
-
-
-async def _refused(request: Request, error: Exception) -> Response:
-    assert isinstance(error, RefusedError)
-    return _error(error.status, error.content)
-
-
-async def _http(request: Request, error: Exception) -> Response:
-    assert isinstance(error, HTTPException)
-    return _error(error.status_code, error_content(str(error.detail).lower()))
-
-
-async def _too_large(request: Request, error: Exception) -> Response:
-    limit = f"{UPLOAD_LIMIT // 2**20} MB"
-    return _error(
-        413, error_content("the upload is too large", f"send less than {limit}, or .csv.gz")
-    )
-
-
-async def _malformed(request: Request, error: Exception) -> Response:
-    return _error(422, error_content("the upload is malformed", "send the file again"))
-
-
-async def _failed(request: Request, error: Exception) -> Response:
-    return _error(500, error_content(f"internal error ({type(error).__name__})", "report it"))
 
 
 def application(options: Options, address: Address) -> Starlette:
     """Return the whole server; its life begins and ends the processes."""
     events = Events()
-    calls = Calls(lambda status: events.publish_all("worker", {"worker": status}))
+    worker = WarmWorker(lambda status: events.publish_all("worker", {"worker": status}))
     jobs = Jobs(events)
-    actions = Actions(Sessions(Path(options.sessions)), calls, jobs, events, options.effects_file)
+    actions = Actions(Sessions(Path(options.sessions)), worker, jobs, events, options.effects_file)
 
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
-        calls.start()
-        app.state.warming = asyncio.create_task(_warm(actions, calls, jobs))
+        worker.start()
+        app.state.warming = asyncio.create_task(_warm(actions))
         yield
         app.state.warming.cancel()
         actions.close()
         events.close()
         await jobs.close()
-        await calls.close()
+        await worker.close()
 
     app = Starlette(
         routes=Routes(actions).all(),
         lifespan=life,
-        exception_handlers={
-            RefusedError: _refused,
-            HTTPException: _http,
-            TooLargeError: _too_large,
-            MultiPartException: _malformed,
-            Exception: _failed,
-        },
+        exception_handlers=dict.fromkeys(_FAILURES, _answer),
     )
     app.add_middleware(RequestFilter, token=options.token, address=address)
     app.state.actions = actions
     return app
 
 
-async def _warm(actions: Actions, calls: Calls, jobs: Jobs) -> None:
-    """Start the spare process, once the worker no longer needs the cores for the first curves."""
-    while calls.status != "ready" or actions.sessions.opening:
+async def _warm(actions: Actions) -> None:
+    """Start the spare worker, once the page's no longer needs the cores for the first curves."""
+    while actions.worker.status != "ready" or actions.sessions.opening:
         await asyncio.sleep(0.2)
-    jobs.warm()
+    actions.jobs.warm()
 
 
 def serve(options: Options) -> None:
@@ -152,7 +137,7 @@ class _Server(uvicorn.Server):
         await super().startup(sockets=sockets)
         path = "/"
         if self._options.open is not None:
-            path = f"/s/{_opened(self._app.state.actions, Path(self._options.open)).id}"
+            path = f"/s/{self._app.state.actions.open_path(Path(self._options.open)).id}"
         url = f"{self._base}{path}?token={self._options.token}"
         print(f"the bench is at {url}\nCtrl-C ends it", flush=True)
         if self._options.browser:
@@ -161,17 +146,8 @@ class _Server(uvicorn.Server):
     def handle_exit(self, sig: int, frame: Any) -> None:
         """End streams of events and waiting calls first, as none would end by itself."""
         self._app.state.actions.events.close()
-        self._app.state.actions.calls.give_up()
+        self._app.state.actions.worker.give_up()
         super().handle_exit(sig, frame)
-
-
-def _opened(actions: Actions, path: Path) -> Session:
-    """Return a session of a file or folder that the command line names."""
-    if path.is_dir():
-        return actions.open_results(path)
-    session = actions.sessions.new(path.name)
-    actions.begin(session, [path])
-    return session
 
 
 def _bound(host: str, port: int) -> socket.socket:

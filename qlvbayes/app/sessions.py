@@ -9,30 +9,26 @@ import datetime
 import json
 import secrets
 import shutil
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from qlvbayes.app.failures import ErrorContent, refused
-from qlvbayes.io.files import write_json
+from qlvbayes.io.files import write_whole
 
 DATA = "data.csv"
 """The measurements in a session's folder."""
 BENCH = "bench.json"
 """The state of a bench, in a session's folder."""
-ASKED = ("sign", "contact", "units", "area")
+ASKED = ("sign", "contact", "columns", "units", "area")
 """Options of ``convert`` that a question asks for."""
-CONVERT_OPTIONS = frozenset({*ASKED, "pad"})
-"""Those that a session may have."""
-_PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown yet
+_PRIVATE = ".private"  # uploads
 
 
-@dataclass
-class HistoryState:
-    """One model in the history of a pad.
-
-    ``begun`` are the constants that its fit began from.
-    """
+class HistoryState(msgspec.Struct):
+    """One model in the history of a pad."""
 
     id: int
     parent: int | None
@@ -43,38 +39,34 @@ class HistoryState:
     values: dict[str, float]
     rmse: float | None
     heldout: float | None = None
-    begun: dict[str, float] = field(default_factory=dict)
 
     @property
     def model(self) -> dict[str, Any]:
         """Return the model as in the body of a request."""
-        return {
-            "elastic": self.elastic,
-            "relaxation": self.relaxation,
-            "effects": self.effects,
-            "values": self.values,
-        }
+        names = ("elastic", "relaxation", "effects", "values")
+        return {name: getattr(self, name) for name in names}
+
+    def shown(self) -> dict[str, Any]:
+        """Return the state as the page receives it."""
+        return msgspec.structs.asdict(self)
 
 
-@dataclass
-class BenchPad:
+class BenchPad(msgspec.Struct):
     """Pad of a session: facts (units, noise, tests) and the history of its models.
 
-    ``sampled`` is the state whose model was sampled last, and ``bands`` are its bands as the page
-    receives them.
+    ``sampled`` is the state whose model was sampled last.
     """
 
-    facts: dict[str, Any] = field(default_factory=dict)
-    history: list[HistoryState] = field(default_factory=list)
+    facts: dict[str, Any] = {}
+    history: list[HistoryState] = []
     current: int = 0
     sampled: int | None = None
-    bands: dict[str, Any] | None = None
 
-    def add(self, how: str, model: dict[str, Any], rmse: float | None, begun: Any) -> HistoryState:
+    def add(self, how: str, model: dict[str, Any], rmse: float | None) -> HistoryState:
         """Append a new state, which becomes the current one."""
         number = max((state.id for state in self.history), default=-1) + 1
         parent = self.current if self.history else None
-        state = HistoryState(number, parent, how, rmse=rmse, begun=begun or {}, **model)
+        state = HistoryState(number, parent, how, rmse=rmse, **model)
         self.history.append(state)
         self.current = number
         return state
@@ -87,14 +79,38 @@ class BenchPad:
         raise refused(404, f"no state {number}", "ask for the session's state")
 
 
+class Made(msgspec.Struct):
+    """The files, and the options of ``convert``, by which a tidy file was made."""
+
+    files: list[str]
+    options: dict[str, str]
+
+    def __post_init__(self) -> None:
+        """Refuse other options: the session may be a stranger's, and its command is run."""
+        if not {*ASKED, "pad"}.issuperset(self.options):
+            raise ValueError(self.options)
+
+
+class _Stored(msgspec.Struct, kw_only=True):
+    """Content of ``bench.json``."""
+
+    schema: int = 1
+    name: str
+    data: str
+    notices: list[str]
+    found: list[str] = []
+    pads: dict[str, BenchPad]
+    made: Made | None = None
+
+
 @dataclass
 class Session:
     """Session of a user: the measurements, and for each pad the models that were tried.
 
-    ``stage``, ``error``, ``questions`` and ``guess`` are those of the page; ``data`` is the
-    tidy file, ``seed`` that of a pad simulated for the session, and ``answers`` are those so far.
-    ``made`` holds ``files`` and ``options`` of ``convert`` where the tidy file was made of files of
-    testing machines.
+    ``stage``, ``error`` and ``questions`` are those of the page; ``data`` is the tidy file, and
+    ``made`` says how it was made of files of testing machines; ``found`` are the findings of that.
+    ``answers`` are those to the questions so far. ``bands`` are those of the chains that were
+    sampled last, as the page receives them.
     """
 
     id: str
@@ -105,24 +121,14 @@ class Session:
     error: ErrorContent | None = None
     questions: dict[str, Any] | None = None
     notices: list[str] = field(default_factory=list)
+    found: list[str] = field(default_factory=list)
     pads: list[str] = field(default_factory=list)
     data: str = ""
-    guess: dict[str, Any] | None = None
     bench: dict[str, BenchPad] = field(default_factory=dict)
-    seed: int | None = None
+    bands: dict[str, dict[str, Any]] = field(default_factory=dict)
     uploads: list[str] = field(default_factory=list)
     answers: dict[str, str] = field(default_factory=dict)
-    made: dict[str, Any] | None = None
-
-    @property
-    def is_hiding(self) -> bool:
-        """True if a guess is missing, so that what is hidden must not be shown."""
-        return self.guess is not None and self.guess["given"] is None
-
-    @property
-    def truth(self) -> Path:
-        """Return the file that holds what was hidden, if anything was."""
-        return self.private / "truth.json"
+    made: Made | None = None
 
     def known(self, name: str) -> None:
         """Raise RefusedError where there is no such pad, or no pad is known yet."""
@@ -140,102 +146,52 @@ class Session:
 
     def shown(self) -> dict[str, Any]:
         """Return what the page shows of the session, without the jobs."""
-        return {
-            "id": self.id,
-            "name": self.name,
-            "stage": self.stage,
-            "error": self.error,
-            "questions": self.questions,
-            "pads": self.pads,
-            "notices": self.notices,
-            "guess": self.guess,
-            "pad": {name: self._pad(name, own) for name, own in self.bench.items()},
-        }
+        names = ("id", "name", "stage", "error", "questions", "pads", "notices", "found")
+        shown = {name: getattr(self, name) for name in names}
+        return shown | {"pad": {name: self.shown_pad(name) for name in self.bench}}
 
-    def _pad(self, name: str, own: BenchPad) -> dict[str, Any]:
-        diagnosis = None if self.is_hiding else self._diagnosis(name)
+    def shown_pad(self, name: str) -> dict[str, Any]:
+        """Return what the page shows of an open pad, with what a diagnosis left in its folder."""
+        own, file, diagnosis = self.bench[name], self.folder / name / "diagnosis.json", None
+        try:
+            text = file.with_suffix(".txt").read_text().split("\n\n")
+            diagnosis = json.loads(file.read_text())
+            diagnosis["text"] = [one for one in text if one.strip()]
+        except (OSError, ValueError):
+            pass
+        ranking = None if diagnosis is None else [
+            {"effect": one["effect"], "probability": one.get("inclusion")}
+            for one in diagnosis.get("ranking", [])
+        ]  # fmt: skip
         return {
             **own.facts,
             "current": own.current,
-            "history": [entry(state) for state in own.history],
-            "ranking": None if diagnosis is None else ranking(diagnosis),
+            "history": [state.shown() for state in own.history],
+            "ranking": ranking,
             "diagnosis": diagnosis,
-            "bands": own.bands,
+            "bands": self.bands.get(name),
         }
-
-    def _diagnosis(self, pad: str) -> dict[str, Any] | None:
-        """Return what a diagnosis left in the pad's folder, if there was one."""
-        file = self.folder / pad / "diagnosis.json"
-        try:
-            diagnosis: dict[str, Any] = json.loads(file.read_text())
-            text = file.with_suffix(".txt").read_text()
-        except (OSError, ValueError):
-            return None
-        return diagnosis | {"text": [one for one in text.split("\n\n") if one.strip()]}
 
     def save(self) -> None:
         """Write ``bench.json``."""
-        pads = {
-            name: {
-                "current": own.current,
-                "sampled": own.sampled,
-                "facts": own.facts,
-                "history": [asdict(state) for state in own.history],
-            }
-            for name, own in self.bench.items()
-        }
-        content = {"schema": 1, "name": self.name, "data": Path(self.data).name}
-        content |= {"notices": self.notices, "guess": self.guess, "pads": pads}
-        content["made"] = self.made
+        stored = _Stored(
+            name=self.name, data=Path(self.data).name, notices=self.notices, found=self.found,
+            pads=self.bench, made=self.made,
+        )  # fmt: skip
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_json(self.folder / BENCH, content)
+        content = msgspec.json.format(msgspec.json.encode(stored), indent=2)
+        write_whole(self.folder / BENCH, content)
 
     def load(self) -> None:
         """Read ``bench.json``; do nothing where there is none, or it is invalid."""
         try:
-            content = json.loads((self.folder / BENCH).read_text())
-            pads = {
-                name: BenchPad(
-                    own["facts"],
-                    [HistoryState(**state) for state in own["history"]],
-                    own["current"],
-                    own["sampled"],
-                )
-                for name, own in content["pads"].items()
-            }
-            self.name, self.guess = str(content["name"]), content["guess"]
-            self.notices, name = list(content["notices"]), str(content["data"])
-            self.made = _made(content.get("made"))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            stored = msgspec.json.decode((self.folder / BENCH).read_bytes(), type=_Stored)
+        except (OSError, msgspec.MsgspecError):
             return
-        self.bench = pads
+        self.name, self.notices, self.found = stored.name, stored.notices, stored.found
+        self.bench, self.made, name = stored.pads, stored.made, stored.data
         if name and "/" not in name and "\\" not in name and (self.folder / name).is_file():
             self.data = str(self.folder / name)
-
-
-def _made(stored: Any) -> dict[str, Any] | None:
-    """Return files and options of ``convert`` as stored, of a session that may be a stranger's."""
-    if stored is None:
-        return None
-    options = {str(name): str(value) for name, value in stored["options"].items()}
-    if not CONVERT_OPTIONS.issuperset(options):
-        raise ValueError(options)
-    return {"files": [str(name) for name in stored["files"]], "options": options}
-
-
-def entry(state: HistoryState) -> dict[str, Any]:
-    """Return a state as in the history."""
-    fields = asdict(state)
-    del fields["begun"]
-    return fields
-
-
-def ranking(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return effects with their probabilities of being in the model, from a diagnosis."""
-    return [
-        {"effect": ranked["effect"], "probability": ranked.get("inclusion"), "heldout": None}
-        for ranked in diagnosis.get("ranking", [])
-    ]
 
 
 class Sessions:
@@ -257,7 +213,8 @@ class Sessions:
         """Return the session of that id; raise RefusedError where there is none."""
         if number not in self._open:
             folder = self._root / number
-            if not _is_id(number) or not (folder / BENCH).is_file():
+            named = number.isascii() and number.replace("-", "a").replace("_", "a").isalnum()
+            if not named or not (folder / BENCH).is_file():
                 raise refused(404, "there is no such session", "open the measurements again")
             session = Session(number, folder, self._root / _PRIVATE / number, number, "closed")
             session.load()
@@ -272,15 +229,15 @@ class Sessions:
     def known(self) -> list[dict[str, str]]:
         """Return all stored sessions, the last first."""
         entries = []
-        for file in sorted(self._root.glob(f"*/{BENCH}"), key=_changed, reverse=True):
+        for file in self._root.glob(f"*/{BENCH}"):
             try:
                 name = str(json.loads(file.read_text())["name"])
+                changed = file.stat().st_mtime
             except (OSError, ValueError, KeyError, TypeError):
                 continue
-            when = datetime.datetime.fromtimestamp(_changed(file), datetime.UTC)
-            text = when.isoformat(timespec="seconds").replace("+00:00", "Z")
-            entries.append({"id": file.parent.name, "name": name, "changed": text})
-        return entries
+            when = datetime.datetime.fromtimestamp(changed, datetime.UTC)
+            entries.append({"id": file.parent.name, "name": name, "changed": when.isoformat()})
+        return sorted(entries, key=lambda entry: entry["changed"], reverse=True)
 
     def forget(self, session: Session) -> None:
         """Remove a session, and its folder where that is the server's own."""
@@ -288,14 +245,3 @@ class Sessions:
         shutil.rmtree(session.private, ignore_errors=True)
         if session.folder.parent == self._root:
             shutil.rmtree(session.folder, ignore_errors=True)
-
-
-def _is_id(text: str) -> bool:
-    return bool(text) and all(c.isalnum() or c in "-_" for c in text) and text.isascii()
-
-
-def _changed(file: Path) -> float:
-    try:
-        return file.stat().st_mtime
-    except OSError:
-        return 0.0

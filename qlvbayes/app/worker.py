@@ -1,31 +1,33 @@
-"""Run the worker: one warm process that computes what the page asks for.
+"""Run a worker: a process that answers the calls of one module, in order of their urgency.
 
-Two threads answer. Calls that a slider or a first view waits for precede all others: running fits
-and compilations leave Python free meanwhile. All other calls are answered in turn, and long ones
-(held-out errors) continue between the calls, a piece at a time. Of several waiting calls for curves
-from one tab only the last is computed.
+Two threads answer. Calls in the module's ``FIRST``, for which a slider or a first view waits,
+precede all others: running fits leave Python free meanwhile. All other calls are
+answered in turn, and long ones (held-out errors) continue between the calls, a piece at a time. Of
+several waiting calls for curves from one tab only the last is computed.
 """
 
 from __future__ import annotations
 
+import os
 import queue
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
+from importlib import import_module
 from typing import Any, NoReturn
 
 import msgspec
 
-from qlvbayes.app.computations import CALLS, FIRST
 from qlvbayes.app.failures import RefusedError, content_of, refused
-from qlvbayes.app.pipes import Parent
+from qlvbayes.app.protocol import Parent
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import one_blas_thread
 
 Request = dict[str, Any]
 Pieces = Iterator[Any]
 """A computation in pieces: None while there is more, at last its answer."""
-
 
 _ENCODER = msgspec.json.Encoder(enc_hook=float)  # numbers of numpy; those not finite become null
 
@@ -36,56 +38,49 @@ class RequestThread:
     def __init__(self, parent: Parent, calls: dict[str, Callable[..., Any]]) -> None:
         self._parent = parent
         self._calls = calls
-        self._arrived: queue.SimpleQueue[Request] = queue.SimpleQueue()
+        self.arrived: queue.SimpleQueue[Request] = queue.SimpleQueue()
         self._waiting: deque[Request] = deque()
         self._pieces: deque[tuple[Request, Pieces]] = deque()
-
-    def put(self, request: Request) -> None:
-        """Append a request to those that wait."""
-        self._arrived.put(request)
 
     def run(self) -> NoReturn:
         """Answer until the server has ended."""
         while True:
-            self._gather(block=not self._waiting and not self._pieces)
+            block = not self._waiting and not self._pieces
+            while block or not self.arrived.empty():
+                self._waiting.append(self.arrived.get())
+                block = False
             if self._waiting:
                 self._answer(self._waiting.popleft())
-            elif self._pieces:
-                self._go_on(*self._pieces.popleft())
-
-    def _gather(self, *, block: bool) -> None:
-        """Take over all requests that have arrived meanwhile."""
-        while True:
-            try:
-                self._waiting.append(self._arrived.get(block=block))
-            except queue.Empty:
-                return
-            block = False
+            else:
+                request, pieces = self._pieces.popleft()
+                self._reply(request, partial(next, pieces), pieces)
 
     def _answer(self, request: Request) -> None:
-        if self._overtaken(request):
-            self._fail(request, refused(409, "overtaken"))
-            return
+        arguments = request["arguments"]
+        if request["tells"]:
+            arguments["tell"] = partial(self._send, request["number"], "progress")
+        self._reply(request, lambda: self._calls[request["call"]](**arguments))
+
+    def _reply(
+        self, request: Request, work: Callable[[], Any], pieces: Pieces | None = None
+    ) -> None:
+        """Send the answer or the error of some work, or note the work as one to be continued."""
         try:
-            answer = self._calls[request["call"]](**request["arguments"])
+            if self._overtaken(request):
+                raise refused(409, "overtaken")
+            answer = work()
         except Exception as error:  # one bad call must not end the worker
-            self._fail(request, error)
+            if not isinstance(error, RefusedError):
+                status = 422 if isinstance(error, InputError) else 500
+                error = RefusedError(status, content_of(error))
+            self._send(request["number"], "error", {"status": error.status, "error": error.content})
             return
         if isinstance(answer, Iterator):
             self._pieces.append((request, answer))
-        else:
-            self._succeed(request, answer)
-
-    def _go_on(self, request: Request, pieces: Pieces) -> None:
-        try:
-            answer = next(pieces)
-        except Exception as error:
-            self._fail(request, error)
-            return
-        if answer is None:
+        elif pieces is not None and answer is None:
             self._pieces.append((request, pieces))
         else:
-            self._succeed(request, answer)
+            self._send(request["number"], "answer", answer)
 
     def _overtaken(self, request: Request) -> bool:
         """Return whether a later call of the same tab for curves waits."""
@@ -95,18 +90,8 @@ class RequestThread:
             for other in self._waiting
         )
 
-    def _succeed(self, request: Request, answer: Any) -> None:
-        payload = _ENCODER.encode(answer)
-        self._parent.send({"number": request["number"], "bytes": len(payload)}, payload)
-
-    def _fail(self, request: Request, error: Exception) -> None:
-        line = {"number": request["number"], "bytes": 0, "status": 500}
-        if isinstance(error, RefusedError):
-            line |= {"status": error.status, "error": error.content}
-        else:
-            status = 422 if isinstance(error, InputError) else 500
-            line |= {"status": status, "error": content_of(error)}
-        self._parent.send(line)
+    def _send(self, number: int, kind: str, content: Any) -> None:
+        self._parent.send(number, kind, _ENCODER.encode(content))
 
 
 class Worker:
@@ -116,25 +101,27 @@ class Worker:
         self, parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]
     ) -> None:
         self._parent = parent
-        self._first = first
-        self._threads = {True: RequestThread(parent, calls), False: RequestThread(parent, calls)}
+        self._first = {"ready", *first}
+        answers: dict[str, Callable[..., Any]] = {"ready": dict, **calls}
+        self._threads = {urgent: RequestThread(parent, answers) for urgent in (True, False)}
 
     def run(self) -> None:
         """Answer until the server has ended."""
         threading.Thread(target=self._threads[True].run, daemon=True).start()
         self._parent.listen(self._sort)
-        self._parent.send({"ready": True})
         self._threads[False].run()
 
     def _sort(self, request: Request) -> None:
-        self._threads[request["call"] in self._first].put(request)
+        self._threads[request["call"] in self._first].arrived.put(request)
 
 
 def main() -> None:
-    """Answer until the server has ended."""
+    """Answer the calls of the module that is named, until the server has ended."""
     parent = Parent()
+    module = import_module(f"qlvbayes.app.{sys.argv[1]}")
+    os.nice(module.NICE)
     with one_blas_thread():
-        Worker(parent, CALLS, FIRST).run()
+        Worker(parent, module.CALLS, module.FIRST).run()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from qlvbayes.cli.console import counting, out
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import AsJson, Seed, WorkOptions, share_of, split_names
+from qlvbayes.cli.options import AsJson, Seed, WorkOptions, split_names
+from qlvbayes.cli.settings import share_of
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_json
 
@@ -31,7 +32,16 @@ def benchmark(
             show_default=False,
         ),
     ] = None,
-    pad: Annotated[str, typer.Option(help="The pad of FILE. Default: the only one.")] = "",
+    pad: Annotated[
+        str,
+        typer.Option(
+            "--pads",
+            "--pad",
+            "--specimen",
+            help="The pad of FILE, by default the only one; without FILE a pad of 'simulate "
+            "--pads', by default B.",
+        ),
+    ] = "",
     programme: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,9 +50,11 @@ def benchmark(
             show_default=False,
         ),
     ] = None,
-    specimen: Annotated[str, typer.Option(help="Without FILE: a pad of 'simulate --pads'.")] = "B",
     noise: Annotated[
-        str, typer.Option(help="Without FILE: a noise of 'simulate --noise'.")
+        str,
+        typer.Option(
+            "--load-cell", "--noise", help="Without FILE: a noise of 'simulate --load-cell'."
+        ),
     ] = "correlated",
     bonded: Annotated[
         bool, typer.Option("--bonded/--loose", help="Whether the pad is fixed and can pull.")
@@ -53,7 +65,9 @@ def benchmark(
     size: Annotated[
         str, typer.Option(help="Largest force of the effect over the pad's, as '6%' or '0.06'.")
     ] = "6%",
-    pads: Annotated[int, typer.Option(min=1, help="Pads for each effect, and for nothing.")] = 5,
+    each: Annotated[
+        int, typer.Option(min=1, help="Pads simulated for each effect, and for nothing.")
+    ] = 5,
     seed: Seed = 0,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
         "benchmark"
@@ -66,7 +80,7 @@ def benchmark(
 
     Simulates pads that each hide one effect, and some that hide none, and diagnoses them. A pad
     takes about as long as the diagnosis of FILE. Finished pads are kept; the same command goes on
-    where it stopped, and more --pads or --effects add to it.
+    where it stopped, and more --each or --effects add to it.
 
     Leaves OUT/benchmark.json. Of parts (--shard) the pads are kept; the same command without it
     then counts all of them.
@@ -76,13 +90,15 @@ def benchmark(
     from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of, index_of
     from qlvbayes.evaluation.table import rows
 
+    if pad.isdecimal():  # how many, as --each was called once
+        pad, each = "", int(pad)
     share = share_of(size)
     if not 0.0 < share < 1.0:
         raise InputError(f"a size of {size}", remedy="give a share of the peak force, as 6%")
     hidden = (NOTHING, *effects_of(tuple(split_names(effects)), bonded=bonded))
-    session = _session(file, pad, specimen, noise, bonded=bonded)
+    session = _session(file, pad, noise, bonded=bonded)
     simulated = Benchmark(session.with_programmes(programme) if programme else session, share, seed)
-    studies = [(name, number) for number in range(pads) for name in hidden]
+    studies = [(name, number) for number in range(each) for name in hidden]
     shard = work.part
     part = shard.index if shard.count > 1 else None
     folder = results_folder(output)
@@ -103,13 +119,13 @@ def benchmark(
     out.print(effects_table(found, share))
 
 
-def _session(file: Path | None, name: str, specimen: str, noise: str, *, bonded: bool) -> Session:
+def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> Session:
     from qlvbayes.evaluation.session import Session
     from qlvbayes.io.data import read_measurements
     from qlvbayes.simulate import NOISES, SPECIMENS
 
     if file is None:
-        check_known("pad", specimen, SPECIMENS)
+        check_known("pad", specimen := name or "B", SPECIMENS)
         check_known("noise", noise, NOISES)
         return Session.of_the_paper(SPECIMENS[specimen], NOISES[noise], bonded=bonded)
     study = read_measurements(file)

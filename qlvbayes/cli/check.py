@@ -2,89 +2,76 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from qlvbayes.cli.console import out
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import Fitted, Seed, Style, WorkOptions
+from qlvbayes.cli.options import AsJson, Data, Fitted, Pads, Seed, WorkOptions, known_names
+from qlvbayes.cli.predict import Program, Which, predict_command
 from qlvbayes.io.checks import InputError
-from qlvbayes.parallel.faults import Fault, fault_of
-
-if TYPE_CHECKING:
-    from qlvbayes.pipeline.gathering import Reader
-    from qlvbayes.pipeline.many import Work
+from qlvbayes.parallel.faults import Fault
 
 
 @with_groups
 def check(
     folder: Fitted,
-    data: Annotated[
-        Path | None,
-        typer.Option(help="The measurements, if they have moved since the fit: file or folder."),
-    ] = None,
+    pads: Pads = "",
+    data: Data = None,
+    program: Program = "",
+    hypotheses: Which = "averaged",
     *,
     work: WorkOptions,
-    style: Style = None,
     seed: Seed = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.
 
     Leaves OUT/<pad>/check.json, curves.json and the figures FIGURES (PNG and
     PDF); for two pads or more the figure OUT/forces_at_rates too.
+
+    With --program it predicts what the pads will do in a motion or under a load of your own, with
+    50 and 90 % bands, and warns where that leaves what was tested; it leaves
+    OUT/<pad>/prediction.json, prediction.csv and the figure prediction.
     """
+    if program:
+        predict_command(folder, program, pads, hypotheses, as_json)
+        return
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
     from qlvbayes.pipeline.drawing import draw_forces_at_rates
-    from qlvbayes.pipeline.gathering import Reader
-    from qlvbayes.pipeline.many import raise_failed, run_pads
+    from qlvbayes.pipeline.finals import saved_studies
+    from qlvbayes.pipeline.many import Work, raise_failed, run_pads
+    from qlvbayes.pipeline.steps import CheckStep
     from qlvbayes.plots.catalogue import pictures_of
 
     part = work.part
-    files = part.part(sorted(folder.glob("*/posterior.nc")))
-    if not files and part.count == 1:
+    fitted = sorted(file.parent.name for file in folder.glob("*/posterior.nc"))
+    names = part.part((known_names(pads, fitted, folder) if fitted else []) or fitted)
+    if not names and part.count == 1:
         raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
     watcher = Terminal(quiet=as_json)
+    step = CheckStep(seed)
+    studies = saved_studies(folder, names, data=data)
+    todo = (one if isinstance(one, Fault) else Work((step,), one, folder) for one in studies)
     with work.engine() as engine:
-        todo = _work(files, Reader(data), seed)
-        done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
+        done = run_pads(folder, todo, size=len(names), engine=engine, watcher=watcher)
     figures = [path for pad in done.pads for path in pictures_of("check", folder / pad)]
     figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
     if as_json or not done.pads:
         show_done(folder, done, "check.json", as_json=as_json)
     else:
-        _show_constants(files)
+        _show_constants([folder / name for name in names])
         show_figures(figures)
     raise_failed([done])
 
 
-def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | Fault]:
-    from qlvbayes.fitting.results import load
-    from qlvbayes.pipeline.checking import CheckStep
-    from qlvbayes.pipeline.many import Work
-
-    for file in files:
-        try:
-            study = reader.study(load(file))
-        except Exception as error:  # one fit without measurements must not stop the others
-            yield replace(fault_of(error), of=f"pad {file.parent.name}")
-            continue
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-        yield Work(CheckStep(digest, seed), study, file.parent)
-
-
-def _show_constants(files: Sequence[Path]) -> None:
+def _show_constants(folders: Sequence[Path]) -> None:
     from qlvbayes.cli.tables import pads_table
     from qlvbayes.fitting.summary import FitSummary
     from qlvbayes.report.page import MOST_ON_A_PAGE
 
-    paths = [file.with_name("summary.json") for file in files]
+    paths = [folder / "summary.json" for folder in folders]
     summaries = [FitSummary.read(path) for path in paths if path.exists()]
     if 0 < len(summaries) <= MOST_ON_A_PAGE:
         out.print(pads_table(summaries))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Fitted, Seed, Style, known_names, split_names
+from qlvbayes.cli.options import AsJson, Data, Seed, among, known_names, positive_values
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:
@@ -20,9 +21,20 @@ if TYPE_CHECKING:
 
 
 def compare_command(
-    folder: Fitted,
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            help="The folder that 'fit' or 'study' wrote, or several; results go to the first.",
+            metavar="OUT",
+        ),
+    ],
     pads: Annotated[
-        str, typer.Option(help="Two or more pads, as 'B,C'; each pair is compared. Default: all.")
+        str,
+        typer.Option(
+            "--pads",
+            "--pad",
+            help="Two or more pads, as 'B,C'; each pair is compared. Default: all.",
+        ),
     ] = "",
     fluids: Annotated[
         bool | None,
@@ -46,10 +58,7 @@ def compare_command(
     frequencies: Annotated[
         str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")
     ] = "",
-    data: Annotated[
-        Path | None, typer.Option(help="The measurements, if the fits do not say what they cover.")
-    ] = None,
-    style: Style = None,
+    data: Data = None,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -62,36 +71,54 @@ def compare_command(
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.tables import contrasts_table
     from qlvbayes.cli.terminal import Terminal, show_figures
-    from qlvbayes.pipeline.comparing import FOLDER, compare_into, fitted_pads, saved_pads
+    from qlvbayes.pipeline.comparing import FOLDER, CompareStep, figure_of
 
-    names = list(dict.fromkeys(known_names(pads, fitted_pads(folder), folder)))
-    pairs = _pairs(saved_pads(folder, data, only=names), folder, bool(names), fluids)
+    out_folder = folders[0]
+    fits, named = _fits(folders, pads, data)
+    step = CompareStep(
+        region, depth, positive_values("--rates", rates) or None,
+        positive_values("--frequencies", frequencies) or None, seed,
+    )  # fmt: skip
     watcher = Terminal(quiet=as_json)
-    contents, figures = [], []
-    for first, second in pairs:
-        comparison, drawn = compare_into(
-            folder,
-            first,
-            second,
-            region=region,
-            depth=depth,
-            rates=_positive_values("--rates", rates),
-            frequencies=_positive_values("--frequencies", frequencies),
-            seed=seed,
-            watcher=watcher,
-        )
-        contents.append(comparison.as_dict())
-        figures += drawn
+    comparisons = []
+    for first, second in _pairs(fits, out_folder, named, fluids):
+        comparison = step.run(out_folder, first, second, watcher)
+        comparisons.append(comparison)
         if not as_json:
             out.print(contrasts_table(comparison))
             for text in comparison.words:
                 out.print(text, soft_wrap=not out.is_terminal)
                 out.print()
     if as_json:
-        print(json.dumps(contents, allow_nan=False))
+        print(json.dumps([one.as_dict() for one in comparisons], allow_nan=False))
     else:
-        show_figures(figures)
-        out.print(f"results in {folder / FOLDER}")
+        show_figures([figure_of(out_folder, one) for one in comparisons])
+        out.print(f"results in {out_folder / FOLDER}")
+
+
+def _fits(folders: Sequence[Path], pads: str, data: Path | None) -> tuple[list[Saved], bool]:
+    """Return the fits of all folders, and whether they were named.
+
+    Of several folders pads of one name are told apart by their folders' names.
+    """
+    from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
+
+    fits: list[tuple[Path, Saved]] = []
+    for folder in dict.fromkeys(folders):
+        known = fitted_pads(folder)
+        wanted = [name for name in known if name in among(pads, known)]
+        if len(folders) == 1:
+            wanted = list(dict.fromkeys(known_names(pads, known, folder)))
+        if wanted or not pads:
+            fits += [(folder, one) for one in saved_pads(folder, data, only=wanted)]
+    if not fits:
+        raise InputError(f"no fit of pad '{pads}'", remedy="name pads of these folders")
+    names = [one.pad for _, one in fits]
+    several = [
+        replace(one, pad=f"{folder.resolve().name}-{one.pad}") if names.count(one.pad) > 1 else one
+        for folder, one in fits
+    ]
+    return several, bool(pads) or len(folders) > 1
 
 
 def _pairs(
@@ -119,13 +146,3 @@ def _pairs(
             remedy="compare single pads with --specimens, or add a fluid column and more pads",
         )
     raise InputError("one fit alone", file=folder, remedy="fit another pad into this folder")
-
-
-def _positive_values(option: str, text: str) -> list[float] | None:
-    try:
-        values = [float(word) for word in split_names(text)]
-    except ValueError:
-        values = [math.nan]
-    if not all(math.isfinite(x) and x > 0.0 for x in values):
-        raise InputError(f"{option} {text!r} are not numbers above 0", remedy="write as '0.1,1,30'")
-    return values or None

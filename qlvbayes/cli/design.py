@@ -10,20 +10,29 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Seed, Style, known_names, split_names
+from qlvbayes.cli.options import (
+    AsJson,
+    Data,
+    Pads,
+    Seed,
+    known_names,
+    positive_values,
+    split_names,
+)
 from qlvbayes.io.catalogue import MOST_TESTS
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
     from qlvbayes.diagnosis.nexttest.result import NextTests
 
+_LIMITS = ("depth", "speed", "acceleration")
 _FILES = ("posterior.nc", "diagnosis.json")
 
 
 def design_command(
     folder: Annotated[Path, typer.Argument(help="The folder that 'study' or 'fit' wrote.")],
-    pad: Annotated[str, typer.Option(help="Only these pads, as 'B,C'. Default: all.")] = "",
+    pads: Pads = "",
     wanted: Annotated[
         str,
         typer.Option(
@@ -34,25 +43,15 @@ def design_command(
     ] = "",
     minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,
     tests: Annotated[int, typer.Option(min=1, max=MOST_TESTS, help="At most.")] = 3,
-    max_depth: Annotated[
-        float | None,
+    limits: Annotated[
+        str,
         typer.Option(
-            help="Of the rig, in the file's units. Default: as tested.", show_default=False
+            "--limits",
+            help="Of the rig, in the file's units, as 'depth=2,speed=50,acceleration=1000'. "
+            "Default: as tested.",
         ),
-    ] = None,
-    max_speed: Annotated[
-        float | None, typer.Option(help="The same, per second.", show_default=False)
-    ] = None,
-    max_acceleration: Annotated[
-        float | None, typer.Option(help="The same, per second squared.", show_default=False)
-    ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="The measurements, where they are not where they were.", show_default=False
-        ),
-    ] = None,
-    style: Style = None,
+    ] = "",
+    data: Data = None,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -70,10 +69,10 @@ def design_command(
 
     watcher = Terminal(quiet=as_json)
     results, figures = [], []
-    for name in _pads(folder, pad):
+    for name in _pads(folder, pads):
         plan, drawn = design_into(
-            folder, name, split_names(wanted), minutes=minutes, tests=tests, depth=max_depth,
-            speed=max_speed, acceleration=max_acceleration, data=data, seed=seed, watcher=watcher,
+            folder, name, split_names(wanted), minutes=minutes, tests=tests, data=data,
+            seed=seed, watcher=watcher, **_limits(limits),
         )  # fmt: skip
         figures += drawn
         results.append(plan.result)
@@ -87,6 +86,16 @@ def design_command(
         if one.widths:
             out.print(_widths(one))
     show_figures(figures)
+
+
+def _limits(text: str) -> dict[str, float]:
+    """Return the rig's limits in ``depth=2,speed=50``."""
+    found: dict[str, float] = {}
+    for part in split_names(text):
+        name, _, value = (word.strip() for word in part.partition("="))
+        check_known("limit", name, _LIMITS)
+        (found[name],) = positive_values(f"--limits {name}", value or "0", "2")
+    return found
 
 
 def _pads(folder: Path, names: str) -> list[str]:

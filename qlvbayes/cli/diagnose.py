@@ -6,35 +6,20 @@ from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import command_line
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import (
-    AsJson,
-    Files,
-    ModelOptions,
-    Out,
-    Pads,
-    Seed,
-    Style,
-    Tolerance,
-    WorkOptions,
-    thresholds,
-)
+from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
-    from qlvbayes.pipeline.diagnosing import DiagnoseStep
+    from qlvbayes.pipeline.steps import DiagnoseStep
 
 
 @with_groups
 def diagnose_command(
-    file: Files,
+    inputs: InputOptions,
     output: Out,
-    pads: Pads = "",
     *,
-    model: ModelOptions,
     work: WorkOptions,
-    tolerance: Tolerance = "1%",
-    style: Style = None,
-    seed: Seed = 0,
+    seed: SettingsSeed = None,
     as_json: AsJson = False,
 ) -> None:
     """Say which physical effect the model lacks, with a probability, or that none can be named.
@@ -45,19 +30,21 @@ def diagnose_command(
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done
     from qlvbayes.fitting.runs import record_run
-    from qlvbayes.pipeline.diagnosing import DiagnoseStep
-    from qlvbayes.pipeline.many import raise_failed, run_step
+    from qlvbayes.pipeline.many import raise_failed, run_steps
+    from qlvbayes.pipeline.steps import DiagnoseStep
 
-    settings = thresholds(tolerance)
+    chosen = inputs.chosen
+    seed, settings = chosen.seed(seed), chosen.thresholds()
     watcher = Terminal(quiet=as_json)
-    source = watcher.reading(file, pads, work.part)
-    choices = model.choices_of(source)
+    source = watcher.reading(inputs, work.part)
+    choices = chosen.choices_of(source)
+    source = source.kept(output)
 
-    def step(study: Measurements) -> DiagnoseStep:
-        return DiagnoseStep(model.choices(study), seed, settings)
+    def steps(study: Measurements) -> tuple[DiagnoseStep]:
+        return (DiagnoseStep(chosen.choices(study), seed, settings),)
 
     with work.engine() as engine:
-        done = run_step(output, source, step, engine=engine, watcher=watcher)
+        done = run_steps(output, source, steps, engine=engine, watcher=watcher)
     if done.pads:
         run_settings = {"thresholds": settings}
         record_run(output, "diagnose", command_line(), source.whole, choices, seed, run_settings)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import out, waiting
-from qlvbayes.cli.options import split_names
+from qlvbayes.cli.options import AsJson, Data, OnePad, split_names
 from qlvbayes.io.catalogue import EXPORT_DRAWS, TARGETS
 from qlvbayes.io.checks import InputError
 
@@ -19,7 +19,7 @@ _NAMES = "|".join(TARGETS)
 def export_command(
     folder: Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")],
     to: Annotated[str, typer.Option(help=f"One of {_NAMES}, or several as 'c,fmu'.")],
-    pad: Annotated[str, typer.Option(help="The pad. Default: the only one.")] = "",
+    pads: OnePad = "",
     draws: Annotated[
         int, typer.Option(min=1, help="Draws of the posterior, where the target takes them.")
     ] = EXPORT_DRAWS,
@@ -30,16 +30,8 @@ def export_command(
     area: Annotated[
         float | None, typer.Option(help="Its cross-section (mm2).", show_default=False)
     ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="The file of the tests, if it was moved: errors of contacts are against them.",
-            show_default=False,
-        ),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the files' paths as JSON.")
-    ] = False,
+    data: Data = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 
@@ -56,7 +48,7 @@ def export_command(
         raise InputError("no target", remedy=f"give --to {_NAMES}")
     for name in names:
         find(name)
-    pad = pad or _only_pad(folder)
+    pad = pads or _only_pad(folder)
     written: dict[str, list[str]] = {}
     for name in names:
         with waiting(f"export to {name}"):

@@ -1,4 +1,4 @@
-"""``qlvbayes fit``: from a CSV file to the constants of each pad."""
+"""``qlvbayes fit``: from measurements to the constants of each pad."""
 
 from __future__ import annotations
 
@@ -8,40 +8,24 @@ import typer
 
 from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import (
-    Files,
-    ModelOptions,
-    Out,
-    Pads,
-    References,
-    Seed,
-    Style,
-    WorkOptions,
-)
+from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
-    from qlvbayes.pipeline.fitting import FitStep
+    from qlvbayes.pipeline.steps import FitStep
 
 
 @with_groups
 def fit(
-    file: Files,
+    inputs: InputOptions,
     output: Out,
-    pads: Pads = "",
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "emcee",
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
     *,
-    model: ModelOptions,
     work: WorkOptions,
-    walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
-    max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
-    references: References = None,
-    style: Style = None,
-    seed: Seed = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print summaries as JSON.")] = False,
+    seed: SettingsSeed = None,
+    as_json: AsJson = False,
 ) -> None:
     """Fit the QLV model to each pad's tests whose role is 'fit'; sample its posterior.
 
@@ -52,24 +36,29 @@ def fit(
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done
-    from qlvbayes.fitting.ensemble import Settings
+    from qlvbayes.fitting.fit import SAMPLERS, independent_noise
     from qlvbayes.fitting.runs import record_run
     from qlvbayes.pipeline.drawing import draw_constants, find_references
-    from qlvbayes.pipeline.fitting import FitStep
-    from qlvbayes.pipeline.many import raise_failed, run_step
+    from qlvbayes.pipeline.many import raise_failed, run_steps
+    from qlvbayes.pipeline.steps import FitStep
 
-    settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
+    chosen = inputs.chosen
+    seed = chosen.seed(seed)
+    settings, method = chosen.sampler(seed), chosen["method"] or METHODS[0]
     check_known("method", method, METHODS)
     watcher = Terminal(quiet=as_json)
-    source = watcher.reading(file, pads, work.part)
-    choices = model.choices_of(source)
-    reference_file = find_references(source.location, references)
+    source = watcher.reading(inputs, work.part)
+    choices = chosen.choices_of(source)
+    if method not in SAMPLERS:
+        independent_noise(choices, method)  # refuses another noise model, before the work
+    reference_file = find_references(source.location, chosen["references"])
+    source = source.kept(output)
 
-    def step(study: Measurements) -> FitStep:
-        return FitStep(model.choices(study), method, all_tests, settings)
+    def steps(study: Measurements) -> tuple[FitStep]:
+        return (FitStep(chosen.choices(study), method, all_tests, settings),)
 
     with work.engine() as engine:
-        done = run_step(output, source, step, engine=engine, watcher=watcher)
+        done = run_steps(output, source, steps, engine=engine, watcher=watcher)
     if done.pads:
         run_settings = {"method": method, "all_tests": all_tests, "sampler": settings}
         record_run(output, "fit", command_line(), source.whole, choices, seed, run_settings)

@@ -1,66 +1,47 @@
-"""``qlvbayes look``: what is in the files, before anything is fitted."""
+"""``qlvbayes look``: what is in the files, before anything is fitted; or made one tidy file."""
 
 from __future__ import annotations
 
-import hashlib
+import json
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.convert import ReadingOptions, converted
 from qlvbayes.cli.groups import with_groups
-from qlvbayes.cli.options import (
-    AsJson,
-    Bonded,
-    KeepAllReadings,
-    LeaveOut,
-    Pads,
-    Style,
-    Use,
-    chosen_pads,
-)
+from qlvbayes.cli.options import AsJson, InputOptions, split_names
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, measurements_of, read_measurements
 from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.formats.conversion import in_short
-from qlvbayes.io.reading.csvtext import digest
-from qlvbayes.io.reading.dialect import sniff
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.pad import arguments_of, refuse_unknown
-from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.source import files_at
-from qlvbayes.report.firstlook import FirstLook, PadSeen, Shown
-from qlvbayes.report.firstlook.words import lines_of, phases_in_words
+
+if TYPE_CHECKING:
+    from qlvbayes.io.data import Measurements
+    from qlvbayes.io.formats.conversion import Conversion
+    from qlvbayes.io.units import UnitSystem
+    from qlvbayes.pipeline.source import Source
+    from qlvbayes.report.firstlook import FirstLook, PadSeen, Shown
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
 @with_groups
 def look_command(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Measurements: tidy .csv, or as machines write them; files, or folders of them."
-        ),
-    ],
+    inputs: InputOptions,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder for look.json and the pictures.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Folder for look.json and the pictures; or a .csv or .csv.gz file, to make "
+            "machines' files tidy.",
+        ),
     ] = Path("look"),
-    pads: Pads = "",
     *,
-    reading: ReadingOptions,
-    bonded: Bonded = None,
-    keep_all_readings: KeepAllReadings = False,
-    use: Use = None,
-    leave_out: LeaveOut = None,
-    style: Style = None,
     as_json: AsJson = False,
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
@@ -71,19 +52,37 @@ def look_command(
     would show it.
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
+
+    With -o FILE.csv it turns files of testing machines into one tidy file, as 'convert' does, and
+    leaves a picture next to it. Layouts are recognised by the files' first bytes; sign, zero,
+    units, sampling, dropped rows and clocks are determined and reported. What a file leaves open is
+    asked on a terminal, and refused in a pipe.
     """
-    inputs = _read([file for path in files for file in files_at(path)], reading)
-    parts, gaps = tuple(use or ()), tuple(leave_out or ())
-    if inputs.studies:
-        refuse_unknown([pad for one in inputs.studies for pad in one.study.pads], parts, gaps)
-    looks: list[FirstLook] = []
-    for one in inputs.studies:
-        folder = output if len(inputs.studies) == 1 else output / Path(one.files[0]).stem
+    if output.name.lower().endswith((".csv", ".csv.gz")):
+        _make_tidy(inputs, output, as_json=as_json)
+        return
+    # imported here, so that the help does not wait for them
+    from qlvbayes.motion.pad import arguments_of, refuse_unknown
+    from qlvbayes.pipeline.looking import look_into
+
+    chosen = inputs.chosen
+    source = inputs.source()
+    studies, refused = _studies(source)
+    parts, gaps = chosen["use"], chosen["leave-out"]
+    if studies:
+        refuse_unknown([pad for one in studies for pad in one.pads], parts, gaps)
+    if studies and not as_json:
+        out.print(source.grouping, soft_wrap=True)
+    looks = []
+    for study in studies:
+        folder = output if len(studies) == 1 else output / Path(study.source).stem
+        arguments = arguments_of(study.pads, parts, gaps)
         with waiting("looking"):
             look, figures = look_into(
-                folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
-                keep_all_readings=keep_all_readings, use=parts, leave_out=gaps, files=one.files,
-                next_commands=one.commands(arguments_of(one.study.pads, parts, gaps)),
+                folder, study, study.pads, bonded=chosen["bonded"],
+                keep_all_readings=bool(chosen["keep-all-readings"]), use=parts, leave_out=gaps,
+                files=_files(study, inputs.paths, source),
+                next_commands=_next(inputs, source, study, arguments),
             )  # fmt: skip
         looks.append(look)
         if not as_json:
@@ -91,98 +90,115 @@ def look_command(
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    for error in inputs.refused[:-1]:
+    for error in refused[:-1]:
         err.print(f"notice: left out: {error}")
-    if inputs.refused:
-        raise inputs.refused[-1]
+    if refused:
+        raise InputError(refused[-1])
 
 
-@dataclass(frozen=True)
-class _Input:
-    """Measurements, the files that they came from, and the commands to go on with."""
+@with_groups
+def convert_command(
+    inputs: InputOptions,
+    output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Turn files of testing machines into one tidy CSV file: 'look -o FILE.csv'.
 
-    study: Measurements
-    files: tuple[str, ...]
-    next: tuple[tuple[str, ...], ...]  # the words of each command; the last one is ``study``
-
-    def commands(self, arguments: Sequence[str]) -> tuple[str, ...]:
-        """Return the commands as they are typed, with further arguments of ``study``."""
-        *before, study = self.next
-        return tuple(as_typed(*words) for words in (*before, (*study, *arguments)))
-
-
-@dataclass(frozen=True)
-class _Inputs:
-    """All measurements that could be read, and the errors of the files that were refused."""
-
-    studies: tuple[_Input, ...]
-    refused: tuple[InputError, ...]
-
-
-def _read(files: Sequence[Path], reading: ReadingOptions) -> _Inputs:
-    """Read tidy files one by one, and machine files together, as ``convert`` does.
-
-    A file that cannot be read does not stop the others. A single machine file without options is
-    read as every command reads it.
+    It leaves a picture next to it, and says how the files were read. Of several files those that
+    cannot be used are left out and named last, with status 2.
     """
-    tidy = [file for file in files if _is_tidy(file)]
-    machine = [file for file in files if file not in tidy]
-    if tidy and not machine and (options := reading.arguments()):
-        what = f"{options[0]} is for files as machines write them, and this one is tidy"
-        raise InputError(what, file=tidy[0], remedy="leave it out")
-    studies: list[_Input] = []
-    refused: list[InputError] = []
+    _make_tidy(inputs, output, as_json=as_json)
+
+
+def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
+    # imported here, so that the help does not wait for them
+    from qlvbayes.cli.reading import converted
+    from qlvbayes.io.formats.conversion import in_short
+    from qlvbayes.io.formats.tidy import write_tidy
+    from qlvbayes.plots.conversion import plot_conversion
+    from qlvbayes.plots.files import save_figure
+
+    files = inputs.paths
+    if output.resolve() in [file.resolve() for file in files]:
+        remedy = "choose another name with -o"
+        raise InputError("this file would be written over", file=output, remedy=remedy)
+    conversion = converted(files, inputs.chosen, tuple(split_names(inputs.pad_words)))
+    write_tidy(conversion, output)
+    stem = output.name.removesuffix(".gz").removesuffix(".csv")
+    picture = save_figure(plot_conversion(conversion), output.with_name(stem))
+    if as_json:
+        print(json.dumps([test.as_dict() for test in conversion.tests], allow_nan=False))
+    else:
+        out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
+        out.print(f"wrote {output}, picture {picture}")
+    if conversion.faults:
+        sys.stdout.flush()
+        _stop_without(conversion, files, inputs.pad_words)
+
+
+def _stop_without(conversion: Conversion, files: list[Path], pads: str) -> NoReturn:
+    """Name the files that were left out, and the command that goes on without them."""
+    bad = {str(fault.file): fault for fault in conversion.faults}
+    names = split_names(pads)
+    kept = ",".join(n for n, f in zip(names, files, strict=False) if str(f) not in bad)
+    words = [kept if len(names) > 1 and word == pads else word for word in sys.argv[1:]]
+    again = as_typed("qlvbayes", *(word for word in words if word not in bad))
+    for fault in conversion.faults:
+        err.print(f"qlvbayes: {fault}")
+    left = f"{len(bad)} of {len(files)} files {'is' if len(bad) == 1 else 'are'} left out"
+    err.print(f"qlvbayes: {left} ({', '.join(bad)}); without: {again}")
+    raise typer.Exit(2)
+
+
+def _studies(source: Source) -> tuple[list[Measurements], list[str]]:
+    """Return the measurements of each file, or of machines' files together; and the refusals."""
+    from dataclasses import replace
+
+    from qlvbayes.io.data import Measurements
+
+    by_file: dict[str, Measurements] = {}
+    refused: list[str] = []
     with waiting("reading"):
-        for file in tidy:
-            try:
-                studies.append(_as_it_is(file))
-            except InputError as error:
-                refused.append(error)
-    while machine:
-        try:
-            read, faults = _of_machines(machine, reading)
-            studies.append(read)
-            refused += faults
-            break
-        except InputError as error:
-            refused.append(error)
-            left = [file for file in machine if str(file) != str(error.file)]
-            machine = left if len(left) < len(machine) else []
-    return _Inputs(tuple(studies), tuple(refused))
+        for one in source:
+            if not isinstance(one, Measurements):
+                refused.append(one.text)
+                continue
+            before = by_file.get(one.source)
+            pads = one.pads if before is None else (*before.pads, *one.pads)
+            by_file[one.source] = replace(one, pads=pads)
+    return list(by_file.values()), refused
 
 
-def _is_tidy(file: Path) -> bool:
-    try:
-        return not sniff(file).columns.ignored
-    except InputError:
-        return False
+def _files(study: Measurements, paths: Sequence[Path], source: Source) -> tuple[str, ...]:
+    """Return the files that measurements came from."""
+    if source.conversion is None:
+        return (study.source,)
+    return tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
 
 
-def _as_it_is(file: Path) -> _Input:
-    words = ("qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results")
-    return _Input(read_measurements(file), (str(file),), (words,))
-
-
-def _of_machines(
-    files: Sequence[Path], reading: ReadingOptions
-) -> tuple[_Input, tuple[InputError, ...]]:
-    """Return what could be read of machine files, and why others could not be read."""
-    if len(files) == 1 and reading == ReadingOptions():
-        return _as_it_is(files[0]), ()
-    conversion = converted(files, reading)
-    digests = "".join(digest(file) for file in files)
-    sha256 = hashlib.sha256(digests.encode()).hexdigest()
-    names = tuple(map(str, files))
-    study = measurements_of(conversion, names[0], sha256)
-    commands = (
-        ("qlvbayes", "convert", *names, *reading.arguments(), "-o", "tidy.csv"),
-        ("qlvbayes", "study", "tidy.csv", "-o", "results"),
+def _next(
+    inputs: InputOptions, source: Source, study: Measurements, arguments: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the commands to go on with, as they are typed."""
+    if source.conversion is None:
+        name = Path(study.source).name.partition(".")[0]
+        words = ["qlvbayes", "study", study.source, "-o", f"{name}_results"]
+        return (as_typed(*words, *arguments),)
+    files = _files(study, inputs.paths, source)
+    pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
+    reading = [*files, *pads, *inputs.chosen.arguments()]
+    return (
+        as_typed("qlvbayes", "convert", *reading, "-o", "tidy.csv"),
+        as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
     )
-    return _Input(study, names, commands), conversion.faults
 
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     """Print the tables and lines of a first look."""
+    from qlvbayes.io.formats.conversion import in_short
+    from qlvbayes.report.firstlook.words import lines_of
+
     if look.notices:
         lines = (f"  {text}" for text in in_short(look.notices))
         out.print("as read:", *lines, sep="\n", soft_wrap=True)
@@ -204,6 +220,8 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
 
 
 def _tests(pad: PadSeen, units: UnitSystem) -> Table:
+    from qlvbayes.report.firstlook.words import phases_in_words
+
     fluid = f", {pad.fluid}" if pad.fluid else ""
     title = f"pad {pad.pad}{fluid}: {len(pad.tests)} test{'' if len(pad.tests) == 1 else 's'}"
     table = Table(title=title, title_justify="left", title_style="bold")

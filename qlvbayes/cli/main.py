@@ -12,6 +12,7 @@ from pathlib import Path
 
 import typer
 
+from qlvbayes.cli.command import Command
 from qlvbayes.io.escaping import as_typed, visible
 from qlvbayes.io.files import bundled
 from qlvbayes.io.wording import joined
@@ -28,17 +29,15 @@ _COMMANDS = {
     "diagnose": "diagnose.diagnose_command",
     "app": "app.app_command",
     "compare": "compare.compare_command",
-    "predict": "predict.predict_command",
     "design": "design.design_command",
-    "gather": "gather.gather_command",
     "report": "report.report",
     "export": "export.export_command",
     "effects": "effects.effects",
-    "laws": "laws.laws",
-    "convert": "convert.convert_command",
     "simulate": "simulate.simulate",
     "benchmark": "benchmark.benchmark",
 }
+_HIDDEN = {"convert": "look.convert_command", "predict": "predict.predict_command"}
+"""Names that scripts use, of what other commands do too: 'look -o FILE.csv', 'check --program'."""
 """Module and function of each command: importing all takes longer than many commands run."""
 
 
@@ -46,9 +45,10 @@ def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
     """Return the application with some commands by name, by default all."""
     app = _empty_application()
     for name in names:
-        module, _, function = _COMMANDS[name].partition(".")
+        module, _, function = (_COMMANDS | _HIDDEN)[name].partition(".")
         command = getattr(import_module(f"qlvbayes.cli.{module}"), function)
-        app.command(name, help=_help(name, inspect.getdoc(command) or ""))(command)
+        text = _help(name, inspect.getdoc(command) or "")
+        app.command(name, cls=Command, help=text, hidden=name in _HIDDEN)(command)
     return app
 
 
@@ -97,7 +97,7 @@ def run() -> None:
     """Run the command; exit with status 2 and one line on invalid input, never a traceback."""
     if sys.argv[1:] == ["study"]:
         _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_bundled_hint()}")
-    names = [word for word in _arguments()[:1] if word in _COMMANDS]
+    names = [word for word in _arguments()[:1] if word in _COMMANDS | _HIDDEN]
     app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
         app()

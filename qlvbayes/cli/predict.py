@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
+from qlvbayes.cli.options import AsJson, Fitted, Pads, known_names
 from qlvbayes.io.checks import check_known
 
 if TYPE_CHECKING:
@@ -23,33 +23,38 @@ if TYPE_CHECKING:
 _WHICH = ("averaged", "fitted")
 
 
+Program = Annotated[
+    str,
+    typer.Option(
+        help="A motion or a load of your own: a CSV file with time_s and displacement_mm, or "
+        "time_s and force_N; or text, as 'ramp 1.6 mm at 20 mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 "
+        "cycles' or 'force 1 N in 0.1 s, hold 30 s'."
+    ),
+]
+Which = Annotated[
+    str,
+    typer.Option(
+        "--hypotheses",
+        help="Of a program: averaged over all that 'diagnose' left, where that was done; fitted: "
+        "the model that 'fit' sampled, alone.",
+    ),
+]
+
+
 def predict_command(
     folder: Fitted,
-    program: Annotated[
-        str,
-        typer.Option(
-            help="A CSV file with time_s and displacement_mm, or time_s and force_N; or text: "
-            "'ramp 1.6 mm at 20 mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 cycles', 'force 1 N in 0.1 s, "
-            "hold 30 s'."
-        ),
-    ],
-    pad: Annotated[str, typer.Option(help="Only these pads, as 'B,C'. Default: all.")] = "",
-    hypotheses: Annotated[
-        str,
-        typer.Option(
-            help="averaged: over all that 'diagnose' left, where that was done; fitted: the model "
-            "that 'fit' sampled, alone."
-        ),
-    ] = "averaged",
-    style: Style = None,
+    program: Program,
+    pads: Pads = "",
+    hypotheses: Which = "averaged",
     as_json: AsJson = False,
 ) -> None:
     """Predict the force of a prescribed displacement, or the displacement of a prescribed force.
 
-    With 50 and 90 % bands of the posterior, the fit's effects included, noise not; where the
-    diagnosis left several hypotheses, averaged over them. The platen does exactly what the program
-    says. Warns where it leaves the depths, speeds and times that were tested. Leaves
-    OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and PDF).
+    It is 'check --program'. With 50 and 90 % bands of the posterior, the fit's effects included,
+    noise not; where the diagnosis left several hypotheses, averaged over them. The platen does
+    exactly what the program says. Warns where it leaves the depths, speeds and times that were
+    tested. Leaves OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and
+    PDF).
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
@@ -59,7 +64,7 @@ def predict_command(
     check_known("way", hypotheses, _WHICH)
     watcher = Terminal(quiet=as_json)
     forecasts, figures = [], []
-    for source in _sources(folder, pad, hypotheses, watcher):
+    for source in _sources(folder, pads, hypotheses, watcher):
         with watcher.doing(f"pad {source.pad}"):
             forecast = predict_program(source, program)
             pad_folder = folder / source.pad

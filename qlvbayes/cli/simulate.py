@@ -22,6 +22,13 @@ from qlvbayes.simulate import (
     specimens_of,
 )
 
+LoadCell = Annotated[
+    str,
+    typer.Option(
+        "--load-cell", "--noise", help=f"Noise of the load cell, one of {', '.join(NOISES)}."
+    ),
+]
+
 _DRAWN, _SPECIMENS = (
     1,
     2,
@@ -42,7 +49,7 @@ def simulate(
     loads: Annotated[
         str, typer.Option(help="Loads in N: each adds a creep test, whose force is prescribed.")
     ] = "",
-    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "correlated",
+    noise: LoadCell = "correlated",
     max_rows: Annotated[
         int | None, typer.Option(help="Rows a test at most, thinned as a logger does.")
     ] = None,

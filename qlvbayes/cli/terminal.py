@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.look import show_look
-from qlvbayes.cli.options import source_of
+from qlvbayes.cli.options import InputOptions
 from qlvbayes.cli.tables import (
     check_table,
     constants_line,
@@ -42,11 +42,16 @@ class Terminal(Watcher):
         self._noticed: set[str] = set()
         self._prefix = ""  # text before the label of a step, where there are several pads
         self._brief = False
+        self._grouping = ""  # which tests are of which pad, until it is printed
 
-    def reading(self, files: Sequence[Path], pads: str, part: Shard) -> Source:
-        """Return the pads of some files, and print the notices on them."""
-        with waiting("reading"):
-            source = source_of(files, pads, part)
+    def reading(self, inputs: InputOptions, part: Shard) -> Source:
+        """Return the pads of some files, and print notices on them.
+
+        Which tests are of which pad is printed before the first result, and not where a setting is
+        refused.
+        """
+        source = inputs.source(part)  # may ask, and no spinner may turn then
+        self._grouping = source.grouping
         for notice in source.notices:
             self.notice(notice)
         return source
@@ -89,15 +94,24 @@ class Terminal(Watcher):
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
         """Print what is in the tests, before anything is fitted."""
         if not self.quiet:
+            self._begin()
             show_look(replace(look, notices=()), figures)
 
     def starting(self, lines: Sequence[str]) -> None:
         """Print what is fitted, the noise floor, and the priors."""
         if not (self.quiet or self._brief):
+            self._begin()
             out.print("\n".join(lines))
+
+    def _begin(self) -> None:
+        """Print, before anything else, which tests are of which pad."""
+        if self._grouping and not self.quiet:
+            out.print(self._grouping, soft_wrap=True)
+        self._grouping = ""
 
     def fitted(self, summary: FitSummary) -> None:
         """Print the constants, and why the chain has not converged."""
+        self._begin()
         if self._brief and not self.quiet:
             out.print(constants_line(summary), soft_wrap=True)
         elif not self.quiet:
@@ -107,6 +121,7 @@ class Terminal(Watcher):
 
     def checked(self, check: CheckResult) -> None:
         """Print the errors by test and phase."""
+        self._begin()
         if self._brief and not self.quiet:
             fails = f"{len(check.failing)} of {len(check.cells)} phases of its tests"
             out.print(f"pad {check.pad}: the fit fails in {fails}", soft_wrap=True)
@@ -117,6 +132,7 @@ class Terminal(Watcher):
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
     ) -> None:
         """Print the steps, the ranking and the verdict in words."""
+        self._begin()
         if self.quiet:
             return
         if self._brief:

@@ -217,7 +217,14 @@ def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: fl
         answer=answer(direction, equivalence),
         group=reading.group,
         extrapolated=reading.extrapolated,
+        ratio95=_decisive(first / second) if positive else None,
     )
+
+
+def _decisive(ratios: np.ndarray) -> tuple[float, float]:
+    """Return the ends between which the ratio lies with the probability that decides."""
+    low, high = np.quantile(ratios, [1.0 - DECIDED, DECIDED])
+    return float(low), float(high)
 
 
 def interval(draws: np.ndarray) -> Interval:

@@ -40,6 +40,8 @@ class Contrast(Part, frozen=True):
     answer: str
     group: str = "constants"  # kind of quantity
     extrapolated: bool = False  # whether the tests of one of them do not reach so far
+    # ends of the central 95 % interval of the ratio: it is clear of 1 where one is called greater
+    ratio95: tuple[float, float] | None = None
 
 
 class Omnibus(Part, frozen=True):

@@ -75,7 +75,7 @@ class Side:
     @property
     def models(self) -> Model:
         """Whole model with the rig's effects, whose constants have the draws as leading axis."""
-        law = find_elastic(self.choices.law, self.choices.laws)
+        law = find_elastic(self.choices.elastic, self.choices.laws)
         if self.reach is None and not law.listed:
             raise InputError(
                 f"the posterior of {self.name} does not say how deep its tests went, over which "
@@ -192,8 +192,8 @@ def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
     if "." in name:
         return (name,)
     first = sides[0].choices
-    of_elastic = stem in find_elastic(first.law, first.laws).units
-    described = {s.choices.law if of_elastic else s.choices.relaxing for s in sides}
+    of_elastic = stem in find_elastic(first.elastic, first.laws).units
+    described = {s.choices.elastic if of_elastic else s.choices.relaxing for s in sides}
     return (name,) if len(described) == 1 else ()
 
 

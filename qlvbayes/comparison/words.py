@@ -58,7 +58,7 @@ def _test(comparison: Comparison) -> str:
     p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
     level = 100 * omnibus.false_alarms
     test = _TESTS[comparison.between, omnibus.over]
-    return f"{test}, {p_value}; equals fail it in {level:g} % of cases"
+    return f"{test}, {p_value}; {level:g} % of equal pairs would be called different"
 
 
 def _most(comparison: Comparison, region: str) -> str:
@@ -198,7 +198,7 @@ def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
         yield "different relaxations: their constants are not compared"
     elif len({side.choices.relaxing for side in sides}) > 1:
         yield "different numbers of relaxation modes: c and v are not compared"
-    if len({side.choices.law for side in sides}) > 1:
+    if len({side.choices.elastic for side in sides}) > 1:
         yield "different elastic laws: their constants are not compared"
     if len({side.choices.bonded for side in sides}) > 1:
         yield "one is bonded and the other loose"

@@ -36,7 +36,7 @@ def candidate_at(
     density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float
 ) -> Candidate:
     """Return a hypothesis at a mode with Laplace's evidence about it."""
-    laplace = evidence(density, mode.point)
+    laplace = evidence(density, mode.point, mode.size)
     log = laplace.log
     for leaf in mode.point.own.leaves:
         if isinstance(leaf.prior, Natural) and math.isfinite(log):

@@ -13,6 +13,7 @@ from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.wording import joined, percent, percent_unbroken
 
 LIKELY = 0.5  # probability that nothing is missing from which the text says so
+UNNAMED = "pad"  # name of the only pad of a file that has no names
 _BASELINE = "plain model"  # the laws that were chosen, without any added effect
 
 BADGES = {
@@ -23,6 +24,11 @@ BADGES = {
     Verdict.UNEXPLAINED: "unexplained",
 }
 """Every verdict in one or two words."""
+
+
+def pad_title(name: str) -> str:
+    """Return 'pad B', or 'the pad' where the file does not name it."""
+    return "the pad" if name == UNNAMED else f"pad {name}"
 
 
 def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
@@ -123,7 +129,7 @@ def heading(d: DiagnosisResult) -> str:
 def terminal_line(d: DiagnosisResult) -> str:
     """Return the line of one pad of many: its verdict with the effects that it shows."""
     named = ", ".join(shown_effects(d))
-    return f"pad {d.pad}: {d.verdict.replace('_', ' ')}{': ' + named if named else ''}"
+    return f"{pad_title(d.pad)}: {d.verdict.replace('_', ' ')}{': ' + named if named else ''}"
 
 
 def _besides(d: DiagnosisResult) -> str:

@@ -3,11 +3,11 @@
 A neighbour has another law, one effect more, one effect less, or an effect in another form. Where
 the most probable hypothesis of all leaves structure, its effects are also replaced by others.
 Each is optimised from several starts: the constants that it shares with the hypothesis it came from
-are kept, a new effect starts small and large, and its shape starts at several quantiles of its
-prior. An extra mode of the relaxation may have taken the part of one that the law has: without it,
-each mode of the spectrum is left out in turn. The best few are also optimised from relaxations that
-are drawn anew. The neighbours of one hypothesis are optimised in parallel. The state of a search
-may be read at any time.
+are kept. A new effect's force is tried small and large, at several quantiles of its shape's prior,
+and starts where it promises most. An extra mode of the relaxation may have taken the part of one
+that the law has: without it, each mode of the spectrum is left out in turn. The best few are also
+optimised from relaxations that are drawn anew. The neighbours of one hypothesis are optimised in
+parallel. The state of a search may be read at any time.
 """
 
 from __future__ import annotations
@@ -269,10 +269,11 @@ class Search:
     ) -> list[Candidate]:
         """Return candidates of a neighbour that are not known yet, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
-        point = self.modes[base][0].point
+        point, size = self.modes[base][0].point, self.modes[base][0].mode.size
         breadth = self.breadth
+        sizes = breadth.small, breadth.large
         some = starts(
-            self.density.space, point, hypothesis, breadth.shapes, (breadth.small, breadth.large)
+            self.density.space, point, hypothesis, breadth.shapes, sizes, breadth.promising
         )
         if not known:
             bare = self.modes.get(replace(hypothesis, effects=self.baseline.effects))
@@ -285,10 +286,10 @@ class Search:
         if known or len(some) == 1:  # it was evaluated as the neighbour of another one before
             new: list[Mode] = []
             for start in (some[0], *exchanged):
-                new += find_modes(self.density, hypothesis, start, lowest, [*known, *new])
+                new += find_modes(self.density, hypothesis, start, lowest, [*known, *new], size)
         else:
             some += exchanged
-            new = modes(self.density, hypothesis, some, lowest, self.breadth.followed)
+            new = modes(self.density, hypothesis, some, lowest, breadth.followed, size)
         return self.candidates_from(hypothesis, new)
 
     def redraw(self, some: Sequence[Hypothesis]) -> None:

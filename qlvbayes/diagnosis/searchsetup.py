@@ -78,7 +78,7 @@ def build_search(
     shared = stage_changes(experiment.trials, space.record.blocks)
     discrepancy = with_common_errors(discrepancy, shared)
     own = frozenset(effect.name for effect in model.effects)
-    baseline = Hypothesis(choices.law, choices.relaxing, own)
+    baseline = Hypothesis(choices.elastic, choices.relaxing, own)
     families = Families.from_kinds(type(effect) for effect in space.effects.values())
     density = Density(space, discrepancy.whitener, discrepancy)
     return Search(density, settings, baseline, families)
@@ -118,7 +118,7 @@ def _space(
     }
     # only the user's number of Prony modes: one mode more is an effect
     relaxation[f"prony:{choices.modes}"] = Prony.with_modes(scales, choices.modes)
-    elastic[choices.law] = model.elastic
+    elastic[choices.elastic] = model.elastic
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         _record(experiment, choices, model),

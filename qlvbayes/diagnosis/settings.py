@@ -21,11 +21,15 @@ class Breadth:
     starts: int = 4  # number of draws of all priors from which the baseline model is optimised
     # a hypothesis is optimised from draws of the relaxation until this many in a row lead no higher
     draws: int = 6
-    # number of quantiles of the prior of a new effect's shape from which it is optimised
+    # least number of quantiles of the prior of a new effect's shape at which its force is tried
     shapes: int = 2
-    # small, large: amplitudes with which a new effect starts, in sds of the amplitude's prior
+    # small, large: amplitudes at which a new effect's force is tried, in sds of the amplitude's
+    # prior
     small: float = 0.1
     large: float = 1.5
+    # number of starts, those whose force promises most, from which a new effect is optimised. With
+    # one of them modes are missed (adhesion beside a load cell's creep).
+    promising: int = 2
     # number of modes under coarse noise that are optimised further under the noise itself
     followed: int = 1
     beam: int = 2  # largest number of hypotheses that are expanded at a time

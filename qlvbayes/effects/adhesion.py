@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _GONE = 40.0  # in strengths; beyond, less than e^-294 of the tension is left
 
@@ -51,7 +50,7 @@ class Adhesion(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath at the specimen's depth."""
-        return below.begin(jnp.maximum(displacement, 0.0))
+        return below.begin(xp.maximum(displacement, 0.0))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with tension limited by the strength."""
@@ -60,9 +59,9 @@ class Adhesion(AbstractEffect):
 
     def _with_limited_tension(self, raw: Array) -> Array:
         gone = raw <= -_GONE * self.strength  # there the ratio or its square may not be finite
-        ratio = jnp.where(gone, 0.0, raw) / jnp.where(self.strength > 0.0, self.strength, 1.0)
-        tension = jnp.where(gone, 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)))
-        return jnp.where(raw > 0.0, raw, tension)
+        ratio = xp.where(gone, 0.0, raw) / xp.where(self.strength > 0.0, self.strength, 1.0)
+        tension = xp.where(gone, 0.0, raw * xp.exp(-(ratio**2) / (2.0 * math.e)))
+        return xp.where(raw > 0.0, raw, tension)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.laws.layered import Law, State, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _SHARPNESS = 8.0  # nine tenths of the tension are lost between 1 and 1.3 stretches
 _TORN = 3.0  # in stretches; beyond, less than e^-800 of the ligaments is left
@@ -62,13 +62,13 @@ class AdhesionAtAStretch(Adhesion):
         """Return the force with adhesion and the ligaments' pull."""
         raw = below.force(touching(motion))
         surface = (1.0 - self.recovered) * _last_touched(motion.displacement, raw)
-        off = jnp.maximum(surface - motion.displacement, 0.0)
+        off = xp.maximum(surface - motion.displacement, 0.0)
         return self._with_ligaments(raw, off, _farthest(off))
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state beneath, where the pad was touched, and how far the platen was off."""
-        touched = jnp.maximum(displacement, 0.0)
-        return super().begin(below, displacement), (touched, jnp.zeros(()), _at_first(displacement))
+        touched = xp.maximum(displacement, 0.0)
+        return super().begin(below, displacement), (touched, np.zeros(()), _at_first(displacement))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with adhesion and the ligaments' pull."""
@@ -76,54 +76,54 @@ class AdhesionAtAStretch(Adhesion):
         start = line.displacement - line.velocity * line.duration
         inner, raw = below.step(inner, line_at_depth(line, line.displacement))
         ends = _crossing(before, raw, start, line.displacement)
-        touched = jnp.where(raw > 0.0, line.displacement, jnp.where(before > 0.0, ends, touched))
-        off = jnp.maximum((1.0 - self.recovered) * touched - line.displacement, 0.0)
-        farthest = jnp.where(off > 0.0, jnp.maximum(farthest, off), 0.0)
+        touched = xp.where(raw > 0.0, line.displacement, xp.where(before > 0.0, ends, touched))
+        off = xp.maximum((1.0 - self.recovered) * touched - line.displacement, 0.0)
+        farthest = xp.where(off > 0.0, xp.maximum(farthest, off), 0.0)
         return (inner, (touched, raw, farthest)), self._with_ligaments(raw, off, farthest)
 
     def _with_ligaments(self, raw: Array, pull: Array, farthest: Array) -> Array:
         stretch = self.stretch + _NO_STRETCH
-        hold = jnp.exp(-(jnp.minimum(farthest / stretch, _TORN) ** _SHARPNESS) / _SHARPNESS)
-        ligaments = jnp.exp(1.0 / _SHARPNESS) * jnp.minimum(pull / stretch, _TORN)
+        hold = xp.exp(-(xp.minimum(farthest / stretch, _TORN) ** _SHARPNESS) / _SHARPNESS)
+        ligaments = xp.exp(1.0 / _SHARPNESS) * xp.minimum(pull / stretch, _TORN)
         sticking = self._with_limited_tension(raw)
-        tension = jnp.minimum(sticking, -self.strength * ligaments)
-        return jnp.where(tension < 0.0, hold * tension, sticking)
+        tension = xp.minimum(sticking, -self.strength * ligaments)
+        return xp.where(tension < 0.0, hold * tension, sticking)
 
 
 def _last_touched(displacement: Array, raw: Array) -> Array:
     """Return the displacement (N,) at which a pad's own force raw (N,) last was above zero."""
     ends = _crossing(raw[:-1], raw[1:], displacement[:-1], displacement[1:])
     pressed = raw > 0.0
-    known = pressed | jnp.concatenate([jnp.ones(1, dtype=bool), raw[:-1] > 0.0])
-    first = jnp.maximum(displacement[:1], 0.0)
-    places = jnp.where(pressed, displacement, jnp.concatenate([first, ends]))
-    return jax.lax.associative_scan(_latest, (known, places))[1]
+    known = pressed | xp.concatenate([np.ones(1, dtype=bool), raw[:-1] > 0.0])
+    first = xp.maximum(displacement[:1], 0.0)
+    places = xp.where(pressed, displacement, xp.concatenate([first, ends]))
+    return xp.accumulate(_latest, (known, places))[1]
 
 
 def _crossing(before: Array, after: Array, start: Array, end: Array) -> Array:
     """Return where a force that falls from before to after along a line is zero."""
     falls = (before > 0.0) & (after <= 0.0)
-    share = jnp.where(falls, before, 0.0) / jnp.where(falls, before - after, 1.0)
+    share = xp.where(falls, before, 0.0) / xp.where(falls, before - after, 1.0)
     return start + share * (end - start)
 
 
 def _latest(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return whether two parts of a motion know a place, and the later place that is known."""
     (known, before), (knows, after) = first, second
-    return known | knows, jnp.where(knows, after, before)
+    return known | knows, xp.where(knows, after, before)
 
 
 def _farthest(off: Array) -> Array:
     """Return how far (mm) the platen has been off the surface since it last touched, (N,)."""
-    pulls = jnp.concatenate([jnp.where(off[:1] > 0.0, _UNTOUCHED, 0.0), off[1:]])
-    return jax.lax.associative_scan(_since_contact, (off <= 0.0, pulls))[1]
+    pulls = xp.concatenate([xp.where(off[:1] > 0.0, _UNTOUCHED, 0.0), off[1:]])
+    return xp.accumulate(_since_contact, (off <= 0.0, pulls))[1]
 
 
 def _at_first(displacement: Array) -> Array:
-    return jnp.where(displacement < 0.0, _UNTOUCHED, 0.0)
+    return xp.where(displacement < 0.0, _UNTOUCHED, 0.0)
 
 
 def _since_contact(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return whether two parts of a motion touch, and the farthest since they last did."""
     (touched, before), (touches, after) = first, second
-    return touched | touches, jnp.where(touches, after, jnp.maximum(before, after))
+    return touched | touches, xp.where(touches, after, xp.maximum(before, after))

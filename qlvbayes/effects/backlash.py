@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import confined
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Backlash(AbstractEffect):
@@ -44,15 +42,15 @@ class Backlash(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force of the law beneath at the platen's own depth."""
-        depth, _ = jax.lax.associative_scan(confined, self._range(motion.displacement))
+        depth, _ = xp.accumulate(confined, self._range(motion.displacement))
         waits = self._waits(depth, motion.displacement)
-        still = jnp.zeros_like(depth)
+        still = xp.zeros_like(depth)
         followed = replace(
             motion,
             displacement=depth,
-            velocity=jnp.where(waits, still, motion.velocity),
-            acceleration=jnp.where(waits, still, motion.acceleration),
-            sagitta=None if motion.sagitta is None else jnp.where(waits, still, motion.sagitta),
+            velocity=xp.where(waits, still, motion.velocity),
+            acceleration=xp.where(waits, still, motion.acceleration),
+            sagitta=None if motion.sagitta is None else xp.where(waits, still, motion.sagitta),
         )
         return below.force(followed)
 
@@ -63,15 +61,15 @@ class Backlash(AbstractEffect):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force after a line on which the platen waits, then follows."""
         inner, depth = state
-        depth = jnp.clip(depth, line.displacement, line.displacement + self.play)
+        depth = xp.clip(depth, line.displacement, line.displacement + self.play)
         waits = self._waits(depth, line.displacement)
-        speed = jnp.where(waits, 0.0, line.velocity)
+        speed = xp.where(waits, 0.0, line.velocity)
         inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
         return (inner, depth), force
 
     def _range(self, displacement: Array) -> tuple[Array, Array]:
         """Return the least and the largest depth (N,) of the platen at each point."""
-        return displacement, jnp.concatenate([displacement[:1], displacement[1:] + self.play])
+        return displacement, xp.concatenate([displacement[:1], displacement[1:] + self.play])
 
     def _waits(self, depth: Array, displacement: Array) -> Array:
         """Return whether the platen is inside the play, in contact with neither of its ends."""

@@ -5,21 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
+_ALONG = ("time", "displacement", "velocity", "acceleration", "ago", "sagitta")
 LINES = 256  # most steps that the delay may span
 
 
-class _Late(eqx.Module):
+class _Late(Pytree):
     """State of a force channel that lags behind the displacement.
 
     ``below`` is the state of the law beneath at the delayed time, ``displacement`` (mm) the
@@ -69,11 +72,11 @@ class ChannelLag(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force beneath at the delayed times."""
         joined, order = joined_with(motion, motion.time - self.delay)
-        return below.force(joined)[jnp.argsort(order)][: motion.time.shape[0]]
+        return xp.take(below.force(joined), xp.argsort(order)[: motion.time.shape[0]])
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state at the start, whose force is read until the delay is over."""
-        still = jnp.zeros_like(displacement)
+        still = xp.zeros_like(displacement)
         state, force = below.step(below.begin(displacement), Line(still, displacement, still))
         none = jnp.zeros(LINES + 1)
         return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
@@ -91,7 +94,7 @@ class ChannelLag(AbstractEffect):
             )
         ]
         late = _Late(late.below, late.displacement, late.force, late.count + 1, *added)
-        ahead = jnp.sum(late.duration) - self.delay
+        ahead = xp.sum(late.duration) - self.delay
 
         def due(carry: tuple[_Late, Array]) -> Array:
             return (carry[0].count > 0) & (carry[1] > 0.0)
@@ -100,69 +103,72 @@ class ChannelLag(AbstractEffect):
             return _advanced(below, *carry)
 
         late, _ = jax.lax.while_loop(due, on, (late, ahead))
-        return late, jnp.where(lost, jnp.nan, late.force)
+        return late, xp.where(lost, np.nan, late.force)
 
 
 def _advanced(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
     """Return the channel after the law beneath went along its first line, and the time left (s)."""
     first, end, velocity = late.duration[0], late.end[0], late.velocity[0]
     whole = ahead >= first
-    taken = jnp.where(whole, first, ahead)
-    share = jnp.where(whole, 1.0, taken / jnp.where(first > 0.0, first, 1.0))
-    displacement = jnp.where(whole, end, late.displacement + share * (end - late.displacement))
+    taken = xp.where(whole, first, ahead)
+    share = xp.where(whole, 1.0, taken / xp.where(first > 0.0, first, 1.0))
+    displacement = xp.where(whole, end, late.displacement + share * (end - late.displacement))
     state, force = below.step(late.below, Line(taken, displacement, velocity))
     left = late.duration.at[0].add(-taken)
     columns = [
-        jnp.where(whole, jnp.roll(x.at[0].set(0.0), -1), x) for x in (left, late.end, late.velocity)
+        xp.where(whole, jnp.roll(x.at[0].set(0.0), -1), x) for x in (left, late.end, late.velocity)
     ]
-    count = late.count - jnp.where(whole, 1, 0)
+    count = late.count - xp.where(whole, 1, 0)
     return _Late(state, displacement, force, count, *columns), ahead - taken
 
 
 def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
     """Return the motion with delayed times (M,) added to its grid, and the new grid's order."""
     first = motion.alone.time[0]
-    late = jnp.where(late > first, late, first)
-    joined = jax.tree.map(
-        lambda new, old: jnp.concatenate([new, old]) if old.ndim else old,
-        _at(motion, late),
-        motion,
-    )
+    late = xp.where(late > first, late, first)
+    added = _at(motion, late)
     # of equal times the delayed one comes first, as it does for any delay above 0
-    order = jnp.argsort(jax.lax.stop_gradient(joined.time))
-    joined = jax.tree.map(lambda x: x[order] if x.ndim else x, joined)
+    order = xp.argsort(xp.fixed(xp.concatenate([added.time, motion.time])))
+    pairs = {name: (getattr(added, name), getattr(motion, name)) for name in _ALONG}
+    along = {
+        name: None if new is None else xp.take(xp.concatenate([new, old]), order)
+        for name, (new, old) in pairs.items()
+    }
+    joined = replace(motion, **along)
     if joined.sagitta is None:
         return joined, order
     # the midpoint of a part of a step deviates less, by the square of the part's share
-    step = jnp.diff(motion.time, prepend=motion.time[:1])
-    whole = jnp.concatenate([step[_after(motion, late)], step])[order]
-    share = jnp.diff(joined.time, prepend=joined.time[:1]) / jnp.where(whole > 0.0, whole, 1.0)
+    step = xp.steps(motion.time)
+    whole = xp.take(xp.concatenate([xp.take(step, _after(motion, late)), step]), order)
+    share = xp.steps(joined.time) / xp.where(whole > 0.0, whole, 1.0)
     return replace(joined, sagitta=joined.sagitta * share**2), order
 
 
 def _after(motion: Motion, time: Array) -> Array:
     """Return the indices of the points at which the steps end in which the times lie."""
-    return jnp.clip(jnp.searchsorted(motion.time, time), 1, motion.time.shape[0] - 1)
+    return xp.clip(xp.searchsorted(motion.time, time), 1, motion.time.shape[0] - 1)
 
 
 def _at(motion: Motion, time: Array) -> Motion:
     """Return the motion at other times, from time[0] to time[-1], on its lines or parabolas."""
     after = _after(motion, time)
-    step = motion.time[after] - motion.time[after - 1]
-    travel = motion.displacement[after] - motion.displacement[after - 1]
-    slope = travel / jnp.where(step > 0.0, step, 1.0)
-    here = jnp.where(time < motion.time[after], after - 1, after)
-    elapsed = time - motion.time[here]
-    displacement = motion.displacement[after] + slope * (time - motion.time[after])
+    step = xp.take(motion.time, after) - xp.take(motion.time, after - 1)
+    travel = xp.take(motion.displacement, after) - xp.take(motion.displacement, after - 1)
+    slope = travel / xp.where(step > 0.0, step, 1.0)
+    here = xp.where(time < xp.take(motion.time, after), after - 1, after)
+    elapsed = time - xp.take(motion.time, here)
+    displacement = xp.take(motion.displacement, after) + slope * (
+        time - xp.take(motion.time, after)
+    )
     if motion.sagitta is not None:
-        share = (motion.time[after] - time) / jnp.where(step > 0.0, step, 1.0)
-        displacement = displacement + 4.0 * motion.sagitta[after] * share * (1.0 - share)
+        share = (xp.take(motion.time, after) - time) / xp.where(step > 0.0, step, 1.0)
+        displacement = displacement + 4.0 * xp.take(motion.sagitta, after) * share * (1.0 - share)
     return replace(
         motion,
         time=time,
         displacement=displacement,
-        velocity=motion.velocity[here] + motion.acceleration[here] * elapsed,
-        acceleration=motion.acceleration[here],
-        ago=None if motion.ago is None else jnp.zeros_like(motion.ago),
-        sagitta=None if motion.sagitta is None else motion.sagitta[after],
+        velocity=xp.take(motion.velocity, here) + xp.take(motion.acceleration, here) * elapsed,
+        acceleration=xp.take(motion.acceleration, here),
+        ago=None if motion.ago is None else xp.zeros_like(after),
+        sagitta=None if motion.sagitta is None else xp.take(motion.sagitta, after),
     )

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.xp import Array
 
 
 class AbstractClocked(AbstractEffect):
@@ -25,7 +24,7 @@ class AbstractClocked(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and the pad's clock, 0."""
-        return below.begin(displacement), jnp.zeros_like(displacement)
+        return below.begin(displacement), xp.zeros_like(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state, and the force of the law beneath, changed with the clock."""

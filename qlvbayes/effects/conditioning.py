@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _TESTS = (0.3, 5.0)
 """Bounds of the number of tests over which it is conditioned: the first one or a few.
@@ -50,7 +49,7 @@ class Conditioning(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force, weakened by the tests before."""
-        lost = -self.share * jnp.expm1(-motion.tests_before / self.tests)
+        lost = -self.share * xp.expm1(-motion.tests_before / self.tests)
         return below.force(motion) * (1.0 - lost)
 
     @classmethod

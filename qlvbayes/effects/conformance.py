@@ -12,7 +12,6 @@ from itertools import pairwise
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
@@ -26,6 +25,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
+from qlvbayes.xp import Array
 
 _DRAWS = 24  # draws from the priors; every rule is checked at each
 _REDUCED = 4  # draws at which a form is compared with its listed law, and looked at off the pad

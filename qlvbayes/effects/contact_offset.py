@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _REST = 1e5  # s at zero displacement before the test
 BEFORE = 2
@@ -49,7 +50,7 @@ class ContactOffset(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath after a long rest and a jump."""
-        return begun_rested(self, below, jnp.zeros_like(displacement) - self.gap, displacement)
+        return begun_rested(self, below, xp.zeros_like(displacement) - self.gap, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force of the law beneath at the shifted depth."""
@@ -58,22 +59,22 @@ class ContactOffset(AbstractEffect):
 
 def begun_rested(effect: AbstractEffect, below: Law, depth: Array, displacement: Array) -> State:
     """Return the state after a long rest at zero displacement, at the depth ``depth`` (mm)."""
-    zero = jnp.zeros_like(displacement)
-    state = below.begin(jnp.maximum(depth, 0.0))
+    zero = xp.zeros_like(displacement)
+    state = below.begin(xp.maximum(depth, 0.0))
     state, _ = effect.step(below, state, Line(zero + _REST, zero, zero))
     return effect.step(below, state, Line(zero, displacement, zero))[0]
 
 
 def rested(motion: Motion) -> Motion:
     """Return the motion after a long rest at zero displacement and a jump to its first point."""
-    rest, first = jnp.zeros(BEFORE), motion.time[:1]
+    rest, first = np.zeros(BEFORE), motion.time[:1]
     ago = motion.ago
     return replace(
         motion,
-        time=jnp.concatenate([first - _REST, first, motion.time]),
-        displacement=jnp.concatenate([rest, motion.displacement]),
-        velocity=jnp.concatenate([rest, motion.velocity]),
-        acceleration=jnp.concatenate([rest, motion.acceleration]),
-        ago=None if ago is None else jnp.concatenate([ago[:1]] * BEFORE + [ago]),
-        sagitta=None if motion.sagitta is None else jnp.concatenate([rest, motion.sagitta]),
+        time=xp.concatenate([first - _REST, first, motion.time]),
+        displacement=xp.concatenate([rest, motion.displacement]),
+        velocity=xp.concatenate([rest, motion.velocity]),
+        acceleration=xp.concatenate([rest, motion.acceleration]),
+        ago=None if ago is None else xp.concatenate([ago[:1]] * BEFORE + [ago]),
+        sagitta=None if motion.sagitta is None else xp.concatenate([rest, motion.sagitta]),
     )

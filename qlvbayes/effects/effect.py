@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, Self
 
-import equinox as eqx
-from jaxtyping import Array
-
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
 class Level(IntEnum):
@@ -44,7 +43,7 @@ class Protocol:
     interval: float = 0.0  # sampling interval (s); 0 where it does not matter
 
 
-class AbstractEffect(eqx.Module):
+class AbstractEffect(Pytree):
     """Physical effect, which wraps the law beneath it and returns a force.
 
     Each field is a constant of the effect: a number where it is fixed, a prior where it is free; it
@@ -75,13 +74,13 @@ class AbstractEffect(eqx.Module):
       ``not_inverted``: why it does not.
     """
 
-    name: eqx.AbstractClassVar[str]
-    level: eqx.AbstractClassVar[Level]
-    units: eqx.AbstractClassVar[dict[str, str]]
-    null: eqx.AbstractClassVar[dict[str, float]]
-    law: eqx.AbstractClassVar[str]
-    seen: eqx.AbstractClassVar[str]
-    reference: eqx.AbstractClassVar[str]
+    name: ClassVar[str]
+    level: ClassVar[Level]
+    units: ClassVar[dict[str, str]]
+    null: ClassVar[dict[str, float]]
+    law: ClassVar[str]
+    seen: ClassVar[str]
+    reference: ClassVar[str]
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
     costly: ClassVar[bool] = False

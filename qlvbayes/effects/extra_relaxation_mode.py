@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import resolved_rates
 from qlvbayes.laws.layered import Law, State
@@ -15,6 +13,7 @@ from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class ExtraRelaxationMode(AbstractEffect):
@@ -48,10 +47,10 @@ class ExtraRelaxationMode(AbstractEffect):
 
     def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array]:
         """Return the spectrum with one more mode, G -> (1 - c) G + c e^(-v t)."""
-        share, rate = jnp.reshape(self.c, (1,)), jnp.reshape(self.v, (1,))
+        share, rate = xp.asarray(self.c)[None], xp.asarray(self.v)[None]
         return (
-            jnp.concatenate([(1.0 - self.c) * fractions, share]),
-            jnp.concatenate([rates, rate]),
+            xp.concatenate([(1.0 - self.c) * fractions, share]),
+            xp.concatenate([rates, rate]),
         )
 
     def begin(self, below: Law, displacement: Array) -> State:

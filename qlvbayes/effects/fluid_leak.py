@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class FluidLeak(AbstractClocked):
@@ -37,4 +36,4 @@ class FluidLeak(AbstractClocked):
 
     def at_clock(self, force: Array, clock: Array) -> Array:
         """Return the force, weakened with the clock."""
-        return force * jnp.exp(-self.rate * clock)
+        return force * xp.exp(-self.rate * clock)

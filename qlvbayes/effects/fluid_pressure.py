@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading, material_duration, material_time
@@ -18,6 +17,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class FluidPressure(AbstractEffect):
@@ -60,7 +60,7 @@ class FluidPressure(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and no pressure."""
-        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+        return below.begin(displacement), Relaxing(displacement, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with the pressure added."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class ForceDrift(AbstractClocked):

@@ -6,14 +6,13 @@ from abc import abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
 
@@ -35,7 +34,7 @@ class AbstractFrame(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the solution of F = below(displacement - deflection)."""
-        force = jnp.zeros_like(motion.time)
+        force = xp.zeros_like(motion.time)
         for _ in range(_STEPS):  # no scan: the law beneath is compiled by itself
             depth, slope = self._pad_depth(below, motion.displacement, force)
             answer = below.force(replace(motion, displacement=depth))
@@ -44,7 +43,7 @@ class AbstractFrame(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return a state of the law beneath for each Newton step, as each has its own motion."""
-        zero = jnp.zeros_like(displacement)
+        zero = xp.zeros_like(displacement)
         force, states = zero, []
         for _ in range(_STEPS):
             depth, slope = self._pad_depth(below, displacement, force)
@@ -55,7 +54,7 @@ class AbstractFrame(AbstractEffect):
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the states and the solution of F = below(displacement - deflection)."""
-        force, moved = jnp.zeros_like(line.displacement), []
+        force, moved = xp.zeros_like(line.displacement), []
         for one in state:
             depth, slope = self._pad_depth(below, line.displacement, force)
             one, answer = below.step(one, replace(line, displacement=depth))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
 from qlvbayes.laws.layered import Law
@@ -16,6 +15,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _FASTEST = 200.0  # Hz: a stiff testing machine
 _DAMPING = (0.005, 0.4)
@@ -75,7 +75,7 @@ class FrameRinging(AbstractEffect):
         """Return the force with that of the swinging mass added."""
         turn = 2.0 * math.pi * self.frequency
         swing = _impulses(motion, turn * (1j - self.damping))
-        return below.force(motion) + self.strength * (1.0 + self.damping**2) * jnp.imag(swing)
+        return below.force(motion) + self.strength * (1.0 + self.damping**2) * xp.imag(swing)
 
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
@@ -88,17 +88,17 @@ class FrameRinging(AbstractEffect):
 
 def _impulses(motion: Motion, rate: Array) -> Array:
     """Return the integral of e^{rate (t - s)} dv(s) from rest at each point (N,), complex."""
-    duration = jnp.diff(motion.time)
+    duration = xp.diff(motion.time)
     gained = motion.acceleration[:-1] * duration
-    jumps = jnp.diff(motion.velocity) - gained
+    jumps = xp.diff(motion.velocity) - gained
     change = rate * duration
     # (e^x - 1)/x, whose series is exact to 1e-16 where the difference loses digits
-    near = jnp.abs(change) < 1e-5
-    far = jnp.where(near, 1.0, change)
-    mean = jnp.where(near, 1.0 + 0.5 * change, (jnp.exp(far) - 1.0) / far)
-    parts = jnp.concatenate([motion.velocity[:1] + 0j, gained * mean + jumps])
-    decay = jnp.concatenate([jnp.ones(1) + 0j, jnp.exp(change)])
-    return jax.lax.associative_scan(_composed, (decay, parts))[1]
+    near = xp.abs(change) < 1e-5
+    far = xp.where(near, 1.0, change)
+    mean = xp.where(near, 1.0 + 0.5 * change, (xp.exp(far) - 1.0) / far)
+    parts = xp.concatenate([motion.velocity[:1] + 0j, gained * mean + jumps])
+    decay = xp.concatenate([np.ones(1) + 0j, xp.exp(change)])
+    return xp.accumulate(_composed, (decay, parts))[1]
 
 
 def _composed(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, Self
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading
 from qlvbayes.laws.elastic.linear import Linear
@@ -19,6 +18,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _REACHES = (0.002, 0.2)
 """Bounds of the reach over the depth: what an encoder shows, and an end of sliding in the travel.
@@ -34,8 +34,8 @@ class AbstractFriction(AbstractEffect):
     Over the distance travelled z is one relaxing mode.
     """
 
-    strength: eqx.AbstractVar[Constant]  # first, as the order here is that of the fields
-    reach: eqx.AbstractVar[Constant]
+    strength: Constant  # first, as the order here is that of the fields
+    reach: Constant
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 4
 
@@ -49,18 +49,18 @@ class AbstractFriction(AbstractEffect):
 
     def slid(self, displacement: Array) -> Array:
         """Return z at the points of a motion (N,)."""
-        travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
+        travelled = xp.cumsum(xp.abs(xp.steps(displacement)))
         return hereditary_force(*self._sliding, travelled, displacement - displacement[0])
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and that of friction before any sliding."""
-        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+        return below.begin(displacement), Relaxing(displacement, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with the friction added."""
         inner, own = state
         inner, force = below.step(inner, line)
-        travelled = jnp.abs(line.displacement - own.depth)
+        travelled = xp.abs(line.displacement - own.depth)
         own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
         return (inner, own), self.rubbed(force, slid)
 

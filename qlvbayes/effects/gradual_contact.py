@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.contact_offset import BEFORE, ContactOffset, begun_rested, rested
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class GradualContact(AbstractEffect):
@@ -57,7 +56,7 @@ class GradualContact(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath after a long rest and a jump."""
-        depth, _, _ = self._contact_depth(jnp.zeros_like(displacement))
+        depth, _, _ = self._contact_depth(xp.zeros_like(displacement))
         return begun_rested(self, below, depth, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
@@ -69,8 +68,8 @@ class GradualContact(AbstractEffect):
     def _contact_depth(self, displacement: Array) -> tuple[Array, Array, Array]:
         """Return the depth (may be below 0), the relative loss of speed, and ``over`` (mm)."""
         gradual = self.over > 0.0
-        over = jnp.where(gradual, self.over, 1.0)
-        missing = jnp.exp(-jnp.maximum(displacement, 0.0) / over)
-        missing = jnp.where(gradual, missing, 0.0)
-        slope = jnp.where(displacement > 0.0, self.gap / over * missing, 0.0)
+        over = xp.where(gradual, self.over, 1.0)
+        missing = xp.exp(-xp.maximum(displacement, 0.0) / over)
+        missing = xp.where(gradual, missing, 0.0)
+        slope = xp.where(displacement > 0.0, self.gap / over * missing, 0.0)
         return displacement - self.gap * (1.0 - missing), slope, over

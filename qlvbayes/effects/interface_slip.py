@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import fading
 from qlvbayes.laws.elastic.linear import Linear
@@ -17,6 +15,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class InterfaceSlip(AbstractEffect):
@@ -52,7 +51,7 @@ class InterfaceSlip(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force of the law beneath at the specimen's own depth."""
         displacement = motion.displacement
-        travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
+        travelled = xp.cumsum(xp.abs(xp.steps(displacement)))
         depth = hereditary_force(*self._sliding(), travelled, displacement)
         share = self._followed(depth, motion.velocity)
         followed = replace(
@@ -72,7 +71,7 @@ class InterfaceSlip(AbstractEffect):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force after a line along which the specimen slides."""
         inner, slide = state
-        travelled = jnp.abs(line.displacement - slide.depth)
+        travelled = xp.abs(line.displacement - slide.depth)
         slide, depth = hereditary_step(*self._sliding(), slide, travelled, line.displacement)
         speed = self._followed(depth, line.velocity) * line.velocity
         inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
@@ -84,7 +83,7 @@ class InterfaceSlip(AbstractEffect):
 
     def _followed(self, depth: Array, velocity: Array) -> Array:
         """Return the share of the platen's motion that the specimen follows."""
-        return 1.0 - self.yielding * depth * jnp.sign(velocity)
+        return 1.0 - self.yielding * depth * xp.sign(velocity)
 
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:

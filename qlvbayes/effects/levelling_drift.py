@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.force_drift import ForceDrift
@@ -14,6 +12,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _LEVELS = 4.0  # prior sd of the slowing over one over the study's duration: it may level off within
 _REACHED = 0.3  # share of rate x duration that the drift reaches at the slowing's median

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading
 from qlvbayes.effects.spans import after_ramps
@@ -18,6 +18,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class LoadCellCreep(AbstractEffect):
@@ -54,9 +55,9 @@ class LoadCellCreep(AbstractEffect):
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and the load under which the cell is at rest."""
         inner = below.begin(displacement)
-        still = jnp.zeros_like(displacement)
+        still = xp.zeros_like(displacement)
         load = below.step(inner, Line(still, displacement, still))[1]
-        return inner, Relaxing(load, jnp.zeros(1))
+        return inner, Relaxing(load, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with the cell's creep added."""
@@ -68,4 +69,4 @@ class LoadCellCreep(AbstractEffect):
     @property
     def _mode(self) -> tuple[Linear, Prony]:
         """Return the laws whose hereditary integral of F is F - y: linear, with one mode."""
-        return fading(jnp.ones(()), 1.0 / self.time)
+        return fading(1.0, 1.0 / self.time)

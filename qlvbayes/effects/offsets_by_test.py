@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import LARGEST, curve, duration
 from qlvbayes.laws.layered import Law
@@ -13,6 +11,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class OffsetsByTest(AbstractEffect):

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class PermanentSet(AbstractEffect):
@@ -40,7 +39,7 @@ class PermanentSet(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force at the lowered depth."""
-        deepest = jnp.maximum(largest(motion.displacement, motion.ago), 0.0)
+        deepest = xp.maximum(largest(motion.displacement, motion.ago), 0.0)
         kept = self._speed_ratio(motion, deepest)
         slowed = replace(
             motion, velocity=motion.velocity * kept, acceleration=motion.acceleration * kept
@@ -49,13 +48,13 @@ class PermanentSet(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, and the largest depth."""
-        deepest = jnp.maximum(displacement, 0.0)
-        return below.begin(jnp.maximum(displacement - self.share * deepest, 0.0)), deepest
+        deepest = xp.maximum(displacement, 0.0)
+        return below.begin(xp.maximum(displacement - self.share * deepest, 0.0)), deepest
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force at the lowered depth."""
         inner, deepest = state
-        deepest = jnp.maximum(deepest, line.displacement)
+        deepest = xp.maximum(deepest, line.displacement)
         slowed = replace(line, velocity=line.velocity * self._speed_ratio(line, deepest))
         lowered = line_at_depth(slowed, line.displacement - self.share * deepest)
         inner, force = below.step(inner, lowered)
@@ -64,7 +63,7 @@ class PermanentSet(AbstractEffect):
     def _speed_ratio(self, moved: Motion | Line, deepest: Array) -> Array:
         """Return the specimen's speed over the platen's."""
         growing = (moved.displacement >= deepest) & (moved.velocity > 0.0)
-        return jnp.where(growing, 1.0 - self.share, 1.0)
+        return xp.where(growing, 1.0 - self.share, 1.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _POWERS = (0.1, 0.8)
 """Bounds of n. Grease and polymer melts thin with 0.2 to 0.7; at 0.9 it is viscous_drag.
@@ -57,7 +56,7 @@ class PowerLawDrag(AbstractEffect):
         return state, force + self._drag(line.velocity)
 
     def _drag(self, velocity: Array) -> Array:
-        speed = jnp.abs(velocity)
+        speed = xp.abs(velocity)
         moving = speed > 0.0
-        size = jnp.where(moving, speed, 1.0) ** self.n
-        return self.k * jnp.where(moving, jnp.sign(velocity) * size, 0.0)
+        size = xp.where(moving, speed, 1.0) ** self.n
+        return self.k * xp.where(moving, xp.sign(velocity) * size, 0.0)

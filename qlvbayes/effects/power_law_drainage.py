@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.history import material_duration, material_time
@@ -17,6 +16,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _NONE = 1e-12  # share of the stroke below which the power is replaced by a straight line
 _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10
@@ -73,7 +73,7 @@ class PowerLawDrainage(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, the depth, and no pressure."""
-        return below.begin(displacement), displacement, jnp.zeros_like(displacement)
+        return below.begin(displacement), displacement, xp.zeros_like(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force with the pressure added."""
@@ -87,19 +87,18 @@ class PowerLawDrainage(AbstractEffect):
 
 def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
     """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi a step."""
-    step = jnp.diff(xi)
+    step = xp.diff(xi)
 
-    def advance(q: Array, point: tuple[Array, ...]) -> tuple[Array, Array]:
-        q = _drained(q, point, tau, n, stroke)
-        return q, q
+    def advance(q: Array, point: tuple[Array, ...]) -> Array:
+        return _drained(q, point, tau, n, stroke)
 
-    points = (step, *_balance(step, jnp.diff(depth), tau, n, stroke))
-    _, q = jax.lax.scan(advance, jnp.zeros(()), points)
-    return jnp.concatenate([jnp.zeros(1), q])
+    points = (step, *_balance(step, xp.diff(depth), tau, n, stroke))
+    q = xp.recur(advance, np.zeros(()), points)
+    return xp.concatenate([np.zeros(1), q])
 
 
 def _rate(q: Array, tau: Array, n: Array, stroke: Array) -> Array:
-    return jnp.maximum(jnp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
+    return xp.maximum(xp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
 
 
 def _balance(
@@ -107,10 +106,10 @@ def _balance(
 ) -> tuple[Array, Array, Array, Array]:
     """Return jump, s, q* and rho* of steps in xi, which do not depend on q."""
     lasting = step > 0.0
-    source = jnp.where(lasting, travel / jnp.where(lasting, step, 1.0), 0.0)
-    size = jnp.maximum(jnp.abs(source) * tau / stroke, _NONE**n)
-    balance = jnp.where(source == 0.0, 0.0, jnp.sign(source) * stroke * size ** (1.0 / n))
-    return jnp.where(lasting, 0.0, travel), source, balance, n * _rate(balance, tau, n, stroke)
+    source = xp.where(lasting, travel / xp.where(lasting, step, 1.0), 0.0)
+    size = xp.maximum(xp.abs(source) * tau / stroke, _NONE**n)
+    balance = xp.where(source == 0.0, 0.0, xp.sign(source) * stroke * size ** (1.0 / n))
+    return xp.where(lasting, 0.0, travel), source, balance, n * _rate(balance, tau, n, stroke)
 
 
 def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: Array) -> Array:
@@ -119,14 +118,14 @@ def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: A
     q = q + jump
     relative = _rate(q, tau, n, stroke)
     gap = q - balance
-    near = jnp.abs(gap) <= _NEAR * (jnp.abs(q) + jnp.abs(balance))
-    secant = (relative * q - source) / jnp.where(near, 1.0, gap)
-    secant = jnp.where(near, n * _rate(0.5 * (q + balance), tau, n, stroke), secant)
+    near = xp.abs(gap) <= _NEAR * (xp.abs(q) + xp.abs(balance))
+    secant = (relative * q - source) / xp.where(near, 1.0, gap)
+    secant = xp.where(near, n * _rate(0.5 * (q + balance), tau, n, stroke), secant)
     excess = secant - settling
-    curved = jnp.abs(excess) > _NEAR * secant
-    power = (n * relative - secant) / jnp.where(curved, excess, 1.0)
-    power = jnp.clip(jnp.where(curved, power, 1.0), *_POWERS)
+    curved = xp.abs(excess) > _NEAR * secant
+    power = (n * relative - secant) / xp.where(curved, excess, 1.0)
+    power = xp.clip(xp.where(curved, power, 1.0), *_POWERS)
     grown = power * excess * step * exp_slope(-power * settling * step)
-    decay = settling * step + jnp.log1p(grown) / power
-    share = jnp.where(secant > 0.0, -jnp.expm1(-decay) / secant, step)
+    decay = settling * step + xp.log1p(grown) / power
+    share = xp.where(secant > 0.0, -xp.expm1(-decay) / secant, step)
     return q + (source - relative * q) * share

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.friction import AbstractFriction, Friction, reversing
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class PressureFriction(AbstractFriction):
@@ -55,5 +54,5 @@ class PressureFriction(AbstractFriction):
 
     def rubbed(self, force: Array, slid: Array) -> Array:
         """Return F_below + strength w z."""
-        grown = 1.0 + self.share * (jnp.maximum(force, 0.0) / self.pressed - 1.0)
+        grown = 1.0 + self.share * (xp.maximum(force, 0.0) / self.pressed - 1.0)
         return force + self.strength * grown * slid

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _RANGE = (
     0.1,
@@ -56,4 +55,4 @@ class SecondContact(AbstractEffect):
         return state, force + self._spring(line.displacement)
 
     def _spring(self, depth: Array) -> Array:
-        return self.stiffness * jnp.maximum(depth - self.depth, 0.0)
+        return self.stiffness * xp.maximum(depth - self.depth, 0.0)

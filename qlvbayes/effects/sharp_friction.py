@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.friction import AbstractFriction, Friction, reversing
 from qlvbayes.effects.history import confined
 from qlvbayes.laws.hereditary import hereditary_step
@@ -16,6 +13,7 @@ from qlvbayes.laws.motion import Line
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class SharpFriction(AbstractFriction):
@@ -56,9 +54,9 @@ class SharpFriction(AbstractFriction):
     def slid(self, displacement: Array) -> Array:
         """Return (1 - sharp) z + sharp s at the points of a motion."""
         first = displacement[:1]
-        low = jnp.concatenate([first, displacement[1:] - self.reach])
-        high = jnp.concatenate([first, displacement[1:] + self.reach])
-        slider, _ = jax.lax.associative_scan(confined, (low, high))
+        low = xp.concatenate([first, displacement[1:] - self.reach])
+        high = xp.concatenate([first, displacement[1:] + self.reach])
+        slider, _ = xp.accumulate(confined, (low, high))
         return self._shared(super().slid(displacement), displacement, slider)
 
     def begin(self, below: Law, displacement: Array) -> State:
@@ -69,9 +67,9 @@ class SharpFriction(AbstractFriction):
         """Return the state and the force with the friction added."""
         (inner, own), slider = state
         inner, force = below.step(inner, line)
-        travelled = jnp.abs(line.displacement - own.depth)
+        travelled = xp.abs(line.displacement - own.depth)
         own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
-        slider = jnp.clip(slider, line.displacement - self.reach, line.displacement + self.reach)
+        slider = xp.clip(slider, line.displacement - self.reach, line.displacement + self.reach)
         slid = self._shared(slid, line.displacement, slider)
         return ((inner, own), slider), self.rubbed(force, slid)
 

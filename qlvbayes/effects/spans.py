@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
+from qlvbayes import xp
 from qlvbayes.laws.scales import Scales
+from qlvbayes.xp import Array
 
 LARGEST = 2.0
 """Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""
@@ -47,5 +48,5 @@ def _shortest(scales: Scales) -> float:
 
 def curve(clock: Array, quadratic: ArrayLike, cubic: ArrayLike, duration: ArrayLike) -> Array:
     """Return P1 + quadratic P2 + cubic P3, of Legendre, over a clock from 0 to ``duration`` (s)."""
-    x = jnp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
+    x = xp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
     return x + 0.5 * quadratic * (3.0 * x**2 - 1.0) + 0.5 * cubic * (5.0 * x**2 - 3.0) * x

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.channel_lag import ChannelLag, joined_with
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.elastic.linear import Linear
@@ -17,6 +17,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finite slope
 
@@ -57,12 +58,12 @@ class SpreadingLag(AbstractEffect):
         # two more points for each resolve the curvature of the force in between
         before = delayed - self.spread * self.delay
         between = 0.5 * (motion.time[1:] + motion.time[:-1])
-        joined, order = joined_with(motion, jnp.concatenate([delayed, before, between]))
+        joined, order = joined_with(motion, xp.concatenate([delayed, before, between]))
         force = below.force(joined)
         own = joined.time >= motion.alone.time[0]
-        begin = jnp.argmax(own)
-        change = jnp.where(own, force - force[begin], 0.0)
+        begin = xp.take(force, xp.first_true(own))
+        change = xp.where(own, force - begin, 0.0)
         rate = 1.0 / (self.spread * self.delay + _INSTANT)
-        filtering = Prony(jnp.array([1.0, -1.0]), jnp.reshape(rate, (1,)))
-        filtered = force[begin] + hereditary_force(Linear(1.0), filtering, joined.time, change)
-        return filtered[jnp.argsort(order)][: motion.time.shape[0]]
+        filtering = Prony(np.array([1.0, -1.0]), xp.asarray(rate)[None])
+        filtered = begin + hereditary_force(Linear(1.0), filtering, joined.time, change)
+        return xp.take(filtered, xp.argsort(order)[: motion.time.shape[0]])

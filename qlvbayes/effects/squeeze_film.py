@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _THINNEST = 0.05  # share of its thickness that the film keeps
 _GAPS = (1.05, 4.0)
@@ -59,5 +58,5 @@ class SqueezeFilm(AbstractEffect):
         return state, force + self._film(line)
 
     def _film(self, moved: Motion | Line) -> Array:
-        left = jnp.maximum(1.0 - moved.displacement / self.h, _THINNEST)
-        return self.eta * moved.velocity / left**3
+        left = xp.maximum(1.0 - moved.displacement / self.h, _THINNEST)
+        return self.eta * moved.velocity / (left * left * left)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.frame_compliance import AbstractFrame, FrameCompliance
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class StiffeningFrame(AbstractFrame):
@@ -40,5 +39,5 @@ class StiffeningFrame(AbstractFrame):
 
     def deflection(self, force: Array) -> tuple[Array, Array]:
         """Return compliance F/(1 + abs(F)/stiff), and its slope."""
-        softness = 1.0 / (1.0 + jnp.abs(force) / self.stiff)
+        softness = 1.0 / (1.0 + xp.abs(force) / self.stiff)
         return self.compliance * softness * force, self.compliance * softness**2

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import material_duration, material_time
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class StrainDependentRate(AbstractEffect):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class StrainDependentStrength(AbstractEffect):
@@ -47,7 +46,7 @@ class StrainDependentStrength(AbstractEffect):
         return state, self._mixed(below, force, line.displacement)
 
     def _mixed(self, below: Law, force: Array, depth: Array) -> Array:
-        share = -jnp.expm1(-self.beta * depth)
+        share = -xp.expm1(-self.beta * depth)
         return force + share * (below.elastic.force(depth) - force)
 
     @classmethod

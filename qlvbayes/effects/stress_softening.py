@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class StressSoftening(AbstractEffect):
@@ -50,14 +49,14 @@ class StressSoftening(AbstractEffect):
         """Return the state and the force, softened below the largest depth."""
         inner, deepest = state
         inner, force = below.step(inner, line)
-        deepest = jnp.maximum(deepest, line.displacement)
+        deepest = xp.maximum(deepest, line.displacement)
         return (inner, deepest), force * self._remaining(line.displacement, deepest)
 
     def _remaining(self, depth: Array, deepest: Array) -> Array:
         """Return the share of the force that is left."""
         pressed = deepest > 0.0
-        slack = 1.0 - depth / jnp.where(pressed, deepest, 1.0)
-        return 1.0 - self.s * jnp.where(pressed, slack, 0.0)
+        slack = 1.0 - depth / xp.where(pressed, deepest, 1.0)
+        return 1.0 - self.s * xp.where(pressed, slack, 0.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import fading
 from qlvbayes.effects.spans import resolved_times
@@ -16,6 +16,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Thixotropy(AbstractEffect):
@@ -53,23 +54,23 @@ class Thixotropy(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force, weakened by the broken-down structure."""
-        travel = jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1]))
-        moved = jnp.cumsum(travel) / self.way
+        travel = xp.abs(xp.steps(motion.displacement))
+        moved = xp.cumsum(travel) / self.way
         xi_step = (motion.time - motion.time[0]) / self.time + moved
         return below.force(motion) * (
-            1.0 - self.share * hereditary_force(*fading(jnp.ones(()), 1.0), xi_step, moved)
+            1.0 - self.share * hereditary_force(*fading(1.0, 1.0), xi_step, moved)
         )
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath, the depth, and intact structure."""
-        nothing = Relaxing(jnp.zeros_like(displacement), jnp.zeros(1))
+        nothing = Relaxing(xp.zeros_like(displacement), np.zeros(1))
         return below.begin(displacement), displacement, nothing
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the state and the force, weakened by the broken-down structure."""
         inner, depth, own = state
         inner, force = below.step(inner, line)
-        moved = jnp.abs(line.displacement - depth) / self.way
+        moved = xp.abs(line.displacement - depth) / self.way
         xi_step = line.duration / self.time + moved
-        own, broken = hereditary_step(*fading(jnp.ones(()), 1.0), own, xi_step, own.depth + moved)
+        own, broken = hereditary_step(*fading(1.0, 1.0), own, xi_step, own.depth + moved)
         return (inner, line.displacement, own), force * (1.0 - self.share * broken)

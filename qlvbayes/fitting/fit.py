@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -131,6 +132,17 @@ class Fit:
                 for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
             },
         )
+
+    @property
+    def inference_data(self) -> Any:
+        """Return posterior, predictions, log likelihoods and data as ArviZ takes them.
+
+        It is the ``xarray.DataTree`` that ``posterior.nc`` holds, for any function of ArviZ.
+        """
+        return catalogue.at("fitting.results.to_arviz")(
+            self, self.summary(), source="", sha256="",
+            all_tests=len(self.trials) == len(self.experiment.trials), seed=self.settings.seed,
+        )  # fmt: skip
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
         """Predict tests sample by sample, with noise; return one `Prediction` for each.

@@ -21,7 +21,11 @@ from qlvbayes.motion.pulling import pull_notices
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
 
 
-class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
+class Cell(
+    Part,
+    frozen=True,
+    rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N", "limit": "limit_N"},
+):
     """Errors of a model in one kind of phase of one test."""
 
     test: str
@@ -38,6 +42,8 @@ class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bi
     p_value: float | None = None
     # whether structure beyond noise is left (1 % false alarms over all cells of the pad)
     fails: bool = False
+    # rmse (N) beyond which the cell fails; large in short phases, which noise moves as a whole
+    limit: float | None = None
 
 
 class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
@@ -138,7 +144,7 @@ def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
     trial = prediction.trial
     rmse = _rmse(residual)
-    p_value = _p_value(rmse, prediction, selected)
+    p_value, limit = _judged(rmse, prediction, selected, level)
     return Cell(
         test=trial.name,
         role=trial.role,
@@ -150,6 +156,7 @@ def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
         coverage90=float(inside[selected].mean()),
         p_value=p_value,
         fails=p_value < level,
+        limit=limit,
     )
 
 
@@ -173,20 +180,24 @@ def _rmse(residual: np.ndarray) -> float:
     return float(np.sqrt(np.mean(residual**2)))
 
 
-def _p_value(rmse: float, prediction: Prediction, selected: np.ndarray) -> float:
-    """Return the probability of a larger mean square under normal errors, of few draws.
+def _judged(
+    rmse: float, prediction: Prediction, selected: np.ndarray, level: float
+) -> tuple[float, float]:
+    """Return the probability of a larger error by noise, and the error of probability ``level``.
 
     The mean square is a sum of chi-squares, of only a few where noise is correlated over much of
     the cell. A chi-square with the same mean, variance and skewness has the same upper tail
-    (Pearson's approximation; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
+    (Pearson's approximation; Imhof 1961, doi:10.1093/biomet/48.3-4.419), here of few draws.
     """
     error = (prediction.forces - prediction.mean + prediction.floor)[:, selected]
     mean, variance, third = _cumulants(error)
     if variance <= 0.0:
-        return float(rmse**2 <= mean)
+        return float(rmse**2 <= mean), float(np.sqrt(mean))
     freedom = 8.0 * variance**3 / max(third, 1e-3 * variance**1.5) ** 2
-    deviation = (rmse**2 - mean) / np.sqrt(variance)
-    return float(chi2.sf(freedom + np.sqrt(2.0 * freedom) * deviation, freedom))
+    scale = np.sqrt(variance / (2.0 * freedom))
+    limit = mean + scale * (chi2.isf(level, freedom) - freedom)
+    p_value = chi2.sf(freedom + (rmse**2 - mean) / scale, freedom)
+    return float(p_value), float(np.sqrt(max(limit, 0.0)))
 
 
 def _cumulants(error: np.ndarray) -> tuple[float, float, float]:

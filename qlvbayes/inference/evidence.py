@@ -28,6 +28,7 @@ from qlvbayes.io.arrays import Array
 
 _FAR = 2.0  # predicted gain of log density above which a point counts as far from a mode
 _NEAR = 6.0  # natural lengths from a point up to which a normal may represent the density
+_NEGLIGIBLE = 35.0  # log evidence below the likeliest size's from which a size is left out
 _SINGULAR = 1e-14  # eigenvalues of a scaled curvature below this count as zero
 
 
@@ -50,28 +51,40 @@ class Evidence:
         return float(np.exp(logsumexp(self.by_size[sizes > size]) - self.log))
 
 
-def evidence(density: Density, point: Point) -> Evidence:
-    """Return the evidence about a mode."""
-    theta = point.theta
-    terms = density.terms_by_size(point)
-    if _is_far(density, point):
-        terms = terms._replace(gradient=np.zeros_like(terms.gradient))
-    reach = _NEAR * point.own.length
+def evidence(density: Density, point: Point, guess: float = 0.0) -> Evidence:
+    """Return the evidence about a mode; ``guess`` (N) is near the likeliest size, if known.
+
+    Sizes of the discrepancy that are e^35 times less probable than the likeliest are left out.
+    """
+    theta, reach = point.theta, _NEAR * point.own.length
     below = np.maximum(point.own.lowest - theta, -reach)
     above = np.minimum(point.own.highest - theta, reach)
-    logs, shifts = laplace_by_size(terms, below, above)
-    logs += density.discrepancy.log_prior
+    sizes, log_prior = density.discrepancy.sizes, density.discrepancy.log_prior
+    likeliest = density.likeliest_size(point, guess)
+    far = _is_far(density, point, likeliest)
+    logs, known = np.full(sizes.size, -math.inf), {}
+    start = int(np.argmin(np.abs(sizes - likeliest)))
+    for way in (range(start, sizes.size), range(start - 1, -1, -1)):
+        for k in way:
+            terms = density.terms(point, float(sizes[k]))
+            if far:
+                terms = terms._replace(gradient=np.zeros_like(terms.gradient))
+            log, shift = laplace(terms, below, above)
+            logs[k], known[k] = log + log_prior[k], (terms, shift)
+            if logs[k] < logs.max() - _NEGLIGIBLE:
+                break
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):
         return Evidence(
             -math.inf, logs, theta, np.eye(theta.size), np.zeros((theta.size, theta.size))
         )
-    covariance = np.linalg.inv(terms.curvature[best] + np.diag(_widths(point) ** -2))
+    terms, shift = known[best]
+    covariance = np.linalg.inv(terms.curvature + np.diag(_widths(point) ** -2))
     return Evidence(
         float(logsumexp(logs)),
         logs,
-        theta + shifts[best],
-        covariance,
+        theta + shift,
+        np.asarray(covariance),
         positive_part(_discrepancy_moment(density, point, softmax(logs)) - covariance),
     )
 
@@ -93,9 +106,9 @@ def second_moment(terms: Terms, lengths: Array) -> Array:
     return np.asarray(covariance + np.outer(step, step))
 
 
-def _is_far(density: Density, point: Point) -> bool:
-    """Return whether a step from the point would still gain much."""
-    terms = density.terms(point, density.likeliest_size(point))
+def _is_far(density: Density, point: Point, size: float) -> bool:
+    """Return whether a step from the point would still gain much, at a size (N)."""
+    terms = density.terms(point, size)
     return predicted_decrease(terms, bounded_step(terms, 0.0, point)) > _FAR
 
 
@@ -106,24 +119,22 @@ def _widths(point: Point) -> Array:
     return np.where(between, parameters.length, math.inf)
 
 
-def laplace_by_size(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:
-    """Return log evidences (S,) of the expansions of S sizes, and the normals' means (S, F)."""
-    count = terms.gradient.shape[-1]
-    diagonal = np.maximum(np.einsum("sff->sf", terms.curvature), 1e-300)
-    scale = np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])
+def laplace(terms: Terms, below: Array, above: Array) -> tuple[float, Array]:
+    """Return the log evidence of an expansion, and by how much (F,) its normal's mean is off."""
+    diagonal = np.maximum(np.diag(terms.curvature), 1e-300)
+    scale = np.sqrt(np.outer(diagonal, diagonal))
     values, vectors = np.linalg.eigh(terms.curvature / scale)
-    sound = values[:, 0] > _SINGULAR
-    values = np.where(sound[:, None], values, 1.0)
-    inverse = (vectors / values[:, None, :]) @ vectors.transpose(0, 2, 1) / scale
-    shift = -np.einsum("sfg,sg->sf", inverse, terms.gradient)
-    log_det = np.log(values).sum(axis=1) + np.log(diagonal).sum(axis=1)
-    log = -terms.loss - 0.5 * np.einsum("sf,sf->s", terms.gradient, shift)
-    log += 0.5 * (count * math.log(2.0 * math.pi) - log_det)
+    if not values[0] > _SINGULAR:
+        return -math.inf, np.zeros_like(terms.gradient)
+    inverse = (vectors / values) @ vectors.T / scale
+    shift = -inverse @ terms.gradient
+    log = -float(terms.loss) - 0.5 * float(terms.gradient @ shift)
+    log += 0.5 * (diagonal.size * math.log(2.0 * math.pi) - np.log(values).sum())
+    log -= 0.5 * np.log(diagonal).sum()
     bounded = np.isfinite(below) | np.isfinite(above)
-    sds = np.sqrt(np.einsum("sff->sf", inverse)[:, bounded])
-    mean = shift[:, bounded]
-    log += _log_between((below[bounded] - mean) / sds, (above[bounded] - mean) / sds).sum(axis=1)
-    return np.where(sound, log, -math.inf), shift
+    sds, mean = np.sqrt(np.diag(inverse)[bounded]), shift[bounded]
+    log += _log_between((below[bounded] - mean) / sds, (above[bounded] - mean) / sds).sum()
+    return log, shift
 
 
 def _log_between(low: Array, high: Array) -> Array:

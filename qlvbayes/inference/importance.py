@@ -148,8 +148,18 @@ def sampled_evidence(
 
     parameters, rng = modes[0][0].point.own, np.random.default_rng(seed)
     points = [mode.point for mode, _ in modes]
+    counts = np.isfinite([own.by_size for _, own in modes]).any(axis=0)
+    sizes = np.flatnonzero(counts).tolist()
     best = importance_sample(
-        density, parameters, mixture_about(modes), points, is_sufficient, _ROUNDS, rng, tolerance
+        density,
+        parameters,
+        mixture_about(modes),
+        points,
+        is_sufficient,
+        _ROUNDS,
+        rng,
+        tolerance,
+        sizes,
     )
     return best if best.effective >= _FEWEST else None
 
@@ -163,8 +173,12 @@ def importance_sample(
     rounds: int,
     rng: np.random.Generator,
     tolerance: float = 0.0,
+    sizes: Sequence[int] | None = None,
 ) -> ImportanceSample:
-    """Return draws of the last mixture of proposals, when they suffice or ``rounds`` are over."""
+    """Return draws of the last mixture of proposals, when they suffice or ``rounds`` are over.
+
+    ``sizes`` are the indices of the discrepancy's sizes that are summed over, by default all.
+    """
     proposals, adaptations = list(start), 0
     thetas = np.zeros((0, parameters.size))
     heights = np.zeros((0, density.discrepancy.sizes.size))
@@ -172,7 +186,7 @@ def importance_sample(
     for round_number in range(1, rounds + 1):
         fresh = np.concatenate([one.draw(count, rng) for one, count in _counts(proposals)])
         thetas = np.concatenate([thetas, fresh])
-        fresh_heights = density.log_density(parameters, fresh, tolerance, points)
+        fresh_heights = density.log_density(parameters, fresh, tolerance, points, sizes)
         heights = np.concatenate([heights, fresh_heights])
         logs = heights[first:] - _mixture(proposals, thetas[first:])[:, None]
         best = _summed(thetas[first:], logs)

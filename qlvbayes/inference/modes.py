@@ -36,6 +36,7 @@ class Mode:
     loss: float
     converged: bool  # whether no further step was expected to gain enough
     steps: int  # how many were tried
+    curvature: Array  # (F, F): of minus the log density there
 
 
 def find_mode(
@@ -45,6 +46,7 @@ def find_mode(
     best: float = np.inf,
     min_gain: float = _MIN_GAIN,
     known: Sequence[Mode] = (),
+    guess: float = 0.0,
 ) -> Mode | None:
     """Return the mode to which damped Gauss-Newton steps lead, or None if the start is not finite.
 
@@ -52,12 +54,12 @@ def find_mode(
     doi:10.1137/0111030), until one gains less than ``min_gain`` of log density. After each
     convergence the discrepancy takes its likeliest size, until that stays the same. A mode far
     above the loss ``best`` is located less exactly; a known one is returned once the search enters
-    its neighbourhood.
+    its neighbourhood. ``guess`` (N) is near the discrepancy's likeliest size, if known.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
-    size = density.likeliest_size(point)
+    size = density.likeliest_size(point, guess)
     terms = density.terms(point, size)
     damping, least, largest = _DAMPING
     steps, stalled = 0, False
@@ -70,11 +72,11 @@ def find_mode(
         if stalled or (expected < least_rise and damping <= 1.0):
             likeliest, settled = density.likeliest(point, size)
             if likeliest == size and settled.separation.scatter == point.separation.scatter:
-                return Mode(point, size, terms.loss, True, steps)
+                return Mode(point, size, terms.loss, True, steps, terms.curvature)
             size, point, damping, stalled = likeliest, settled, _DAMPING[0], False
             terms = density.terms(point, size)
             continue
-        if steps > 1 and (reached := _known_nearby(density, point, terms.loss, known)):
+        if steps > 1 and (reached := _known_nearby(point, terms.loss, known)):
             return reached
         # a step keeps the separation of the discrepancy, so that both losses are of one function
         separation = point.separation
@@ -90,16 +92,15 @@ def find_mode(
         point, terms = candidate, density.terms(candidate, size)
         stalled = max(rise, 0.2 * expected) < max(_CREEP * excess, least_rise)
     size, point = density.likeliest(point, size)
-    return Mode(point, size, density.terms(point, size).loss, False, steps)
+    terms = density.terms(point, size)
+    return Mode(point, size, terms.loss, False, steps, terms.curvature)
 
 
-def _known_nearby(
-    density: Density, point: Point, loss: float, known: Sequence[Mode]
-) -> Mode | None:
+def _known_nearby(point: Point, loss: float, known: Sequence[Mode]) -> Mode | None:
     """Return the known mode near which a point lies at a similar height, or None."""
     for mode in known:
         gap = point.theta - mode.point.theta
-        distance = gap @ density.terms(mode.point, mode.size).curvature @ gap
+        distance = gap @ mode.curvature @ gap
         if distance < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
             return mode
     return None
@@ -111,9 +112,10 @@ def find_modes(
     start: Array | Point,
     best: float = np.inf,
     known: Sequence[Mode] = (),
+    guess: float = 0.0,
 ) -> list[Mode]:
     """Return [mode] if a start leads to a mode that is not known yet, else []; see `find_mode`."""
-    mode = find_mode(density, hypothesis, start, best, known=known)
+    mode = find_mode(density, hypothesis, start, best, known=known, guess=guess)
     return [] if mode is None or mode in known else [mode]
 
 
@@ -134,6 +136,7 @@ def modes(
     starts: Iterable[Array],
     best: float = np.inf,
     max_modes: int = 3,
+    guess: float = 0.0,
 ) -> list[Mode]:
     """Return distinct modes that many starts (F,) lead to, the highest first."""
     rough: list[Mode] = []
@@ -147,7 +150,8 @@ def modes(
         # under less noise it would be even farther behind
         if candidate.loss > candidates[0].loss + _FOLLOWED:
             break
-        sharp += find_modes(density, hypothesis, candidate.point.theta, best, known=sharp)
+        theta = candidate.point.theta
+        sharp += find_modes(density, hypothesis, theta, best, known=sharp, guess=guess)
     return distinct(sharp)
 
 
@@ -164,7 +168,8 @@ def redrawn_modes(
     for drawn in density.space.draws_of(hypothesis, "relaxation", seed):
         start = known[0].point.theta.copy()
         start[indices] = drawn
-        mode = find_mode(density, hypothesis, start, known[0].loss, known=known)
+        best, size = known[0].loss, known[0].size
+        mode = find_mode(density, hypothesis, start, best, known=known, guess=size)
         is_higher = mode is not None and mode.loss < known[0].loss - _SAME
         known = distinct([*known, mode]) if mode is not None else known
         failures = 0 if is_higher else failures + 1

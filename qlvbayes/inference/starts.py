@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from qlvbayes.inference.projection import projected, with_curve
 from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
 
+_SCALED = 0.1  # least share of an amplitude to which a start is scaled down
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
 
 
@@ -91,9 +91,18 @@ def over_shapes(
 
 
 def starts(
-    space: Space, point: Point, hypothesis: Hypothesis, count: int, sizes: tuple[float, float]
+    space: Space,
+    point: Point,
+    hypothesis: Hypothesis,
+    count: int,
+    sizes: tuple[float, float],
+    promising: int,
 ) -> list[Array]:
-    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour."""
+    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour.
+
+    A new effect's force is tried at ``count`` or more shapes and at each of ``sizes`` (sds of the
+    amplitude's prior); ``promising`` of them are starts.
+    """
     parameters = space.parameters(hypothesis)
     base = projected(space, point, hypothesis, transferred(point.own, point.theta, parameters))
     thetas = [base]
@@ -101,7 +110,7 @@ def starts(
         thetas = [
             theta
             for start in thetas
-            for theta in _small_and_large(space, point, parameters, effect, start, count, sizes)
+            for theta in _screened(space, point, parameters, effect, start, count, sizes, promising)
         ]
     return thetas
 
@@ -123,7 +132,7 @@ def exchanged_starts(space: Space, point: Point, hypothesis: Hypothesis) -> list
     return starts_without
 
 
-def _small_and_large(
+def _screened(
     space: Space,
     point: Point,
     parameters: Parameters,
@@ -131,38 +140,49 @@ def _small_and_large(
     theta: Array,
     count: int,
     sizes: tuple[float, float],
+    promising: int,
 ) -> list[Array]:
-    """Return thetas (F,) with an effect at each size, all shapes at one size after another."""
-    many = space.effects[effect].shapes
-    shapes_at_zero = over_shapes(space, parameters, effect, theta, max(count, many))
+    """Return thetas (F,) with an effect at the shape and amplitude that promise most at a point.
+
+    The effect's force at each shape and at each of ``sizes`` (sds of the amplitude's prior) is
+    projected on what the constants at the point cannot follow. The most promising one of each
+    size starts, scaled to where its gain is largest.
+    """
+    many = max(count, space.effects[effect].shapes)
+    at_zero = np.stack(over_shapes(space, parameters, effect, theta, many))
     amplitude = amplitude_of(parameters, effect)
     if amplitude is None:
-        return shapes_at_zero
-    if len(shapes_at_zero) > count:
-        gains = _gains(space, point, parameters, amplitude, shapes_at_zero)
-        shapes_at_zero = [shapes_at_zero[k] for k in np.argsort(-gains)[:count]]
+        return list(at_zero)
     signed = parameters.lowest[amplitude.number] == -np.inf
-    thetas = []
-    for size in (*sizes, -sizes[1]) if signed else sizes:
-        for at_zero in shapes_at_zero:
-            start = at_zero.copy()
-            start[amplitude.number] += size * amplitude.sd
-            thetas.append(start)
-    return thetas
+    chosen = []
+    for size in (*sizes, *(-one for one in sizes)) if signed else sizes:
+        tried = at_zero.copy()
+        tried[:, amplitude.number] += size * amplitude.sd
+        gains, scales = _gains(space, point, parameters, at_zero, tried)
+        k = int(np.argmax(gains))
+        start = at_zero[k].copy()
+        scale = np.clip(scales[k], _SCALED, 1.0 / _SCALED)
+        start[amplitude.number] += scale * size * amplitude.sd
+        chosen.append((float(gains[k]), start))
+    chosen.sort(key=lambda one: -one[0])
+    return [start for _, start in chosen[:promising]]
 
 
 def _gains(
-    space: Space, point: Point, parameters: Parameters, amplitude: Amplitude, some: Sequence[Array]
-) -> Array:
-    """Return by how much an effect at each shape lowers the sum of squares (N2) at a point."""
-    thetas = np.stack(some)
-    thetas[:, amplitude.number] += amplitude.sd
-    none = parameters.constants(np.stack(some))
+    space: Space, point: Point, parameters: Parameters, none: Array, thetas: Array
+) -> tuple[Array, Array]:
+    """Return what an effect gains at thetas (S, F) over those without it, and where most.
+
+    The gain (S,) is that of the sum of squares (N2) at a point whose other constants follow; the
+    scale (S,) of the effect's force at which it is largest is at least zero.
+    """
     hypothesis, real = parameters.hypothesis, space.real
-    forces = space.forces(hypothesis, parameters.constants(thetas))
-    added = (forces - space.forces(hypothesis, none))[:, real]
+    forces = space.forces(hypothesis, parameters.constants(np.concatenate([thetas, none])))
+    added = (forces[: len(thetas)] - forces[len(thetas) :])[:, real]
+    added = np.where(np.isfinite(added).all(axis=1, keepdims=True), added, 0.0)
     left = (np.asarray(space.record.blocks.force) - point.predicted)[real]
     basis, _ = np.linalg.qr(point.responses[:, real].T)
     own = added - (added @ basis) @ basis.T
-    toward, size = np.maximum(own @ left, 0.0), np.sum(own**2, axis=1)
-    return toward**2 / np.maximum(size, np.finfo(float).tiny)
+    toward = np.maximum(own @ left, 0.0)
+    size = np.maximum(np.sum(own**2, axis=1), np.finfo(float).tiny)
+    return toward**2 / size, toward / size

@@ -19,12 +19,14 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_unknown_units
-from qlvbayes.io.formats.two_clocks import TwoClocks
+from qlvbayes.io.formats.layouts import TWO_CLOCKS
+from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_timeless
+from qlvbayes.io.formats.textfile import Lines, content, decoded, is_text, with_tabs
+from qlvbayes.io.formats.texttable import refuse_unknown_units
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
 from qlvbayes.io.reading.dialect import Dialect, sniff
-from qlvbayes.io.reading.noreading import no_readings, out_of_range
+from qlvbayes.io.reading.noreading import no_readings, out_of_range, same_readings
 from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.reading.unread import UNREAD, unread_rows
@@ -178,6 +180,7 @@ def _converted(conversion: Conversion) -> tuple[Pad, ...]:
                 tidied.test, tidied.pad, tidied.time, tidied.displacement, tidied.force,
                 start_s=start, start_known=tidied.start_s is not None,
                 contact_sd=tidied.zero_sd, contact_stage=tidied.contact_stage,
+                control=Control.FORCE if tidied.prescribed_force else None,
             )
         )  # fmt: skip
     return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
@@ -193,7 +196,7 @@ def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[tuple[Pad, ...], 
         rows, late = builder.read(grouped, notices)
         builder.check_folder(rows, tests)
         of_pad = tests.setdefault(rows.pad, [])
-        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None, late))
+        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None, notices, late))
         builder.add_fluid(rows, fluids)
     units = dialect.columns.units
     pads = [Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items()]
@@ -202,7 +205,8 @@ def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[tuple[Pad, ...], 
 
 def _notices(dialect: Dialect) -> tuple[str, ...]:
     notices = [dialect.notice] if dialect.notice else []
-    if ignored := dialect.columns.ignored:
+    twins = [c.name for key, c in dialect.columns.numeric.items() if key.endswith(" 2")]
+    if ignored := (*dialect.columns.ignored, *twins):
         notices.append(f"columns not used: {', '.join(ignored)}")
     return tuple(notices)
 
@@ -255,13 +259,22 @@ class _Builder:
         )
         return rows.after(unread), float(time[unread] - time[0])
 
-    def test(self, rows: Rows, before: Test | None, late: float = 0.0) -> Test:
+    def test(self, rows: Rows, before: Test | None, notices: list[str], late: float = 0.0) -> Test:
         """Return one test; `before` is the pad's previous one."""
         self._names(rows)
         columns = {key: rows.take(column) for key, column in self.table.numeric.items()}
+        self._twins(rows, columns)
         checker = Checker(self.file, self.table, self.dialect.columns)
         controls = self._controls(rows, columns["time"])
         used = self._used(rows, columns["time"].size)
+        if not controls and self._creeps(columns):
+            time = columns["time"]
+            controls = (Prescribed(Control.FORCE, float(time[0]), float(time[-1])),)
+            notices.append(
+                f"test '{rows.test}' of pad '{rows.pad}': {self._name('force')} is "
+                f"{columns['force'][0]:g} in every row: it is taken as prescribed, and the test as "
+                "creep; a column control that says displacement or force states it"
+            )
         self._readings(rows, columns, used)
         loaded = any(part.control == Control.FORCE for part in controls)
         checker.check(rows, columns, loaded=loaded, used=used)
@@ -285,6 +298,27 @@ class _Builder:
             contact_stage=self._label(rows, "contact_stage"),
             used=None if used.all() else used,
         )
+
+    def _twins(self, rows: Rows, columns: dict[str, Floats]) -> None:
+        """Refuse a quantity in two columns that differ by more than the digits of either."""
+        for key in ("displacement", "force"):
+            if (other := columns.pop(f"{key} 2", None)) is not None and not same_readings(
+                columns[key], other, rounded=True
+            ):
+                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
+                self._fail(
+                    rows, rows.row(0), f"two columns for {key}: {both}", "delete one of them"
+                )
+
+    @staticmethod
+    def _creeps(columns: dict[str, Floats]) -> bool:
+        """Return whether a force that is not zero never changes while the displacement does."""
+        force = columns["force"]
+        constant = bool(force[0] > 0.0 and (force == force[0]).all())
+        return constant and bool((columns["displacement"] != columns["displacement"][0]).any())
+
+    def _name(self, key: str) -> str:
+        return self.dialect.columns.numeric[key].name
 
     def _readings(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
         """Refuse rows with a logger's code in place of a reading, as empty cells are refused."""
@@ -458,11 +492,12 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
         head = head_of(file)
     except InputError:
         return None
-    whole, _, _ = matching(head, (TwoClocks,) if isinstance(tidy, Dialect) else FORMATS)
+    whole, _, _ = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else FORMATS)
     if len(whole) != 1:
-        if isinstance(tidy, InputError):
+        if isinstance(tidy, InputError) and is_text(head):
             refuse_results(head, file)
-            refuse_unknown_units(head, file)
+            refuse_unknown_units(Lines.from_bytes(decoded(head).encode()), file)
+            refuse_timeless(with_tabs(content(file))[0], file)
         return None
     try:
         return convert([file])

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import warnings
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 from threadpoolctl import threadpool_limits
-
-from qlvbayes.io.files import write_whole
 
 THREADS = "QLVBAYES_THREADS"  # environment variable: how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
@@ -31,7 +28,7 @@ def configure() -> None:
     import jax  # not above: loading JAX calls this function
 
     jax.config.update("jax_enable_x64", True)
-    # the calling thread runs the pieces of a force, so that several threads run several pieces
+    # the calling thread computes, so that several threads compute side by side
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
@@ -45,24 +42,8 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-    _mend_damaged_entries()
-
-
-def _mend_damaged_entries() -> None:
-    """Let JAX write each entry of its cache whole, in place of a damaged one, without a word."""
+    # an entry that is damaged is compiled again
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
-    with suppress(ImportError, AttributeError):  # another JAX: entries are as it writes them
-        from jax._src.lru_cache import _CACHE_SUFFIX, LRUCache
-
-        put = LRUCache.put
-
-        def put_whole(cache: Any, key: str, value: bytes) -> None:
-            if cache.eviction_enabled:  # a size limit of the user's: JAX counts the sizes itself
-                put(cache, key, value)
-            else:
-                write_whole(Path(cache.path) / f"{key}{_CACHE_SUFFIX}", value)
-
-        LRUCache.put = put_whole  # type: ignore[assignment,method-assign]
 
 
 def cores() -> int:
@@ -86,7 +67,4 @@ def forget_compiled() -> None:
     if _MAPPINGS.read_text().count("\n") > _MANY:
         import jax
 
-        from qlvbayes.io.executables import forget_executables
-
-        forget_executables()
         jax.clear_caches()

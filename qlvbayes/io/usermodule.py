@@ -19,18 +19,28 @@ Kind = TypeVar("Kind")
 
 def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind], ...]:
     """Return the classes under ``base`` that a file defines, in its order."""
-    if path.suffix != ".py" or not path.is_file():
-        raise InputError(
-            "no such Python file", file=path, remedy=f"give the path of a .py file with {content}"
-        )
-    status = path.stat()
-    module = _module(path, status.st_mtime_ns, status.st_size)
+    module = _own_module(path, content)
     kinds = [
         kind
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, base) and kind.__module__ == module.__name__
     ]
     return tuple(dict.fromkeys(kind for kind in kinds if not kind.__name__.startswith("Abstract")))
+
+
+def own_values(path: Path, kind: type[Kind]) -> list[Kind]:
+    """Return the values of a class that a file assigns to names of its own, in its order."""
+    module = _own_module(path, f"values of {kind.__name__}")
+    return [value for value in vars(module).values() if isinstance(value, kind)]
+
+
+def _own_module(path: Path, content: str) -> ModuleType:
+    if path.suffix != ".py" or not path.is_file():
+        raise InputError(
+            "no such Python file", file=path, remedy=f"give the path of a .py file with {content}"
+        )
+    status = path.stat()
+    return _module(path, status.st_mtime_ns, status.st_size)
 
 
 def check_own(

@@ -12,7 +12,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
 from qlvbayes.io.conformance import Check, run_checks
@@ -21,6 +20,7 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import MOST_TERMS, AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.xp import Array
 
 _EXACT = 1e-9  # allowed error over the largest force or stiffness
 _STEP = 2e-3  # length of a step over the depth, as on the model's grid

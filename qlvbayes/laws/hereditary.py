@@ -19,19 +19,23 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import Rise
+from qlvbayes.laws.recursion import add_modes
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 _VECTOR = 16  # numbers: two of the widest vectors of common processors
 _NEAR = 0.03  # below this the series is exact to 1e-9, and the closed form loses digits
 
 
-class Relaxing(eqx.Module):
+class Relaxing(Pytree):
     """State of a material: its depth (mm) and q_i (N), shape (k,) for k relaxing modes."""
 
     depth: Array
@@ -63,7 +67,6 @@ def hereditary_step(
     return Relaxing(depth, parts), fractions[0] * instant + fractions[1:] @ parts
 
 
-@jax.jit  # an effect may call it several times: it is traced once
 def hereditary_force(
     elastic: AbstractElastic,
     relaxation: AbstractRelaxation,
@@ -71,7 +74,50 @@ def hereditary_force(
     depth: Array,
     sagitta: Array | None = None,
 ) -> Array:
-    r"""Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm)."""
+    """Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm).
+
+    Arrays of NumPy may have more axes, of tests and sets of constants, after that of time.
+    """
+    if xp.on_numpy(time, depth, *jax.tree.leaves((elastic, relaxation))):
+        return _on_numpy(elastic, relaxation, time, depth, sagitta)
+    return _compiled(elastic, relaxation, time, depth, sagitta)
+
+
+def _on_numpy(
+    elastic: AbstractElastic,
+    relaxation: AbstractRelaxation,
+    time: Array,
+    depth: Array,
+    sagitta: Array | None,
+) -> Array:
+    """Return the force (N, ...) of NumPy arrays."""
+    fractions, rates = relaxation.spectrum()
+    instant, lasting = np.asarray(elastic.force(depth)), xp.steps(time)
+    start = np.concatenate([np.zeros_like(depth[:1]), depth[:-1]])
+    at_zero = np.asarray(elastic.force(np.zeros_like(depth[:1])))
+    before = xp.concatenate([at_zero, instant[:-1]])
+    path = (start, depth, before, instant)
+    rise, given = None, None
+    if type(elastic).relaxed_step is AbstractElastic.relaxed_step:
+        rise = elastic.rise(*path)
+    else:
+        given = xp.stack([elastic.relaxed_step(*path, rate * lasting) for rate in rates])
+    if sagitta is not None and np.any(sagitta):
+        stiffness = np.asarray(elastic.stiffness(depth))
+        bulge = 2.0 * sagitta * (stiffness + np.concatenate([stiffness[:1], stiffness[:-1]]))
+        rise = (rise or Rise(())).plus(bulge, -2.0 * bulge)
+    return add_modes(fractions[0] * instant, lasting, rates, fractions[1:], rise, given)
+
+
+@jax.jit  # an effect may call it several times: it is traced once
+def _compiled(
+    elastic: AbstractElastic,
+    relaxation: AbstractRelaxation,
+    time: Array,
+    depth: Array,
+    sagitta: Array | None,
+) -> Array:
+    """Return the force (N,) of JAX arrays."""
     fractions, rates = relaxation.spectrum()
     shares = fractions[1:, None]
     path = (time, depth, sagitta)
@@ -80,17 +126,6 @@ def hereditary_force(
     )
     force = fractions[0] * instant + local + jnp.sum(left * (shares * starts), axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
-
-
-def hereditary_parts(
-    elastic: AbstractElastic, rates: Array, time: Array, depth: Array, sagitta: Array
-) -> Array:
-    """Return F_e and every q_i, (L + 1, N) in N, at rates v_i (L,) in 1/s."""
-    instant, local, left, starts = _recursion(
-        elastic, rates, (time, depth, sagitta), lambda parts: parts
-    )
-    parts = jnp.concatenate([instant[:, None], local + left * starts], axis=1)
-    return parts.transpose(1, 2, 0).reshape(parts.shape[1], -1)[:, : time.shape[0]]
 
 
 def _recursion(

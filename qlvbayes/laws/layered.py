@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Protocol
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.hereditary import at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.pytree import Pytree, static
+from qlvbayes.xp import Array
 
 State = Any
 """The state of a law between two steps: nested tuples of arrays."""
@@ -34,7 +33,7 @@ class Layer(Protocol):
         ...
 
 
-class Law(eqx.Module):
+class Law(Pytree):
     """Quasi-linear viscoelastic material under some layers, the outermost last.
 
     A layer calls ``below.force(motion)`` for the force beneath it, of this motion or of a changed
@@ -72,30 +71,30 @@ class Law(eqx.Module):
         return Law(self.elastic, self.relaxation, self.layers[:-1])
 
 
-class Contact(eqx.Module):
+class Contact(Pytree):
     """Contact of a loose specimen: it is untouched at negative displacement and cannot pull.
 
     Where ``followed`` is true, steps give the force that a platen stuck to the specimen would feel.
     That force rises with displacement everywhere and so has an inverse.
     """
 
-    followed: bool = eqx.field(static=True, default=False)
+    followed: bool = static(default=False)
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return max(F, 0)."""
-        return jnp.maximum(below.force(touching(motion)), 0.0)
+        return xp.maximum(below.force(touching(motion)), 0.0)
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return the state of the law beneath at the specimen's depth, max(displacement, 0)."""
-        return below.begin(jnp.maximum(displacement, 0.0))
+        return below.begin(xp.maximum(displacement, 0.0))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return max(F, 0); where followed, F less the elastic force at the depth of the gap."""
         depth = line_at_depth(line, line.displacement)
         state, force = below.step(state, depth)
         if not self.followed:
-            return state, jnp.maximum(force, 0.0)
-        return state, force - below.elastic.force(jnp.asarray(depth.clear))
+            return state, xp.maximum(force, 0.0)
+        return state, force - below.elastic.force(xp.asarray(depth.clear))
 
 
 def touching(motion: Motion) -> Motion:
@@ -108,10 +107,10 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
     contact = displacement > 0.0
     return replace(
         motion,
-        displacement=jnp.where(contact, displacement, 0.0),
-        velocity=jnp.where(contact, motion.velocity, 0.0),
-        acceleration=jnp.where(contact, motion.acceleration, 0.0),
-        sagitta=None if motion.sagitta is None else jnp.where(contact, motion.sagitta, 0.0),
+        displacement=xp.where(contact, displacement, 0.0),
+        velocity=xp.where(contact, motion.velocity, 0.0),
+        acceleration=xp.where(contact, motion.acceleration, 0.0),
+        sagitta=None if motion.sagitta is None else xp.where(contact, motion.sagitta, 0.0),
     )
 
 
@@ -120,7 +119,7 @@ def line_at_depth(line: Line, displacement: Array) -> Line:
     contact = displacement > 0.0
     return Line(
         line.duration,
-        jnp.where(contact, displacement, 0.0),
-        jnp.where(contact, line.velocity, 0.0),
-        line.clear + jnp.maximum(-displacement, 0.0),
+        xp.where(contact, displacement, 0.0),
+        xp.where(contact, line.velocity, 0.0),
+        line.clear + xp.maximum(-displacement, 0.0),
     )

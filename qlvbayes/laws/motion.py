@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
+
+from qlvbayes import xp
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
-class Line(eqx.Module):
+class Line(Pytree):
     """Next straight piece of a motion, for a model that is evaluated step by step."""
 
     duration: Array  # duration (s); 0 is a jump
@@ -17,7 +19,7 @@ class Line(eqx.Module):
     clear: ArrayLike = 0.0
 
 
-class Motion(eqx.Module):
+class Motion(Pytree):
     """Motion of one test: displacement, linear in time between the points of a grid.
 
     Arrays have shape (N,) for one test; a leading axis is a batch of tests. Before the first point
@@ -68,10 +70,10 @@ class Motion(eqx.Module):
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
-        self.start = jnp.asarray(start, dtype=float)
+        self.start = xp.asarray(start)
         self.ago, self.sagitta = ago, sagitta
-        first = jnp.zeros_like(self.start)
-        self.number = first if number is None else jnp.asarray(number, dtype=float)
+        first = xp.zeros_like(self.start)
+        self.number = first if number is None else xp.asarray(number)
 
     @property
     def clock(self) -> Array:
@@ -89,10 +91,10 @@ class Motion(eqx.Module):
         if self.ago is None:
             return self
         own = self.ago == 0
-        begin = jnp.argmax(own)
+        begin = xp.first_true(own)
 
         def held(values: Array) -> Array:
-            return jnp.where(own, values, values[begin])
+            return xp.where(own, values, xp.take(values, begin))
 
         return Motion(
             held(self.time),
@@ -100,6 +102,6 @@ class Motion(eqx.Module):
             held(self.velocity),
             held(self.acceleration),
             self.start,
-            sagitta=None if self.sagitta is None else jnp.where(own, self.sagitta, 0.0),
+            sagitta=None if self.sagitta is None else xp.where(own, self.sagitta, 0.0),
             number=self.number,
         )

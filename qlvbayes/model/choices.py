@@ -22,6 +22,8 @@ from qlvbayes.model.posterior import is_prior
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.priors import AbstractPrior
 
+_NOMINAL = Scales(force=1.0, depth=1.0, shortest=0.01, longest=100.0, white=0.01, ou=0.01, tau=1.0)
+"""Scales at which settings are tried: whether one can be applied depends on no test."""
 Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
 
 
@@ -41,7 +43,7 @@ class Choices:
 
     Parameters
     ----------
-    law
+    elastic
         Name of the elastic law.
     modes
         Number of modes of a Prony series; other relaxation laws ignore it.
@@ -57,7 +59,7 @@ class Choices:
         Values of single constants, ``{"v[2]": 0.14}`` or ``["v[2]=0.14"]``, applied after
         ``priors``.
     effects
-        Names of the effects in the model.
+        Names of the effects in the model; one alone may be a text.
     effects_file
         Python file with a user's own effects.
     rested
@@ -77,11 +79,11 @@ class Choices:
     Raises
     ------
     InputError
-        A law or noise model of that name does not exist, a prior cannot be read, or ``modes`` is
-        below 1.
+        A law, effect or noise model of that name does not exist, a prior or a fixed value cannot be
+        applied, or ``modes`` is below 1.
     """
 
-    law: str = "exponential"
+    elastic: str = "exponential"
     modes: int = 2
     bonded: bool = False
     noise: str = "floor"
@@ -103,11 +105,18 @@ class Choices:
     def __post_init__(self) -> None:
         for name in ("priors", "fixed"):
             object.__setattr__(self, name, _settings_in_words(getattr(self, name)))
-        find_elastic(self.law, self.laws)
+        for name in ("effects", "use", "leave_out"):
+            given = getattr(self, name)
+            object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
+        find_elastic(self.elastic, self.laws)
         find_relaxation(self.relaxation, self.laws)
         check_known("noise model", self.noise, NOISES)
         if self.modes < 1:
             raise InputError(f"{self.modes} relaxation modes", remedy="use one or more")
+        if self.effects_file is None or Path(self.effects_file).exists():  # else of old results
+            self._added()
+            if self.priors or self.fixed:
+                self.build(_NOMINAL)
 
     def build(self, scales: Scales) -> tuple[Model, AbstractNoise]:
         """Return model and noise with default priors at these scales, then with the user's own.
@@ -117,7 +126,7 @@ class Choices:
         """
         model = default_model(
             scales,
-            self.law,
+            self.elastic,
             self.modes,
             relaxation=self.relaxation,
             laws=self.laws,
@@ -200,8 +209,10 @@ class Choices:
     def from_dict(cls, values: dict) -> Choices:
         """Return choices from a dictionary that ``as_dict`` made.
 
-        Results without these keys are of tests from rest, and of all their readings.
+        Results without these keys are of tests from rest, and of all their readings; in older ones
+        the elastic law is called ``law``.
         """
+        values = {"elastic" if key == "law" else key: value for key, value in values.items()}
         names = ("priors", "fixed", "effects", "use", "leave_out")
         lists = {key: tuple(values.get(key, ())) for key in names}
         return cls(**{"rested": True, "keep_all_readings": True, **values, **lists})

@@ -38,7 +38,7 @@ def infer_choices(
     effects = dict.fromkeys(name.split(".")[0] for name in sorted(given) if "." in name)
     effects.pop("noise", None)
     choices = Choices(
-        law=law,
+        elastic=law,
         modes=modes or Choices.modes,
         relaxation=relaxation,
         bonded=bonded,

@@ -12,13 +12,14 @@ and size, and
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from qlvbayes.pytree import Pytree
 
-class FloorLikelihood(eqx.Module):
+
+class FloorLikelihood(Pytree):
     """Likelihood of one record of n block means, padding left out.
 
     ``indices`` (n,) are those of the block means in the flattened (T, B) record. ``axes`` (n, n) is

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-from jaxtyping import Array
-
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.io.checks import InputError
@@ -12,9 +9,11 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.layered import Contact, Law, Layer
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.pytree import Pytree, static
+from qlvbayes.xp import Array
 
 
-class Model(eqx.Module):
+class Model(Pytree):
     """Model of the force of a quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6.
 
     Effects wrap the material; they nest innermost first, whatever the order in which they were
@@ -27,7 +26,7 @@ class Model(eqx.Module):
 
     elastic: AbstractElastic
     relaxation: AbstractRelaxation
-    bonded: bool = eqx.field(static=True, default=False)
+    bonded: bool = static(default=False)
     effects: tuple[AbstractEffect, ...] = ()
 
     def __add__(self, effect: AbstractEffect) -> Model:

@@ -10,7 +10,6 @@ import math
 from abc import abstractmethod
 from typing import ClassVar, NamedTuple, Self
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.scipy.stats as jss
@@ -22,11 +21,12 @@ from qlvbayes.motion.noisefloor.floor import NoiseFloor
 from qlvbayes.motion.record import Blocks
 from qlvbayes.priors import HalfNormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import Pytree
 
 __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "White"]
 
 
-class AbstractNoise(eqx.Module):
+class AbstractNoise(Pytree):
     """Noise model: its likelihood and its draws.
 
     Each field is a constant of the noise: a number where it is fixed, a prior where it is free. A
@@ -39,10 +39,10 @@ class AbstractNoise(eqx.Module):
     `qlvbayes.motion.record.Blocks`.
     """
 
-    name: eqx.AbstractClassVar[str]
-    units: eqx.AbstractClassVar[dict[str, str]]
-    meanings: eqx.AbstractClassVar[dict[str, str]]
-    words: eqx.AbstractClassVar[str]
+    name: ClassVar[str]
+    units: ClassVar[dict[str, str]]
+    meanings: ClassVar[dict[str, str]]
+    words: ClassVar[str]
     prefix: ClassVar[str] = "noise."
 
     @classmethod

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import fields, replace
 from typing import TypeVar
 
-import equinox as eqx
 import numpy as np
 
 from qlvbayes.io.checks import InputError
@@ -25,6 +24,7 @@ from qlvbayes.priors import (
     Ordered,
     Uniform,
 )
+from qlvbayes.pytree import Pytree
 
 WORDS: dict[str, type[AbstractScalarPrior]] = {
     kind.word: kind for kind in (Normal, LogNormal, HalfNormal, Uniform, LogUniform)
@@ -32,7 +32,7 @@ WORDS: dict[str, type[AbstractScalarPrior]] = {
 _PRIOR = re.compile(r"\s*([a-z]+)\s*\(([^()]*)\)\s*")
 _NAME = re.compile(r"\s*([A-Za-z_][\w.]*)(?:\[(\d+)\])?\s*")
 
-Part = TypeVar("Part", bound=eqx.Module)
+Part = TypeVar("Part", bound=Pytree)
 
 
 def parse(text: str, *, fixed: bool) -> tuple[str, AbstractPrior | float]:
@@ -130,7 +130,7 @@ def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
             changes[field.name] = value
         elif isinstance(old, tuple):
             changes[field.name] = tuple(_put(member, name, value, prefix) for member in old)
-        elif isinstance(old, eqx.Module) and not isinstance(old, AbstractPrior):
+        elif isinstance(old, Pytree) and not isinstance(old, AbstractPrior):
             changes[field.name] = _put(old, name, value, prefix)
     return replace(part, **changes)
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
-import equinox as eqx
 import numpy as np
 
-from qlvbayes.model.posterior import Posterior, is_prior, value_shape
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import AbstractNoise
+from qlvbayes.model.posterior import is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.pytree import Pytree
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Field:
         return tuple(f"{self.name}[{self.first_index + k}]" for k in range(self.shape[0]))
 
 
-def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
+def fields_of(part: Pytree, prefix: str = "") -> Iterator[Field]:
     """Yield every number or prior in a module, depth first, in JAX's order of leaves."""
     prefix = prefix + getattr(part, "prefix", "")
     for field in fields(part):
@@ -45,7 +47,7 @@ def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
             for member in value:
                 yield from fields_of(member, prefix)
             continue
-        if isinstance(value, eqx.Module) and not isinstance(value, AbstractPrior):
+        if isinstance(value, Pytree) and not isinstance(value, AbstractPrior):
             yield from fields_of(value, prefix)
             continue
         first = getattr(part, "first_index", {}).get(field.name, 0)
@@ -53,17 +55,31 @@ def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
         yield Field(prefix + field.name, value, unit, value_shape(value), first)
 
 
-def all_fields(posterior: Posterior) -> list[Field]:
+class Modelled(Protocol):
+    """What has a model and its noise: a posterior, or the parameters of a hypothesis."""
+
+    @property
+    def model(self) -> Model:
+        """Return the model."""
+        ...
+
+    @property
+    def noise(self) -> AbstractNoise:
+        """Return the noise model."""
+        ...
+
+
+def all_fields(posterior: Modelled) -> list[Field]:
     """Return the fields of the model, then those of the noise."""
     return [*fields_of(posterior.model), *fields_of(posterior.noise)]
 
 
-def names(posterior: Posterior) -> list[str]:
+def names(posterior: Modelled) -> list[str]:
     """Return the names of ``posterior.constants``, in order."""
     return [name for field in all_fields(posterior) for name in field.names]
 
 
-def unit_kinds(posterior: Posterior) -> list[str]:
+def unit_kinds(posterior: Modelled) -> list[str]:
     """Return the kind of unit of each of ``names``: stiffness, exponent, rate, force, and so on."""
     return [field.unit for field in all_fields(posterior) for _ in field.names]
 

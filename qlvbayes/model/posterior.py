@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
+
+Part = TypeVar("Part")
 
 
 def is_prior(node: object) -> TypeGuard[AbstractPrior]:
@@ -23,7 +26,7 @@ def is_prior(node: object) -> TypeGuard[AbstractPrior]:
     return isinstance(node, AbstractPrior)
 
 
-class Posterior(eqx.Module):
+class Posterior(Pytree):
     """Posterior density, prior times likelihood, of some tests of one specimen.
 
     ``model`` and ``noise`` hold priors where they are free. ``record`` holds the tests along a
@@ -118,14 +121,7 @@ class Posterior(eqx.Module):
 
     def with_constants(self, constants: Array) -> tuple[Model, AbstractNoise]:
         """Return model and noise whose numbers are ``constants`` (P,), ordered as ``names``."""
-        leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
-        bound, taken = [], 0
-        for leaf in leaves:
-            size = value_shape(leaf)
-            count = int(np.prod(size, dtype=int))
-            bound.append(jnp.reshape(constants[taken : taken + count], size))
-            taken += count
-        model, noise = jax.tree.unflatten(shape, bound)
+        model, noise = filled((self.model, self.noise), constants)
         return model, noise
 
     def unconstrain(self, constants: np.ndarray) -> np.ndarray:
@@ -141,6 +137,23 @@ class Posterior(eqx.Module):
         return np.concatenate(parts)
 
 
+def filled(part: Part, constants: Array) -> Part:
+    """Return a part of a model whose fields are the numbers ``constants`` (P, ...), in order.
+
+    Where there are K sets of constants, (P, K), each field has them along its last axis.
+    """
+    leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
+    fields, taken = [], 0
+    for leaf in leaves:
+        shape = value_shape(leaf)
+        count = math.prod(shape)
+        rows = constants[taken : taken + count]
+        fields.append(rows.reshape(shape + rows.shape[1:]))
+        taken += count
+    whole: Part = jax.tree.unflatten(structure, fields)
+    return whole
+
+
 def value_shape(field: Any) -> tuple[int, ...]:
     """Return the shape of the number or numbers that a field stands for."""
     if isinstance(field, AbstractScalarPrior):
@@ -151,23 +164,29 @@ def value_shape(field: Any) -> tuple[int, ...]:
     return np.shape(field)
 
 
-@cache  # called often, and traced at each call
+@cache  # called often
 def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, ...]:
-    prior = jax.tree.unflatten(structure, [jnp.ones(shape) for shape in shapes])
-    return tuple(jax.eval_shape(prior.constrain, jnp.zeros(size))[0].shape)
+    prior = jax.tree.unflatten(structure, [np.ones(shape) for shape in shapes])
+    return np.shape(prior.constrain(np.zeros(size))[0])
 
 
-def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:
+def draw_priors(part: Pytree, count: int, rng: np.random.Generator) -> np.ndarray:
     """Return (count, D) unconstrained numbers drawn from the priors of a module."""
     priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
     values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
     columns = [
-        np.asarray(jax.vmap(prior.unconstrain)(np.stack(drawn)))
+        unconstrained(prior, np.stack(drawn))
         for prior, drawn in zip(priors, zip(*values, strict=True), strict=True)
     ]
     return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
 
 
-def central(part: eqx.Module, draws: int = 50) -> np.ndarray:
+def unconstrained(prior: AbstractPrior, values: np.ndarray) -> np.ndarray:
+    """Return the unconstrained numbers (K, size) of K values (K, ...) of a prior's constants."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(prior.unconstrain(np.moveaxis(values, 0, -1))).T
+
+
+def central(part: Pytree, draws: int = 50) -> np.ndarray:
     """Return the median (D,) of the priors' unconstrained numbers; it is the same at every call."""
     return np.median(draw_priors(part, draws, np.random.default_rng(0)), axis=0)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
@@ -21,6 +20,7 @@ from qlvbayes.laws.layered import Contact, Law
 from qlvbayes.laws.layered import State as LawState
 from qlvbayes.laws.motion import Line
 from qlvbayes.model.model import Model
+from qlvbayes.pytree import Pytree
 
 _CLOSE = 1e-7  # of the travel: the error after one more of Newton's steps is about its square
 _ROUNDING = 1e-15  # of the displacement: a smaller step is lost in rounding
@@ -32,7 +32,7 @@ _FAR = 1e9  # mm, or the file's unit: away from any specimen
 _Bracket = tuple[Array, Array, Array, Array, Array, Array]
 
 
-class State(eqx.Module):
+class State(Pytree):
     """Displacement of the platen (mm), and the state of the specimen and the rig."""
 
     displacement: Array

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.laws.motion import Motion
+from qlvbayes.pytree import Pytree
 
 _LEAST = 32  # points or blocks
 
@@ -20,7 +20,7 @@ held = cast("Callable[[Any], Array]", np.asarray)
 """Arrays of one test stay numpy's: JAX would compile a copy for every length."""
 
 
-class Blocks(eqx.Module):
+class Blocks(Pytree):
     """Averages over runs of consecutive samples; every field has shape (B,)."""
 
     force: Array  # mean of the samples (N)
@@ -67,14 +67,14 @@ class Blocks(eqx.Module):
         return cls(**{name: held(values) for name, values in fields.items()})
 
 
-class RateErrors(eqx.Module):
+class RateErrors(Pytree):
     """Errors of a motion's velocity and acceleration, (E, N) each, on the grid of a record."""
 
     velocity: Array
     acceleration: Array
 
 
-class Record(eqx.Module):
+class Record(Pytree):
     """A test (or, with a leading axis, several padded to one size)."""
 
     motion: Motion  # on the grid (N,)

@@ -9,10 +9,18 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from queue import SimpleQueue
+from typing import Any
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import THREADS, cores
@@ -20,73 +28,114 @@ from qlvbayes.io.runtime import THREADS, cores
 _WAIT_S = 10.0  # for a scheduler to answer: one that is there answers within a second
 _LEAST = 16  # tasks that wait on a cluster, so that one that grows sees that there is work
 _LOOK_S = 5.0  # between two looks at how many workers there are
+_DEATHS = 2  # of processes at work on one task: one may be chance, two are not
 
 
 class EngineLostError(InputError):
     """Exception for an engine that has stopped; finished work is kept."""
 
 
-class Engine(Protocol):
-    """Interface of an engine that takes tasks."""
+class KilledError(InputError):
+    """Exception for a task whose processes were killed, again and again."""
 
-    @property
-    def workers(self) -> int:
-        """Number of workers."""
-        ...
+    def __init__(self) -> None:
+        super().__init__(
+            "the process that worked on it was killed, again and again",
+            remedy="it may need more memory: use fewer --jobs, or a machine with more",
+        )
 
-    @property
-    def ahead(self) -> int:
-        """Largest number of submitted tasks, waiting ones included."""
-        ...
 
-    @property
-    def shares_disk(self) -> bool:
-        """True if its workers are sure to see the files that this process sees."""
-        ...
+@dataclass(frozen=True, eq=False)
+class Engine:
+    """What takes tasks: processes, a cluster or an executor of the user.
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit one call."""
-        ...
+    submit: Function that submits one call and returns its future; ahead: function of the largest
+    number of submitted tasks, waiting ones included; lost: what has happened where it stops, and
+    the remedy; shares_disk: whether its workers are sure to see the files that this process sees.
+    """
 
-    def renew(self) -> None:
-        """Restart after a worker has died and stopped the others."""
-        ...
+    submit: Callable[..., Future[Any]]
+    ahead: Callable[[], int]
+    lost: tuple[str, str]
+    shares_disk: bool = False
+
+    def lost_error(self) -> EngineLostError:
+        """Return the error that says that it has stopped."""
+        return EngineLostError(self.lost[0], remedy=self.lost[1])
 
 
 class Processes:
-    """Spawned interpreters, never forked ones, because JAX has threads."""
+    """Spawned interpreters, never forked ones, because JAX has threads.
 
-    shares_disk = True
+    Each is the only one of its pool, so that one that dies takes no other task with it. A thread
+    waits for each; the processes are started when they are needed.
+    """
 
     def __init__(self, count: int) -> None:
-        self.workers = count
-        self.ahead = count + 1  # one waits, so that no process does
-        self._pool: ProcessPoolExecutor | None = None
-        self._lifeline: Connection | None = None
+        self._threads = ThreadPoolExecutor(count)
+        self._idle: SimpleQueue[_Process | None] = SimpleQueue()
+        for _ in range(count):
+            self._idle.put(None)
+        self._share = max(1, cores() // count)
+        self._all: list[_Process] = []
+        self._closed = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit one call; processes are started when they are needed."""
-        if self._pool is None:
-            # idle threads of BLAS, as many as there are cores in each process, take memory
-            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-            ours, self._lifeline = multiprocessing.Pipe(duplex=False)
-            threads = max(1, cores() // self.workers)
-            self._pool = ProcessPoolExecutor(
-                self.workers,
-                mp_context=multiprocessing.get_context("spawn"),
-                initializer=_begin,
-                initargs=(ours, threads),
-            )
-        return self._pool.submit(function, *arguments)
+        """Submit one call."""
+        return self._threads.submit(self._run, function, *arguments)
 
-    def renew(self) -> None:
-        """Stop the remaining processes; the next call starts new ones."""
-        pool, lifeline = self._pool, self._lifeline
-        self._pool = self._lifeline = None
-        if lifeline is not None:
-            lifeline.close()
-        if pool is not None:
-            pool.shutdown(wait=True, cancel_futures=True)
+    def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the answer of a process; one that dies is replaced, and its task done again."""
+        for _ in range(_DEATHS):
+            process: _Process | None = self._idle.get() or self._started()
+            assert process is not None
+            try:
+                return process.run(function, *arguments)
+            except BrokenExecutor as error:
+                process.end()
+                process = None
+                if self._closed:
+                    raise CancelledError from error
+            finally:
+                self._idle.put(process)
+        raise KilledError
+
+    def _started(self) -> _Process:
+        process = _Process(self._share)
+        self._all.append(process)
+        return process
+
+    def close(self) -> None:
+        """Stop all processes at once, whatever they are doing."""
+        self._closed = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for process in list(self._all):
+            process.end()
+        self._threads.shutdown()
+
+
+class _Process:
+    """One spawned interpreter, which ends when its parent does or closes its pipe."""
+
+    def __init__(self, threads: int) -> None:
+        # idle threads of BLAS, as many as there are cores in each process, take memory
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        ours, self._lifeline = multiprocessing.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(
+            1,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin,
+            initargs=(ours, threads),
+        )
+
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the answer to one call."""
+        return self._pool.submit(function, *arguments).result()
+
+    def end(self) -> None:
+        """End the process."""
+        self._lifeline.close()
+        self._pool.shutdown(cancel_futures=True)
 
 
 def _begin(lifeline: Connection, threads: int) -> None:
@@ -104,82 +153,40 @@ def _end_with(lifeline: Connection) -> None:
         os._exit(0)
 
 
-class UserExecutor:
-    """An executor that the user passes: anything whose ``submit`` returns futures."""
-
-    def __init__(self, executor: Any) -> None:
-        self._executor = executor
-        self.workers = int(getattr(executor, "_max_workers", None) or cores())
-        self.ahead = 2 * self.workers
-        self.shares_disk = False
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit one call."""
-        future: Future[Any] = self._executor.submit(function, *arguments)
-        return future
-
-    def renew(self) -> None:
-        """Raise EngineLostError, as only the owner can restart it."""
-        raise EngineLostError(
-            "a worker of the executor has died and the executor with it",
-            remedy="make a new one and call again: what is finished is kept",
-        )
-
-
-class Cluster:
-    """Workers of a Dask scheduler, by a ``distributed.Client``; they may come and go."""
-
-    shares_disk = False
+class _ClusterThreads:
+    """Number of threads of all workers of a Dask client, who may come and go."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
-        self._executor = client.get_executor(pure=False)
-        self._address = getattr(client.scheduler, "address", "")
         self._looked, self._count = -_LOOK_S, 1
 
-    @property
-    def workers(self) -> int:
-        """Number of threads of all workers, at most a few seconds old."""
+    def ahead(self) -> int:
+        """Return twice their number, so that the next task waits when one is done."""
         if time.monotonic() - self._looked > _LOOK_S:
             self._looked = time.monotonic()
-            try:
-                self._count = sum(self._client.nthreads().values())
-            except Exception as error:  # Dask raises several, as its connection is when asked
-                raise self._lost() from error
-        return max(1, self._count)
-
-    @property
-    def ahead(self) -> int:
-        """Twice the number of workers, so that the next task waits when one is done."""
-        return max(_LEAST, 2 * self.workers)
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit one call."""
-        try:
-            future: Future[Any] = self._executor.submit(function, *arguments)
-        except Exception as error:
-            raise self._lost() from error
-        return future
-
-    def renew(self) -> None:
-        """Raise EngineLostError: Dask itself replaces a worker that died."""
-        raise self._lost()
-
-    def _lost(self) -> EngineLostError:
-        return EngineLostError(
-            f"the Dask scheduler at {self._address} is lost",
-            remedy="start it and give the same command again: what is finished is kept",
-        )
+            self._count = sum(self._client.nthreads().values())
+        return max(_LEAST, 2 * self._count)
 
 
 def engine_of(client: Any) -> Engine | None:
     """Return the engine of a Dask client or of an executor; None for this process."""
-    if client is None or isinstance(client, Processes | Cluster | UserExecutor):
+    if client is None or isinstance(client, Engine):
         return client
     if hasattr(client, "get_executor") and hasattr(client, "nthreads"):
-        return Cluster(client)
+        # Dask itself replaces a worker that died, and gives up a task that kills several
+        address = getattr(client.scheduler, "address", "")
+        lost = (
+            f"the Dask scheduler at {address} is lost",
+            "start it and give the same command again: what is finished is kept",
+        )
+        return Engine(client.get_executor(pure=False).submit, _ClusterThreads(client).ahead, lost)
     if callable(getattr(client, "submit", None)):
-        return UserExecutor(client)
+        count = 2 * int(getattr(client, "_max_workers", None) or cores())
+        lost = (
+            "a worker of the executor has died and the executor with it",
+            "make a new one and call again: what is finished is kept",
+        )
+        return Engine(client.submit, lambda: count, lost)
     raise InputError(
         f"a {type(client).__name__} takes no work",
         remedy="give a distributed.Client or an executor of concurrent.futures",
@@ -188,18 +195,18 @@ def engine_of(client: Any) -> Engine | None:
 
 @contextmanager
 def opened_engine(jobs: int = 1, cluster: str | None = None) -> Iterator[Engine | None]:
-    """Open the engine of ``--jobs`` and ``--cluster``; None where this process does all."""
+    """Open an engine of processes or of a cluster; None where this process does all."""
     if cluster is not None:
-        if jobs > 1:
-            raise InputError("--jobs and --cluster are two ways to work", remedy="give one")
         with _client(cluster) as client:
-            yield Cluster(client)
+            yield engine_of(client)
     elif jobs > 1:
-        engine = Processes(jobs)
+        processes = Processes(jobs)
+        lost = ("the processes were stopped", "give the same command again")
         try:
-            yield engine
+            # one task waits, so that no process does
+            yield Engine(processes.submit, lambda: jobs + 1, lost, shares_disk=True)
         finally:
-            engine.renew()
+            processes.close()
     else:
         yield None
 
@@ -210,7 +217,7 @@ def _client(address: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError as error:
         raise InputError(
-            "--cluster needs the package distributed", remedy="pip install 'qlvbayes[cluster]'"
+            "a cluster needs the package distributed", remedy="pip install 'qlvbayes[cluster]'"
         ) from error
     for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # one line says it: ours

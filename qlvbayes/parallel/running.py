@@ -5,25 +5,22 @@ from __future__ import annotations
 import hashlib
 import sys
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Future
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, Generic, TypeVar, cast
 
 import qlvbayes
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
-from qlvbayes.parallel.engines import Engine, EngineLostError
+from qlvbayes.parallel.engines import Engine, KilledError
 from qlvbayes.parallel.faults import Fault, fault_of
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
-_DEATHS = 2  # of a process that works on one item alone: one may be chance, two are not
 _WAITING = 1000  # outcomes kept at most while that of an item before them is not there
 _IN_TURN = threading.Lock()  # figures have settings of the whole process: one task at a time
 
@@ -44,23 +41,53 @@ def run_all(
     *,
     keep: Callable[[Outcome[Item, Answer]], None] = lambda outcome: None,
 ) -> Iterator[Outcome[Item, Answer]]:
-    """Run ``task`` for every item; yield what became of each, in the order of the items."""
+    """Run ``task`` for every item; yield what became of each, in the order of the items.
+
+    ``keep`` receives each outcome as soon as it is there. An item that is a fault, or an outcome
+    already, needs no work and passes in its place.
+    """
     if engine is None:
-        for item in items:
-            outcome = _passed(item) or Outcome(cast(Item, item), *_tried(task, cast(Item, item)))
+        for one in items:
+            outcome = _passed(one) or Outcome(cast(Item, one), *_tried(task, cast(Item, one)))
             keep(outcome)
             yield outcome
         return
-    yield from _Run(task, engine, keep).through(cast(Iterator[Item], iter(items)))
+    numbered = enumerate(items)
+    working: dict[Future[Any], tuple[int, Item]] = {}
+    done: dict[int, Outcome[Item, Answer]] = {}
+    following, more = 0, True
+    while more or working:
+        while more and len(working) < _ahead(engine) and len(done) < _WAITING:
+            entry = next(numbered, None)
+            if entry is None:
+                more = False
+            elif (passed := _passed(entry[1])) is not None:
+                keep(passed)
+                done[entry[0]] = passed
+            else:
+                item = cast(Item, entry[1])
+                working[_submitted(engine, task, item)] = entry[0], item
+        for future in wait(working, return_when=FIRST_COMPLETED).done if working else ():
+            index, item = working.pop(future)
+            done[index] = _outcome(engine, item, future)
+            keep(done[index])
+        while following in done:
+            yield done.pop(following)
+            following += 1
 
 
 @cache
-def package_digest() -> str:
-    """Return the digest of the package's source; results of other code are not reused."""
+def package_digest(folders: tuple[str, ...] = ()) -> str:
+    """Return the digest of the source of some folders of the package, by default of all of it.
+
+    Modules that lie in no folder belong to each.
+    """
     digest = hashlib.sha256()
     root = Path(qlvbayes.__file__).parent
     for file in sorted(root.rglob("*.py")):
-        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+        name = file.relative_to(root)
+        if not folders or len(name.parts) == 1 or name.parts[0] in folders:
+            digest.update(name.as_posix().encode() + file.read_bytes())
     return digest.hexdigest()
 
 
@@ -69,6 +96,31 @@ def _passed(item: Any) -> Outcome[Any, Any] | None:
     if isinstance(item, Outcome):
         return item
     return Outcome(item, None, item) if isinstance(item, Fault) else None
+
+
+def _submitted(engine: Engine, task: Callable[[Item], Any], item: Item) -> Future[Any]:
+    try:
+        return engine.submit(_tried_elsewhere, package_digest(), task, item)
+    except Exception as error:  # each engine raises its own when it has stopped
+        raise engine.lost_error() from error
+
+
+def _ahead(engine: Engine) -> int:
+    try:
+        return engine.ahead()
+    except Exception as error:  # Dask raises several, as its connection is when asked
+        raise engine.lost_error() from error
+
+
+def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, Any]:
+    """Return what a worker sent back; raise EngineLostError where there are none any more."""
+    try:
+        return Outcome(item, *future.result())
+    except (BrokenExecutor, CancelledError) as error:
+        raise engine.lost_error() from error
+    except Exception as error:  # its arguments or its answer cannot travel, or workers died
+        killed = type(error).__name__ == "KilledWorker"  # Dask's own
+        return Outcome(item, None, fault_of(KilledError() if killed else error))
 
 
 def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
@@ -102,112 +154,3 @@ def _without_scheduler() -> AbstractContextManager[object]:
 
     synchronous: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
     return synchronous
-
-
-@dataclass(eq=False)
-class _Run(Generic[Item, Answer]):
-    """Items that pass through an engine.
-
-    A process that dies takes all others of its pool with it. What was being worked on then is done
-    again one by one, so that the item at fault is known and no other pays for it.
-    ``alone``: the index of the item that was last submitted alone; ``deaths``: how often its
-    process died.
-    """
-
-    task: Callable[[Item], Answer]
-    engine: Engine
-    keep: Callable[[Outcome[Item, Answer]], None]
-    finished: SimpleQueue[tuple[int, Future[Any]]] = field(default_factory=SimpleQueue)
-    handed: dict[int, Item] = field(default_factory=dict)
-    done: dict[int, Outcome[Item, Answer]] = field(default_factory=dict)
-    suspects: deque[tuple[int, Item]] = field(default_factory=deque)
-    alone: int | None = None
-    deaths: int = 0
-
-    def through(self, items: Iterator[Item]) -> Iterator[Outcome[Item, Answer]]:
-        """Yield all outcomes in order."""
-        numbered, next_index = enumerate(items), 0
-        more = True
-        while True:
-            more = self._hand_over(numbered) and more
-            while next_index in self.done:
-                yield self.done.pop(next_index)
-                next_index += 1
-            if self.handed:
-                self._hear(*self.finished.get())
-            elif not more and not self.suspects and next_index not in self.done:
-                return
-
-    def _hand_over(self, numbered: Iterator[tuple[int, Item]]) -> bool:
-        """Submit as many items as the engine takes; return whether more may follow."""
-        if self.suspects:
-            if not self.handed:
-                index, item = self.suspects.popleft()
-                self.deaths = self.deaths if self.alone == index else 0
-                self.alone = index
-                self._submit(index, item)
-            return True
-        while len(self.handed) < self.engine.ahead and len(self.done) < _WAITING:
-            entry = next(numbered, None)
-            if entry is None:
-                return False
-            if (passed := _passed(entry[1])) is not None:
-                self._end(entry[0], passed)
-            else:
-                self._submit(*entry)
-            if self.suspects:
-                break
-        return True
-
-    def _submit(self, index: int, item: Item) -> None:
-        try:
-            future = self.engine.submit(_tried_elsewhere, package_digest(), self.task, item)
-        except BrokenExecutor:  # it broke while nobody listened
-            self.suspects.append((index, item))
-            if not self.handed:  # else the last of them does it
-                self.engine.renew()
-            return
-        self.handed[index] = item
-        future.add_done_callback(lambda done: self.finished.put((index, done)))
-
-    def _hear(self, index: int, future: Future[Any]) -> None:
-        item = self.handed.pop(index)
-        try:
-            answer, fault = future.result()
-        except BrokenExecutor:
-            self._died(index, item)
-        except CancelledError:
-            self.engine.renew()
-        except EngineLostError:
-            raise
-        except Exception as error:  # its arguments or its answer cannot travel, or a worker died
-            self._end(index, Outcome(item, None, _of_engine(error)))
-        else:
-            self._end(index, Outcome(item, answer, fault))
-
-    def _died(self, index: int, item: Item) -> None:
-        if not self.handed:  # the last of those that the pool took with it
-            self.engine.renew()
-        if index != self.alone:
-            self.suspects.append((index, item))
-            return
-        self.deaths += 1
-        if self.deaths < _DEATHS:
-            self.suspects.appendleft((index, item))
-        else:
-            self._end(index, Outcome(item, None, _DIED))
-
-    def _end(self, index: int, outcome: Outcome[Item, Answer]) -> None:
-        self.keep(outcome)
-        self.done[index] = outcome
-
-
-_DIED = Fault(
-    "the process that worked on it was killed, again and again; "
-    "it may need more memory: use fewer --jobs, or a machine with more"
-)
-
-
-def _of_engine(error: Exception) -> Fault:
-    """Return the fault of an error in the engine: Dask raises it when workers die."""
-    return _DIED if type(error).__name__ == "KilledWorker" else fault_of(error)

@@ -1,11 +1,13 @@
-"""Compare pads or fluids of one study and save the comparisons."""
+"""The step that compares two pads or two fluids of a folder of results, and what is compared."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import ClassVar
 
 from qlvbayes.comparison.compare import REGION, compare
 from qlvbayes.comparison.contrast import Comparison
@@ -14,12 +16,71 @@ from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.motion.covered import covered
+from qlvbayes.parallel.running import package_digest
+from qlvbayes.pipeline.finished import FITTED, digest_of, is_finished, record_finished
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
 _MOST_PAIRS = 6  # most pairs that a study compares; beyond that the user names them
 Group = tuple[str, Sequence[Saved]]
+
+
+@dataclass(frozen=True)
+class CompareStep:
+    """Step that compares two groups of fits; it leaves a figure and tables in a folder of the pair.
+
+    region: ratios from 1/(1 + region) to 1 + region count as equal; depth, rates, frequencies:
+    where quantities are read, None for what the tests of both cover; seed: that of the draws.
+    """
+
+    name: ClassVar[str] = "compare"
+    needs: ClassVar[tuple[str, ...]] = ("posterior.nc",)  # of each pad
+    leaves: ClassVar[tuple[str, ...]] = tuple(f"compare.{kind}" for kind in ("json", "csv", "txt"))
+    code: ClassVar[tuple[str, ...]] = (*FITTED, "comparison")
+
+    region: float = REGION
+    depth: float | None = None
+    rates: tuple[float, ...] | None = None
+    frequencies: tuple[float, ...] | None = None
+    seed: int = 0
+
+    def run(self, out: Path, first: Group, second: Group, watcher: Watcher) -> Comparison:
+        """Compare the groups in ``out/compare``; one that is finished is read."""
+        names = first[0], second[0]
+        folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
+        key = self._key(first, second)
+        if is_finished(out, self.name, folder.name, key, folder):
+            return Comparison.read(folder / self.leaves[0])
+        with watcher.doing(f"comparing {names[0]} with {names[1]}"):
+            comparison = compare(
+                first[1], second[1], names=names, region=self.region, depth=self.depth,
+                rates=self.rates, frequencies=self.frequencies, seed=self.seed,
+            )  # fmt: skip
+            files = [*write_comparison(folder, comparison), _figure(comparison, folder)]
+        record_finished(out, self.name, folder.name, key, {f.name: digest_of(f) for f in files})
+        return comparison
+
+    def _key(self, first: Group, second: Group) -> str:
+        draws = [
+            (saved.pad, saved.fluid, saved.draws.tobytes()) for saved in (*first[1], *second[1])
+        ]
+        digests = [(pad, fluid, hashlib.sha256(x).hexdigest()) for pad, fluid, x in draws]
+        parts = (self, first[0], second[0], digests, package_digest(self.code))
+        return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def figure_of(out: Path, comparison: Comparison) -> Path:
+    """Return the path of a comparison's figure."""
+    return out / FOLDER / "-vs-".join(comparison.names) / "contrasts.png"
+
+
+def _figure(comparison: Comparison, folder: Path) -> Path:
+    # imported here, so that the other steps do not wait for matplotlib
+    from qlvbayes.plots.contrasts import plot_contrasts
+    from qlvbayes.plots.files import save_figure
+
+    return save_figure(plot_contrasts(comparison), folder / "contrasts")
 
 
 def saved_pads(out: Path, data: Path | None = None, *, only: Sequence[str] = ()) -> list[Saved]:
@@ -79,49 +140,10 @@ def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher)
         _leave_out(f"{len(pads)} pads make {len(pairs)} pairs, which", watcher)
         return
     for first, second in pairs:
-        compare_into(out, first, second, seed=seed, watcher=watcher)
+        CompareStep(seed=seed).run(out, first, second, watcher)
 
 
 def _leave_out(what: str, watcher: Watcher) -> None:
     watcher.notice(
         f"{what} are not all compared here; name those that matter: qlvbayes compare OUT --pads A,B"
     )
-
-
-def compare_into(
-    out: Path,
-    first: Group,
-    second: Group,
-    *,
-    region: float = REGION,
-    depth: float | None = None,
-    rates: Sequence[float] | None = None,
-    frequencies: Sequence[float] | None = None,
-    seed: int = 0,
-    watcher: Watcher | None = None,
-) -> tuple[Comparison, list[Path]]:
-    """Compare two groups; leave compare.json, .csv, .tex, .txt and a figure in a folder."""
-    names = first[0], second[0]
-    folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
-    with (watcher or Watcher()).doing(f"comparing {names[0]} with {names[1]}"):
-        comparison = compare(
-            first[1],
-            second[1],
-            names=names,
-            region=region,
-            depth=depth,
-            rates=rates,
-            frequencies=frequencies,
-            seed=seed,
-        )
-        write_comparison(folder, comparison)
-        figures = _figures(comparison, folder)
-    return comparison, figures
-
-
-def _figures(comparison: Comparison, folder: Path) -> list[Path]:
-    # imported here, so that the other steps do not wait for matplotlib
-    from qlvbayes.plots.contrasts import plot_contrasts
-    from qlvbayes.plots.files import save_figure
-
-    return [save_figure(plot_contrasts(comparison), folder / "contrasts")]

@@ -1,4 +1,9 @@
-"""Record which pads of a step are finished, so that an interrupted run does not repeat them."""
+"""Record which steps of which pads are finished, so that an interrupted run does not repeat them.
+
+The records are small files in ``OUT/.finished``: ``<step>/<pad>.json`` has the digest of what the
+step was run with and those of the files that it left, ``failed/<name>.json`` why a pad, or a file
+that could not be read, has no results.
+"""
 
 from __future__ import annotations
 
@@ -12,58 +17,44 @@ from qlvbayes.io.files import write_json
 from qlvbayes.parallel.faults import Fault
 
 FINISHED = ".finished"
-"""Folder within the folder of results, with one file for each step and pad."""
+FITTED = ("io", "priors", "laws", "effects", "motion", "model", "inference", "fitting")
+"""Folders of the package that the numbers of a fit depend on."""
+_FAILED = "failed"
 
 
-class Finished:
-    """Pads that one step has finished, and those that failed, each recorded in a small file.
+def is_finished(out: Path, step: str, pad: str, key: str, folder: Path) -> bool:
+    """Return whether a step was run with the same inputs and all files that it left are there."""
+    try:
+        record = json.loads(_file(out, step, pad).read_bytes())
+        files: dict[str, str] = record["files"]
+        same = record["key"] == key
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return same and all(digest_of(folder / name) == sha for name, sha in files.items())
 
-    out: folder of the results; step: name of the step.
-    """
 
-    def __init__(self, out: Path, step: str) -> None:
-        self._folder = out / FINISHED / step
+def record_finished(out: Path, step: str, pad: str, key: str, files: dict[str, str]) -> Path:
+    """Record that a step is finished, with the digests of the files that it wrote by name."""
+    return _write(_file(out, step, pad), {"key": key, "files": files})
 
-    def has(self, pad: str, key: str, folder: Path) -> bool:
-        """Return whether a pad was finished from the same input and all its files are there."""
-        try:
-            record = json.loads(self._file(pad).read_bytes())
-            files: dict[str, str] = record["files"]
-            same = record["key"] == key
-        except (OSError, ValueError, KeyError, TypeError):
-            return False
-        return same and all(digest_of(folder / name) == sha for name, sha in files.items())
 
-    def add(self, pad: str, key: str, files: dict[str, str]) -> None:
-        """Record that a pad is finished, with the digests of the files that the step wrote."""
-        self._write(pad, {"key": key, "files": files})
+def record_fault(out: Path, name: str, fault: Fault) -> None:
+    """Record why a pad, or a file that could not be read, has no results."""
+    record = {"fault": fault.text, "mendable": fault.mendable, "of": fault.of}
+    _write(_file(out, _FAILED, name), record)
 
-    def fail(self, name: str, fault: Fault) -> None:
-        """Record why a pad, or a file that could not be read, has no results."""
-        record = {"fault": fault.text, "mendable": fault.mendable, "of": fault.of}
-        self._write(name, record)
 
-    def forget(self, name: str) -> None:
-        """Delete the record of an earlier run."""
-        with suppress(OSError):
-            self._file(name).unlink()
-
-    def _write(self, name: str, content: dict[str, Any]) -> None:
-        self._folder.mkdir(parents=True, exist_ok=True)
-        write_json(self._file(name), content)
-
-    def _file(self, name: str) -> Path:
-        return self._folder / f"{name}.json"
+def forget_fault(out: Path, name: str) -> None:
+    """Delete the fault of an earlier run."""
+    with suppress(OSError):
+        _file(out, _FAILED, name).unlink()
 
 
 def faults_in(out: Path) -> list[Fault]:
-    """Return the faults of all steps that are recorded in a folder and were not mended since."""
-    faults = []
-    for file in sorted(out.glob(f"{FINISHED}/*/*.json")):
-        record = json.loads(file.read_bytes())
-        if "fault" in record:
-            faults.append(Fault(record["fault"], record["mendable"], record["of"]))
-    return faults
+    """Return the faults that are recorded in a folder and were not mended since."""
+    files = sorted((out / FINISHED / _FAILED).glob("*.json"))
+    records = [json.loads(file.read_bytes()) for file in files]
+    return [Fault(one["fault"], one["mendable"], one["of"]) for one in records]
 
 
 def digest_of(path: Path) -> str:
@@ -73,3 +64,13 @@ def digest_of(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
+
+
+def _write(file: Path, content: dict[str, Any]) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_json(file, content)
+    return file
+
+
+def _file(out: Path, step: str, name: str) -> Path:
+    return out / FINISHED / step / f"{name}.json"

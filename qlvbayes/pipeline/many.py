@@ -1,8 +1,7 @@
-"""Run one step for every pad: in this process, in others, or on a cluster."""
+"""Run the steps of every pad: in this process, in others, or on a cluster."""
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -10,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Protocol, TypeVar, cast
+from typing import Any, TypeVar, cast
 from uuid import uuid4
 
 from qlvbayes.io.checks import InputError
@@ -18,44 +17,34 @@ from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.parallel.running import Outcome, package_digest, run_all
-from qlvbayes.pipeline.finished import Finished, digest_of
+from qlvbayes.parallel.running import Outcome, run_all
+from qlvbayes.pipeline.finished import (
+    digest_of,
+    forget_fault,
+    is_finished,
+    record_fault,
+    record_finished,
+)
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.watcher import Message, Recorder, Watcher, replay
-
-_READING = "reading"  # stands for the step where a file cannot be read and no pad is known
+from qlvbayes.pipeline.steps import Step, key_of, label_of
+from qlvbayes.pipeline.watcher import Watcher
 
 Answer = TypeVar("Answer")
 
 
-class Step(Protocol):
-    """Work done with each pad: a frozen record of its settings, which can be pickled."""
-
-    name: ClassVar[str]  # name of the step
-    reads: ClassVar[tuple[str, ...]]  # names of the files in the pad's folder that the step needs
-
-    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """Do the step for the one pad of ``study`` and write the results into its folder."""
-        ...
-
-    def report_saved(self, folder: Path, watcher: Watcher) -> None:
-        """Report the results of an earlier run, as ``run`` reported them."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Step for one pad, as it is sent to a worker."""
+    """Steps of one pad, one after the other, as they are sent to a worker."""
 
-    step: Step
+    steps: tuple[Step, ...]
     study: Measurements
-    folder: Path
+    out: Path
+    todo: tuple[Step, ...] = ()  # those that are not finished
     # Matplotlib settings of the user that differ from the package's
     style: dict[str, Any] = field(default_factory=dict)
-    code: str = ""  # digest of the package
     # a file that only workers which share the disk can see, None where all of them share it
     token: Path | None = None
-    # contents of the files that the step reads, for workers that do not
+    # contents of the files that the steps need, for workers that do not
     inputs: dict[str, bytes] = field(default_factory=dict)
 
     @property
@@ -64,25 +53,29 @@ class Work:
         return self.study.pads[0].name
 
     @property
-    def key(self) -> str:
-        """Digest of all that the results depend on: step, measurements, style and code."""
-        choices = getattr(self.step, "choices", None)
-        own = [getattr(choices, name, None) for name in ("effects_file", "laws_file")]
-        parts = [
-            repr(self.step), self.study.sha256, str(Path(self.study.source).resolve()), self.pad,
-            repr(sorted(map(str, self.style.items()))), self.code,
-            *(digest_of(Path(file)) for file in own if file),
-        ]  # fmt: skip
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    def folder(self) -> Path:
+        """Folder of the pad."""
+        return self.out / self.pad
+
+    def unfinished(self) -> tuple[Step, ...]:
+        """Return the steps to do: those not finished, and those that need what these leave."""
+        todo: list[Step] = []
+        for step in self.steps:
+            key = key_of(step, self.folder, self.study, self.style)
+            finished = is_finished(self.out, label_of(step), self.pad, key, self.folder)
+            if not finished or (todo and step.needs):
+                todo.append(step)
+        return tuple(todo)
 
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """Files that a step has written, and what it has reported."""
+    """What a worker sends back: what it told before fits, and where the disk is not shared files.
 
-    messages: list[Message] | None  # what it reported, None where an earlier run had finished it
-    files: dict[str, str] = field(default_factory=dict)  # digests by file name
-    # by file name, where the worker does not share the disk
+    ``contents`` are by path in the folder of results.
+    """
+
+    starting: tuple[tuple[str, ...], ...] = ()
     contents: dict[str, bytes] = field(default_factory=dict)
 
 
@@ -107,11 +100,10 @@ def run_pads(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do one step for all pads, one after the other or in parallel."""
+    """Do the steps of all pads, one pad after the other or in parallel; skip what is finished."""
     watcher = watcher or Watcher()
     pads: list[str] = []
     faults: list[Fault] = []
-    names: set[str] = set()
     reached = 0
     with (
         _shared_disk_token(out, engine) as token,
@@ -124,33 +116,30 @@ def run_pads(
             _keep(out, outcome)
             report_count(reached, max(size, reached))
 
-        todo = _todo(out, work, token, names)
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
-        for outcome in run_all(task, todo, engine, keep=keep):
+        for outcome in run_all(task, _prepared(work, token), engine, keep=keep):
             if outcome.fault is not None:
-                faults.append(_fault_with_pad(outcome))
+                faults.append(_with_pad(outcome.fault, outcome.item))
                 continue
-            assert outcome.answer is not None
-            pads.append(outcome.item.pad)
-            if outcome.answer.messages is None:
-                outcome.item.step.report_saved(outcome.item.folder, watcher)
-            replay(outcome.answer.messages or [], watcher, outcome.item.folder)
+            done, one = cast(Done, outcome.answer), outcome.item
+            pads.append(one.pad)
+            for lines in done.starting:
+                watcher.starting(lines)
+            if engine is not None or not one.todo:
+                _report(one, watcher)
     return Tally(tuple(pads), tuple(faults))
 
 
-def run_step(
+def run_steps(
     out: Path,
     source: Source,
-    step: Callable[[Measurements], Step],
+    steps: Callable[[Measurements], Sequence[Step]],
     *,
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do `run_pads` with a step that is made for each pad's measurements, into ``out/<pad>``."""
-    work = (
-        one if isinstance(one, Fault) else Work(step(one), one, out / one.pads[0].name)
-        for one in source
-    )
+    """Do `run_pads` with the steps that are made for each pad's measurements, in ``out/<pad>``."""
+    work = (one if isinstance(one, Fault) else Work(tuple(steps(one)), one, out) for one in source)
     tally = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
     if not tally.total and source.only and source.shard.count == 1:
         raise InputError(f"no pad of these files is called {' or '.join(source.only)}")
@@ -176,98 +165,123 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
 
 
 def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
-    """Raise FailedError where pads failed in one of the steps; the first step had all pads."""
+    """Raise FailedError where pads failed in one of the runs; the first run had all pads."""
     faults = [fault for tally in tallies for fault in tally.faults]
     if faults:
         raise FailedError(faults, tallies[0].total, results)
 
 
-def _todo(
-    out: Path, work: Iterable[Work | Fault], token: Path | None, names: set[str]
+def _prepared(
+    work: Iterable[Work | Fault], token: Path | None
 ) -> Iterator[Work | Fault | Outcome[Work, Done]]:
     """Yield the work for the engine, complete, and outcomes for what is finished already."""
+    names: set[str] = set()
     for one in work:
         if isinstance(one, Fault):
             yield one
             continue
-        one = replace(one, style=_own_style(), code=package_digest(), token=token)
         if same_folder(one.pad) in names:
             text = f"{one.study.source}: another pad of these files is called '{one.pad}' too"
             yield Fault(f"{text}; rename the file or the pad", of=one.pad)
             continue
         names.add(same_folder(one.pad))
-        Finished(out, _READING).forget(Path(one.study.source).name)
-        if Finished(out, one.step.name).has(one.pad, one.key, one.folder):
-            yield Outcome(one, Done(None))
+        for name in (one.pad, Path(one.study.source).name):
+            forget_fault(one.out, name)
+        one = replace(one, style=_own_style(), token=token)
+        one = replace(one, todo=one.unfinished())
+        if not one.todo:
+            yield Outcome(one, Done())
             continue
         if token is not None:
-            there = {name: one.folder / name for name in one.step.reads}
-            one.inputs.update({n: f.read_bytes() for n, f in there.items() if f.exists()})
+            needed = {one.folder / step.within / name for step in one.todo for name in step.needs}
+            one.inputs.update(_contents([path for path in needed if path.exists()], one.out))
         yield one
 
 
 def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
-    """Write the files that a worker sent back; record that the pad is finished, or its fault."""
+    """Write the files that a worker sent back, or record the fault."""
     if outcome.fault is not None:
-        fault = _fault_with_pad(outcome)
-        work = outcome.item
-        step, name = (work.step.name, work.pad) if isinstance(work, Work) else (_READING, fault.of)
+        fault = _with_pad(outcome.fault, outcome.item)
         if out.is_dir():
-            Finished(out, step).fail(name, fault)
+            name = outcome.item.pad if isinstance(outcome.item, Work) else fault.of
+            record_fault(out, name, fault)
         return
-    done, work = outcome.answer, outcome.item
-    assert done is not None
-    if done.messages is None:  # an earlier run finished it
-        return
+    done = cast(Done, outcome.answer)
     for name, content in done.contents.items():
-        path = work.folder / name
+        path = out / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)
     done.contents.clear()
-    work.inputs.clear()
-    Finished(out, work.step.name).add(work.pad, work.key, done.files)
+    outcome.item.inputs.clear()
 
 
-def _fault_with_pad(outcome: Outcome[Work, Done]) -> Fault:
-    assert outcome.fault is not None
-    if isinstance(outcome.item, Work):
-        return replace(outcome.fault, of=f"pad {outcome.item.pad}")
-    return outcome.fault
+def _with_pad(fault: Fault, item: Any) -> Fault:
+    return replace(fault, of=f"pad {item.pad}") if isinstance(item, Work) else fault
+
+
+def _report(work: Work, watcher: Watcher) -> None:
+    for step in work.steps:
+        step.report(work.folder / step.within, watcher)
 
 
 def _done_here(watcher: Watcher, work: Work) -> Done:
-    """Do a step in this process, which reports directly to the watcher."""
-    return Done([], _files_written(work, work.folder, watcher))
+    """Do the steps in this process, and report each as soon as it is done."""
+    _do(work, work.out, watcher, lambda step: step.report(work.folder / step.within, watcher))
+    return Done()
 
 
 def _done_elsewhere(work: Work) -> Done:
-    """Do a step in a worker; send its messages back, and its files where the disk is not shared."""
+    """Do the steps in a worker; send files back where the disk is not shared."""
+    watcher = _Starting()
     with _with_style(work.style):
         if work.token is None or work.token.exists():
-            recorder = Recorder(work.folder)
-            return Done(recorder.messages, _files_written(work, work.folder, recorder))
+            _do(work, work.out, watcher)
+            return Done(tuple(watcher.told))
         with TemporaryDirectory() as base:
-            folder = Path(base) / work.folder.name
-            folder.mkdir()
+            out = Path(base)
             for name, content in work.inputs.items():
-                (folder / name).write_bytes(content)
-            recorder = Recorder(folder)
-            files = _files_written(work, folder, recorder)
-            contents = {name: (folder / name).read_bytes() for name in files}
-            return Done(recorder.messages, files, contents)
+                (out / name).parent.mkdir(parents=True, exist_ok=True)
+                (out / name).write_bytes(content)
+            files = _do(work, out, watcher)
+            return Done(tuple(watcher.told), _contents(files, out))
 
 
-def _files_written(work: Work, folder: Path, watcher: Watcher) -> dict[str, str]:
-    """Do the step and return the digests of the files that it wrote, by name."""
+class _Starting(Watcher):
+    """Watcher in a worker, which keeps what the user's process tells before the results."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str, ...]] = []
+
+    def starting(self, lines: Sequence[str]) -> None:
+        """Keep what is fitted, and the priors."""
+        self.told.append(tuple(lines))
+
+
+def _do(
+    work: Work, out: Path, watcher: Watcher, report: Callable[[Step], None] = lambda step: None
+) -> list[Path]:
+    """Do the unfinished steps, record each as finished, and return all files written.
+
+    ``report`` receives each step of the pad when it is finished, in order.
+    """
+    folder = out / work.pad
+    written: list[Path] = []
     with alone_in(folder):
-        before = _stamps(folder)
-        work.step.run(folder, work.study, watcher)
-        after = _stamps(folder)
-    return {
-        path.relative_to(folder).as_posix(): digest_of(path)
-        for path, stamp in after.items()
-        if before.get(path) != stamp
-    }
+        for step in work.steps:
+            if step in work.todo:
+                before = _stamps(folder)
+                key = key_of(step, folder, work.study, work.style)
+                step.run(folder / step.within, work.study, watcher)
+                left = [path for path, s in _stamps(folder).items() if before.get(path) != s]
+                files = {path.relative_to(folder).as_posix(): digest_of(path) for path in left}
+                record = record_finished(out, label_of(step), work.pad, key, files)
+                written += [*left, record]
+            report(step)
+    return written
+
+
+def _contents(files: Iterable[Path], out: Path) -> dict[str, bytes]:
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
 
 
 def _stamps(folder: Path) -> dict[Path, tuple[int, int, int]]:

@@ -1,20 +1,39 @@
-"""Yield pads from one file of measurements, from several, or from a folder of them."""
+"""Yield pads from files of measurements: by one rule for every command that reads.
+
+A tidy file is a record of its own: its pads stay apart from those of other files, and are named
+after the file too where there are several. Files of testing machines do not name pads: they are
+tests of one pad, ``pad`` or as the user calls it, unless the names of their tests hold the pads'
+(``--pad-from``). What was read of several of them lies in ``OUT/measurements.csv`` from then on.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import hashlib
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, Pad, read_measurements
-from qlvbayes.io.files import folder_fault, same_folder
+from qlvbayes.io.data import Measurements, Pad, measurements_of, read_measurements
+from qlvbayes.io.files import folder_fault, results_folder, same_folder
+from qlvbayes.io.formats.answers import Answers
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conversion import Conversion, convert
+from qlvbayes.io.formats.format import Format
+from qlvbayes.io.formats.layouts import TWO_CLOCKS
+from qlvbayes.io.formats.recognition import head_of, matching
+from qlvbayes.io.formats.tidy import tidy_text, write_tidy
+from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import PAD
+from qlvbayes.io.wording import listed
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
 
 REFERENCES = "paper_table1.csv"
 """File of reference constants, next to the measurements, that is drawn with the pads' own."""
+KEPT = "measurements.csv"
+"""Tidy file, in a folder of results, of what was read of several files of testing machines."""
 _UNNAMED = "pad"  # name of a file's only pad where no column names it
 _NO_MEASUREMENTS = {
     ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",
@@ -22,51 +41,84 @@ _NO_MEASUREMENTS = {
 }  # fmt: skip
 """Suffixes of files in a folder that hold no measurements; files of any other are read."""
 
+Convert = Callable[[Sequence[Path], tuple[str, ...]], Conversion]
+"""Function that converts files of testing machines, whose pads are called so."""
+NamesAmong = Callable[[Collection[str]], list[str]]
+"""Function that finds names of pads in the user's words, of which known ones may hold commas."""
+
+
+def converted(files: Sequence[Path], pads: tuple[str, ...] = ()) -> Conversion:
+    """Convert files of testing machines without any answer of the user."""
+    return convert(files, Answers.from_words(pads=pads), without_faulty=True)
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """Source of pads, each as a study of its own, in the order of the files and within them."""
 
-    files: tuple[Path, ...]  # where there are several, of which one is read at a time
+    files: tuple[Path, ...]  # tidy files where there are several, of which one is read at a time
     only: tuple[str, ...] = ()  # names of the pads that are wanted, all by default
-    read: Measurements | None = None  # the measurements where they are in one file
+    read: Measurements | None = None  # measurements that are read: of one file, or of machines'
     folder: Path | None = None
     shard: Shard = field(default_factory=Shard)
+    conversion: Conversion | None = None  # that of machines' files, where the user's words matter
+    faults: tuple[Fault, ...] = ()  # of machines' files that could not be read
 
     @classmethod
     def from_files(
         cls,
         measurements: Measurements | str | Path | Sequence[str | Path],
         *,
-        only: Sequence[str] = (),
+        only: Sequence[str] | NamesAmong = (),
         shard: Shard | None = None,
+        convert: Convert | None = None,
+        stated: bool = False,
+        pad_names: bool = True,
     ) -> Source:
-        """Return the source of measurements: a file, several files, or a folder of them."""
+        """Return the source of measurements: a file, several files, or a folder of them.
+
+        ``convert`` reads files of testing machines; where the user has not ``stated`` how, a single
+        one is read as every file is. ``only`` selects pads, or finds their names among
+        known ones; it names those of machines' files unless ``pad_names`` is false, as the answers
+        find them in the tests' names.
+        """
         part = shard or Shard()
+        named = only if callable(only) else _all_of(only)
         if isinstance(measurements, str | Path):
             measurements = [measurements]
         if isinstance(measurements, Measurements):
-            return cls((), _checked_names(measurements, only), measurements, shard=part)
+            return cls((), _known(measurements, named), measurements, shard=part)
         paths = [Path(one) for one in measurements]
-        if len(paths) == 1 and not paths[0].is_dir():
-            read = read_measurements(paths[0])
-            return cls((paths[0],), _checked_names(read, only), read, shard=part)
-        files = tuple(file for path in paths for file in files_at(path))
-        _refuse_same_names(files)
-        folder = paths[0] if len(paths) == 1 else None
-        return cls(files, tuple(only), folder=folder, shard=part)
+        files = [file for path in paths for file in files_at(path)]
+        folder = paths[0] if len(paths) == 1 and paths[0].is_dir() else None
+        alone = len(files) == 1 and not stated and not named(())
+        tidy = files if alone else [file for file in files if _is_tidy(file, stated)]
+        machines = [file for file in files if file not in tidy]
+        if tidy and not machines and stated:
+            what = "an option says how files of testing machines are read, and this one is tidy"
+            raise InputError(what, file=tidy[0], remedy="leave the option out")
+        if machines:
+            return _of_machines(machines, tidy, named, folder, part, convert, pad_names)
+        if len(tidy) == 1 and folder is None:
+            study = read_measurements(tidy[0])
+            return cls((tidy[0],), _known(study, named), study, shard=part)
+        _refuse_same_names(tidy)
+        return cls(tuple(tidy), tuple(named(())), folder=folder, shard=part)
 
     @property
     def size(self) -> int:
-        """Number of pads in this part; of several files, the number of files."""
-        if self.read is None:
-            return len(self.shard.part(self.files))
-        return len(self.shard.part(self._selected(self.read)))
+        """Number of pads in this part; of several tidy files, the number of files."""
+        return len(self.shard.part(self._entries))
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Notices from reading a single file."""
+        """Notices from reading a single file, or files of testing machines."""
         return self.read.notices if self.read else ()
+
+    @property
+    def is_complete(self) -> bool:
+        """True if all pads are known, and no file is still to be read."""
+        return self.read is not None and not self._streamed
 
     @property
     def location(self) -> Path:
@@ -77,29 +129,117 @@ class Source:
 
     @property
     def whole(self) -> Measurements:
-        """Measurements of the single file, or an empty record that names the folder of several."""
+        """Measurements that are read, or an empty record that names the folder of several files."""
         return self.read or Measurements((), PAD, str(self.location), "", ())
+
+    @property
+    def grouping(self) -> str:
+        """What the files are taken for, in words."""
+        words = f"{len(self.files)} tidy files, each with pads of its own"
+        several = [words] if self._streamed else []
+        pads = self._selected(self.read) if self.read is not None else []
+        named = [f"pad {pad.name} of {_count(len(pad.tests), 'test')}" for pad in pads]
+        text = f"read: {listed([*named, *several])}"
+        if self.conversion is not None and len(pads) == 1 and len(pads[0].tests) > 1:
+            text += " (--pad NAME names it; --pad-from REGEX finds several pads in tests' names)"
+        if several:
+            text += " (tests of one pad stand in one file, with a column test)"
+        return text
+
+    def kept(self, out: Path) -> Source:
+        """Return the source whose machines' files are read from their tidy copy in ``out``.
+
+        Later steps, which ask where the measurements are, then find them in one file.
+        """
+        if self.conversion is None:
+            return self
+        file = results_folder(out) / KEPT
+        if not file.is_file() or file.read_bytes() != tidy_text(self.conversion):
+            write_tidy(self.conversion, file)
+        assert self.read is not None
+        study = replace(read_measurements(file), notices=self.read.notices)
+        return replace(self, read=study)
 
     def __iter__(self) -> Iterator[Measurements | Fault]:
         """Yield a study of each pad, and a fault for each file that cannot be read."""
-        if self.read is not None:
-            for pad in self.shard.part(self._selected(self.read)):
-                yield alone(self.read, pad)
-            return
-        for file in self.shard.part(self.files):
+        yield from self.faults if self.shard.index == 1 else ()
+        for entry in self.shard.part(self._entries):
+            if isinstance(entry, Pad):
+                assert self.read is not None
+                yield alone(self.read, entry)
+                continue
             try:
-                study = named_after(file, read_measurements(file))
+                study = named_after(entry, read_measurements(entry))
             except Exception as error:  # one bad file must not stop the others
-                yield replace(fault_of(error), of=file.name)
+                yield replace(fault_of(error), of=entry.name)
                 continue
             for pad in self._selected(study):
                 yield alone(study, pad)
+
+    @property
+    def _streamed(self) -> tuple[Path, ...]:
+        return () if self.read is not None and self.conversion is None else self.files
+
+    @cached_property
+    def _entries(self) -> list[Pad | Path]:
+        pads = self._selected(self.read) if self.read is not None else []
+        return [*pads, *self._streamed]
 
     def _selected(self, study: Measurements) -> list[Pad]:
         if not self.only:
             return list(study.pads)
         known = {pad.name: pad for pad in study.pads}
         return [known[name] for name in self.only if name in known]
+
+
+def _of_machines(
+    machines: Sequence[Path],
+    tidy: Sequence[Path],
+    named: NamesAmong,
+    folder: Path | None,
+    part: Shard,
+    convert: Convert | None,
+    pad_names: bool,
+) -> Source:
+    """Return the source of machines' files, which are read together, beside tidy ones."""
+    names = () if tidy or not pad_names else tuple(named(()))
+    faults: list[Fault] = []
+    left = list(machines)
+    while True:
+        try:
+            conversion = (convert or converted)(left, names)
+            break
+        except InputError as error:  # of all files, or of one that stops the others
+            rest = [file for file in left if str(file) != str(error.file)]
+            if not rest or len(rest) == len(left) or names:
+                raise
+            faults.append(replace(fault_of(error), of=Path(str(error.file)).name))
+            left = rest
+    faults += [replace(fault_of(one), of=Path(str(one.file)).name) for one in conversion.faults]
+    digest = hashlib.sha256(tidy_text(conversion)).hexdigest()
+    study = measurements_of(conversion, str(machines[0]), digest)
+    wanted = tuple(named(())) if tidy else () if names else _known(study, named)
+    _refuse_same_names(tidy)
+    return Source(tuple(tidy), wanted, study, folder, part, conversion, tuple(faults))
+
+
+def _is_tidy(file: Path, asked: bool) -> bool:
+    """Return whether a file is tidy, as `read_measurements` takes it; none is both.
+
+    asked: whether the user has said how machines' files are read: then all others are theirs.
+    """
+    try:
+        dialect = sniff(file)
+    except InputError:
+        return not asked and not _matches(file, FORMATS)
+    return not dialect.columns.ignored or not (asked or _matches(file, (TWO_CLOCKS,)))
+
+
+def _matches(file: Path, formats: Sequence[Format]) -> bool:
+    try:
+        return bool(matching(head_of(file), formats)[0])
+    except InputError:
+        return False
 
 
 def alone(study: Measurements, pad: Pad) -> Measurements:
@@ -135,8 +275,16 @@ def pad_of(study: Measurements, name: str) -> Measurements:
     return alone(study, study.pad(name))
 
 
-def _checked_names(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
-    return tuple(study.pad(name).name for name in only)
+def _all_of(names: Sequence[str]) -> NamesAmong:
+    return lambda known: list(names)
+
+
+def _known(study: Measurements, named: NamesAmong) -> tuple[str, ...]:
+    return tuple(study.pad(name).name for name in named([pad.name for pad in study.pads]))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def files_at(path: Path) -> list[Path]:

@@ -194,23 +194,11 @@ class Study(Measurements):
     ) -> dict[str, Fit]:
         """Draw the constants of every pad from their posterior; return the fits by pad.
 
-        Parameters
-        ----------
-        choices
-            The model, as of `Specimen.fit`.
-        client
-            A ``distributed.Client``, or an executor with ``submit`` such as a
-            ``ProcessPoolExecutor`` that spawns, that does the work; by default this process does,
-            one pad after the other. The fits do not depend on it.
-        **options
-            ``method``, ``all_tests`` and ``settings`` of `Specimen.fit`.
-
-        Raises
-        ------
-        InputError
-            The client takes no work, or is lost.
-        FailedError
-            Some pads failed, after the others were done; its ``results`` are these.
+        ``choices`` and the other options are those of `Specimen.fit`. ``client`` is a
+        ``distributed.Client``, or an executor with ``submit`` such as a ``ProcessPoolExecutor``
+        that spawns, that does the work; by default this process does, one pad after the other. An
+        InputError where it takes no work or is lost; a FailedError, whose ``results`` are the
+        others, where pads failed.
         """
         return self._each(partial(_fitted, choices, options), client)
 
@@ -219,21 +207,8 @@ class Study(Measurements):
     ) -> dict[str, DiagnosisResult]:
         """Say of every pad what the model lacks; return the results by pad.
 
-        Parameters
-        ----------
-        choices
-            The model to start from, as of `Specimen.diagnose`.
-        client
-            Client or executor that does the work, as of `fit`.
-        **options
-            ``kinds``, ``thresholds`` and ``seed`` of `Specimen.diagnose`.
-
-        Raises
-        ------
-        InputError
-            The client takes no work, or is lost.
-        FailedError
-            Some pads failed, after the others were done; its ``results`` are these.
+        ``choices`` and the other options are those of `Specimen.diagnose`, ``client`` and the
+        errors those of `fit`.
         """
         return self._each(partial(_diagnosed, choices, options), client)
 

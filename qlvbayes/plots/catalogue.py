@@ -43,8 +43,9 @@ FIGURES = (
         "forces",
         "check",
         "Force against time of every test of {of}, by phase, measured and predicted.",
-        "Dots are measured, the line is the model, the band holds 90 % of predicted samples. Dots "
-        "that leave the band in a row are where the model fails.",
+        "Dots are measured, the line is the model, the band holds 90 % of predicted samples. "
+        "Correlated noise may carry all dots of a short phase out of the band; where the error is "
+        "more than that, the map above has a cross.",
         lambda checked: (checked.predictions, checked.experiment.units),
     ),
     Figure(
@@ -56,9 +57,7 @@ FIGURES = (
         lambda checked: (checked.predictions, checked.experiment.units),
     ),
     Figure(
-        "residual_map",
-        "check",
-        takes=lambda checked: (checked.check, checked.experiment.units),
+        "residual_map", "check", takes=lambda checked: (checked.check, checked.experiment.units)
     ),
     Figure(
         "forces_at_rates",
@@ -70,8 +69,9 @@ FIGURES = (
         "residuals_before_after",
         "diagnose",
         "Error over noise floor of {of} by test and phase, for the plain model and for the last.",
-        "Cells near 1 are noise. What is dark on the left and light on the right was explained by "
-        "what was added.",
+        "Both models are fitted to all tests. Cells near 1 are noise, in short ramps those of 2 or "
+        "3 too unless they have a frame. What is dark on the left and light on the right was "
+        "explained by what was added.",
         lambda diagnosis: (diagnosis.result,),
     ),
     Figure(
@@ -130,9 +130,9 @@ FIGURES = (
     Figure(
         "contrasts",
         "compare",
-        "Ratios of {of} with 90 % intervals against the region of practical equivalence.",
-        "Inside the shaded region: equal for practical purposes. Clear of the line at 1 and not "
-        "inside: different. On both sides of the line and beyond the region: undecided.",
+        "Ratios of {of} with 90 and 95 % intervals against the region of practical equivalence.",
+        "Equal: at least 95 % of the probability lies in the shaded region. Different: it does "
+        "not, and the thin line, which holds 95 %, is clear of 1. Otherwise: cannot tell.",
     ),
     Figure(
         "prediction",

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.constants_table import Entry, rounded
 from qlvbayes.plots.naming import parameter_label
+from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style
 
 _ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, a panel's margins, the figure's margins
@@ -42,30 +43,32 @@ def plot_constants(
             axis.remove()
         axes = list(grid[: len(names)])
         for axis, name in zip(axes, names, strict=True):
-            _draw(axis, [entry for entry in shown if entry.parameter == name], pads)
+            own = [entry for entry in shown if entry.parameter == name]
+            _draw(axis, own, pads, shortened(reference, 36))
         for axis in axes:
             axis.set_ylim(len(pads) - 0.45, -0.75)
-            axis.set_yticks(range(len(pads)), [f"pad {shortened(pad, _NAME)}" for pad in pads])
+            axis.set_yticks(range(len(pads)), [pad_title(shortened(pad, _NAME)) for pad in pads])
             axis.tick_params(axis="y", length=0)
         if any(entry.reference is not None for entry in shown):
-            _legend(figure, reference)
+            figure.legend(*legend_entries(figure), loc="outside upper left", ncols=2)
     return axes
 
 
-def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str]) -> None:
+def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str], reference: str) -> None:
     ink = colours()
     for entry in entries:
         row = pads.index(entry.pad)
         axis.text(0.02, row - 0.2, _values_text(entry), transform=axis.get_yaxis_transform(),
                   va="bottom", fontsize="small")  # fmt: skip
-        axis.plot(
-            [entry.low, entry.high], [row + _DOWN] * 2, color=ink[0], linewidth=1.6, gid="interval"
-        )
-        axis.plot(entry.median, row + _DOWN, "o", color=ink[0], markersize=3.6, gid="median")
+        look: dict[str, Any] = {"color": ink[0], "markersize": 3.6, "linewidth": 1.6}
+        axis.plot([entry.low, entry.high], [row + _DOWN] * 2, gid="interval", **look)
+        label = "median (bar: 90 % interval)"
+        axis.plot(entry.median, row + _DOWN, "o", gid="median", label=label, **look)
         if entry.reference is not None:
             axis.plot(
                 entry.reference, row + _DOWN, "D", color=ink[1], markerfacecolor="none",
                 markersize=6.0, markeredgewidth=0.9, gid="reference",
+                label=reference,
             )  # fmt: skip
     for row in range(len(pads)):
         axis.axhline(row + _DOWN, color="0.92", linewidth=0.4, zorder=0)
@@ -80,18 +83,3 @@ def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str]) -> None:
 def _values_text(entry: Entry) -> str:
     median, low, high = (text.replace("-", "−") for text in rounded(entry))
     return f"{median} (fixed)" if entry.low == entry.high else f"{median} ({low} to {high})"
-
-
-def _legend(figure: Figure, reference: str) -> None:
-    ink = colours()
-    handles = [
-        Line2D([], [], color=ink[0], linewidth=1.6, marker="o", markersize=3.6),
-        Line2D(
-            [], [], color=ink[1], linestyle="None", marker="D", markersize=6.0,
-            markerfacecolor="none", markeredgewidth=0.9,
-        ),
-    ]  # fmt: skip
-    figure.legend(
-        handles, ["median and 90 % interval", shortened(reference, 36)],
-        loc="outside upper left", ncols=2,
-    )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,11 +15,11 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMetho
 from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import (
-    BLACK,
     DOUBLE,
     MARKERS,
     canvas,
     colours,
+    name_rows,
     narrow,
     percentage,
     shortened,
@@ -35,6 +36,7 @@ _NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
 _NOTE, _NOTE_TIGHT = 138, 60
 _FAR = 30.0  # largest ratio either way that is drawn; beyond, an arrow
 _LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # index into the palette
+_ANSWERS = {True: "they differ", False: "equal for practical purposes", None: "cannot tell"}
 _TICKS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
 _APART = 0.13  # share of the axis between two ticks that are labelled
 
@@ -77,8 +79,9 @@ def _rows(comparison: Comparison) -> list[Contrast | str]:
 def _limits(comparison: Comparison) -> tuple[float, float]:
     edge = 1.0 + comparison.region
     ratios = [c.ratio for c in comparison.contrasts if c.ratio is not None]
-    low = min([1.0 / edge, *(r.low for r in ratios)])
-    high = max([edge, *(r.high for r in ratios)])
+    ends = [c.ratio95 for c in comparison.contrasts if c.ratio95 is not None]
+    low = min([1.0 / edge, *(r.low for r in ratios), *(low for low, _ in ends)])
+    high = max([edge, *(r.high for r in ratios), *(high for _, high in ends)])
     margin = 0.06 * np.log(min(high, _FAR) / max(low, 1.0 / _FAR))
     return max(low, 1.0 / _FAR) / np.exp(margin), min(high, _FAR) * np.exp(margin)
 
@@ -98,8 +101,10 @@ def _draw(
         axis.text(0.01, position, "no ratio", color="0.4", va="center", transform=transform)
         return
     axis.plot(
-        [ratio.low, ratio.high], [position, position], color=colour, linewidth=1.4, gid="interval"
+        [ratio.low, ratio.high], [position, position], color=colour, linewidth=1.8, gid="interval"
     )
+    if contrast.ratio95 is not None:
+        axis.plot(contrast.ratio95, [position, position], color=colour, linewidth=0.6, gid="95")
     sign = {"greater": "^", "less": "v"}.get(contrast.answer, MARKERS[0])
     hollow = contrast.answer == "cannot tell"
     middle = float(np.clip(ratio.median, *limits))
@@ -138,17 +143,11 @@ def _ticks(low: float, high: float, spread: float) -> list[float]:
 
 def _label(axis: Axes, rows: Sequence[Contrast | str], first: str, tight: bool) -> None:
     names = [row if isinstance(row, str) else _name(row, tight) for row in rows]
-    axis.set_yticks(range(len(rows)), names)
-    for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
-        tick.set_fontweight("bold" if isinstance(row, str) else "normal")
-    axis.set_ylim(len(rows) - 0.4, -0.6)
-    axis.tick_params(axis="y", length=0)
-    axis.spines["left"].set_visible(False)
+    name_rows(axis, names, [k for k, row in enumerate(rows) if isinstance(row, str)])
     heads = (f"{first} is,\nP(greater)",) if tight else (f"{first} is", "P(greater)")
+    look: dict[str, Any] = {"xycoords": "axes fraction", "va": "bottom"}
     for text, points in zip(heads, _TEXT_AT, strict=False):
-        write_right(
-            axis, text, 1.0, points, up=2.0, xycoords="axes fraction", va="bottom", color=BLACK
-        )
+        write_right(axis, text, 1.0, points, up=2.0, **look)
 
 
 def _name(contrast: Contrast, tight: bool) -> str:
@@ -161,20 +160,15 @@ def _name(contrast: Contrast, tight: bool) -> str:
 def _words(figure: Figure, comparison: Comparison, tight: bool) -> None:
     first, second = (shortened(name, 24) for name in comparison.names)
     kind = comparison.between.removesuffix("s")
-    title = f"{kind} {first} against {kind} {second}: {_answer(comparison)}"
+    title = f"{kind} {first} against {kind} {second}: {_ANSWERS[comparison.differ]}"
     figure.suptitle(fill(title, _TITLE_TIGHT if tight else _TITLE), x=0.01, ha="left")
     lines = [
-        f"Bars: 90 % intervals. Shaded: equal within {100 * comparison.region:g} % "
-        f"(ratio {1 / (1 + comparison.region):.3g} to {1 + comparison.region:.3g}). "
-        "Dots: equal; open: cannot tell; triangles: greater or less."
+        f"Bars: 90 %; thin lines: 95 %. Shaded: equal within {100 * comparison.region:g} % "
+        f"(ratio {1 / (1 + comparison.region):.3g} to {1 + comparison.region:.3g}). Full dot, "
+        "equal: 95 % of the probability is shaded. Triangle, greater or less: otherwise, and the "
+        "thin line is clear of 1. Open dot: cannot tell."
     ]
     if any(c.extrapolated for c in comparison.contrasts):
         lines.append("*: beyond what the tests of one of them cover.")
     most = _NOTE_TIGHT if tight else _NOTE
     figure.supxlabel("\n".join(fill(line, most) for line in lines), x=0.01, ha="left")
-
-
-def _answer(comparison: Comparison) -> str:
-    if comparison.differ is None:
-        return "the tests cannot tell"
-    return "they differ" if comparison.differ else "equal for practical purposes"

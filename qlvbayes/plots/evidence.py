@@ -18,6 +18,7 @@ from qlvbayes.plots.style import (
     DOUBLE,
     canvas,
     colours,
+    name_rows,
     narrow,
     percentage,
     shortened,
@@ -35,11 +36,7 @@ _NOTE, _NOTE_TIGHT = 125, 56  # characters a line
 _TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
 _LOOKS: dict[str, dict[str, Any]] = {  # colours by their index in the palette, greys by value
     "named in the verdict": {"facecolor": 0, "edgecolor": 0},
-    "explains these tests as well": {
-        "facecolor": 5,
-        "edgecolor": BLACK,
-        "linewidth": 1.2,
-    },
+    "explains these tests as well": {"facecolor": 5, "edgecolor": BLACK, "linewidth": 1.2},
     "added, but structure is left": {"facecolor": "0.35", "edgecolor": "0.35"},
     "not named": {"facecolor": "0.72", "edgecolor": "0.72"},
 }
@@ -69,12 +66,9 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
 
 
 def _look_of(name: str) -> dict[str, Any]:
-    """Return face, edge and hatch of a kind of bar, with the colours in use."""
+    """Return face and edge of a kind of bar, with the colours in use."""
     palette = colours()
-    return {
-        key: palette[value] if isinstance(value, int) else value
-        for key, value in _LOOKS[name].items()
-    }
+    return {k: palette[v] if isinstance(v, int) else v for k, v in _LOOKS[name].items()}
 
 
 def _look(diagnosis: DiagnosisResult, ranked: Ranked) -> str:
@@ -109,8 +103,9 @@ def _scale(axis: Axes, values: list[float], tight: bool) -> None:
 
 
 def _ticks(low: float, high: float, tight: bool) -> list[float]:
-    steps = [(10.0 if high < 100.0 else 100.0) ** k for k in range(1, 5)]
-    beyond = steps if tight else [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
+    steps = [(10.0 if high < 100.0 or not tight else 100.0) ** k for k in range(1, 5)]
+    crowded = tight or low < -100.0  # both sides are logarithmic
+    beyond = steps if crowded else [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
     middle = [0.0] if tight else [-5.0, 0.0, 5.0]
     ticks = [-x for x in beyond if x <= -low] + middle + [x for x in beyond if x <= high]
     return [x for x in ticks if x >= 1.3 * low]
@@ -118,26 +113,14 @@ def _ticks(low: float, high: float, tight: bool) -> list[float]:
 
 def _label(axis: Axes, diagnosis: DiagnosisResult, ranking: tuple[Ranked, ...]) -> None:
     refused = _refused(diagnosis)
-    names = [_name(ranked, refused) for ranked in ranking]
-    axis.set_yticks(range(len(ranking)), names)
-    for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
-        marked = _look(diagnosis, ranked) in (_NAMED, _GROUP)
-        tick.set_fontweight("bold" if marked else "normal")
-    axis.set_ylim(len(ranking) - 0.4, -0.6)
-    axis.tick_params(axis="y", length=0)
-    axis.spines["left"].set_visible(False)
+    bold = [k for k, one in enumerate(ranking) if _look(diagnosis, one) in (_NAMED, _GROUP)]
+    name_rows(axis, [_name(ranked, refused) for ranked in ranking], bold)
     axis.axvline(0.0, color=BLACK, linewidth=0.6)
     axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
     for text, points in zip(("log BF", "probability"), _TEXT_END, strict=True):
         write_right(axis, text, 1.0, points, xycoords="axes fraction", ha="right", va="bottom")
-    axis.annotate(
-        "strong",
-        (_ODDS, 1.0),
-        xycoords=axis.get_xaxis_transform(),
-        ha="center",
-        va="bottom",
-        color="0.3",
-    )
+    place: dict[str, Any] = {"xycoords": axis.get_xaxis_transform(), "va": "bottom"}
+    axis.annotate("strong", (_ODDS, 1.0), ha="center", color="0.3", **place)
 
 
 def _name(ranked: Ranked, refused: set[str]) -> str:

@@ -1,22 +1,30 @@
-"""Draw force against time, test by test and phase by phase: measured and predicted."""
+"""Draw the force of every test against time, measured and predicted, and what is left."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.panels import LABEL, PhasePanels
-from qlvbayes.plots.phases import PanelSamples, role_look, trial_name
-from qlvbayes.plots.style import BLACK, DOUBLE, colours, force_label, narrow, style
+from qlvbayes.motion.experiment import Trial
+from qlvbayes.plots.panels import (
+    Model,
+    PhaseTime,
+    Sheet,
+    by_rate,
+    draw_samples,
+    legend_entries,
+    mark_left_out,
+    role_look,
+    trial_name,
+)
+from qlvbayes.plots.style import DOUBLE, colours, force_label, narrow, style
 
-_ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
+_HEIGHT = 26.0  # mm, a panel of force
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
-_SECOND_LINE = 3.5  # mm, second line of labels and of the legend in one column
 
 
 def plot_forces(
@@ -24,54 +32,46 @@ def plot_forces(
 ) -> list[Axes]:
     """Draw the measured force of every test against what the posterior predicts.
 
-    There is one row for each test, slowest first, and one column for each kind of phase; where
-    phases of a kind repeat, a first wide panel shows the whole test. Dots are measured samples, the
-    line is the model's posterior mean, and the band holds 90 % of predicted samples: it includes
-    the fitted discrepancy, so that it may lie off the line.
+    There is one panel for each test, slowest first, with its phases side by side. Dots are measured
+    samples, the line is the model's posterior mean, and the band holds 90 % of predicted samples:
+    it includes the fitted discrepancy, so that it may lie off the line.
 
     ``predictions`` are those of the tests, ``units`` those of displacement and force, ``width`` is
-    in mm; returns the panels, row by row.
+    in mm; returns the panels.
     """
     tight = narrow(width)
+    shown = sorted(predictions, key=lambda one: by_rate(one.trial.rate))
     with style():
-        extra = tight * _SECOND_LINE
-        page = PhasePanels.for_tests(predictions, width, frame=_FRAME + extra, row=_ROW + extra)
-        for row in page.rows:
-            row.paint(_draw, row.test.mean, colours(), fontsize=6.0)
-            name = trial_name(row.test.trial, units, _NAME_TIGHT if tight else _NAME)
-            role, weight = role_look(row.test.trial.role)
-            row.label(f"{name}, {role}", [force_label(units)], weight=weight)
-        page.finish([4])
-        _legend(page.figure, page.axes, tight=tight)
-    return list(page.axes.flat)
+        sheet = Sheet.of(width, len(shown), [_HEIGHT], head=10.0 if tight else 5.0)
+        for panels, one in zip(sheet.blocks, shown, strict=True):
+            time = PhaseTime.of(one.trial, sheet.wide)
+            draw_samples(panels[0], time(one.time), one.observed, [model_of(one)])
+            finish(sheet, panels, one.trial, time, [force_label(units)])
+            name = trial_name(one.trial, units, _NAME_TIGHT if tight else _NAME)
+            role, weight = role_look(one.trial.role)
+            panels[0].set_title(f"{name}, {role}", loc="left", pad=10.0, weight=weight)
+        figure, most = sheet.figure, 2 if tight else 4
+        handles = legend_entries(figure)
+        figure.legend(*handles, ncols=most, loc="upper center", borderaxespad=0.3, markerscale=2.0)
+    return [panels[0] for panels in sheet.blocks]
 
 
-def _draw(panels: np.ndarray, samples: PanelSamples, prediction: Prediction) -> None:
-    (axis,), time, rows = panels, samples.time, samples.rows
-    low, high = prediction.low[rows], prediction.high[rows]
-    palette = colours()
-    colour = palette[samples.part.number % len(palette)]
-    dots = BLACK if colour == palette[0] else colour
-    axis.fill_between(
-        time, low, high, color=colour, alpha=0.3, linewidth=0, label="90 % predictive band"
-    )
-    axis.plot(
-        time,
-        prediction.observed[rows],
-        ".",
-        color=dots,
-        markersize=2.6,
-        markeredgewidth=0,
-        label="measured",
-    )
-    axis.plot(time, prediction.mean[rows], color=colour, label="model's posterior mean")
+def model_of(prediction: Prediction) -> Model:
+    """Return a prediction as it is drawn, in the model's colour."""
+    return Model(prediction.mean, prediction.low, prediction.high, colours()[0])
 
 
-def _legend(figure: Figure, axes: np.ndarray, *, tight: bool) -> None:
-    used = next(axis for axis in axes.flat if axis.lines)
-    entries = list(zip(*used.get_legend_handles_labels(), strict=True))[:3]
-    crosses = (line for axis in axes.flat for line in axis.lines if line.get_label() == LABEL)
-    entries += [(line, LABEL) for line in list(crosses)[:1]]
-    handles, labels = zip(*entries, strict=True)
-    columns = 2 if tight else len(entries)
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns, markerscale=2.0)
+def finish(
+    sheet: Sheet, panels: Sequence[Axes], trial: Trial, time: PhaseTime, quantities: Sequence[str]
+) -> None:
+    """Mark the phases of a test, its readings left out, and what each panel shows."""
+    bad = trial.left_out
+    if bad is not None:
+        rows = [k for k, _ in bad.drawn]
+        mark_left_out(panels[0], time(bad.time[rows]), bad.force[rows])
+    for axis, text in zip(panels, quantities, strict=True):
+        axis.set_ylim(*axis.get_ylim())
+        axis.yaxis.set_major_locator(MaxNLocator(4 if axis is panels[0] else 3))
+        time.mark(axis, sheet.wide, last=axis is panels[-1])
+        sheet.label(axis, text)
+    time.name_phases(panels[0], sheet.wide)

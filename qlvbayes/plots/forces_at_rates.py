@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.legend_handler import HandlerTuple
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import rated
+from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -31,6 +29,7 @@ from qlvbayes.plots.timeline import decades, logarithmic, since_contact
 
 RATES = (0.1, 1.0, 30.0)  # mm/s, the paper's Fig. 5
 _PANEL, _FRAME, _LINE = 46.0, 12.0, 4.2  # mm: a panel, the margins, a line of the legend
+_TIME = "time since the first movement (s)"
 _SAME = 0.02  # relative difference of rates below which pads share a label
 
 
@@ -64,6 +63,9 @@ def plot_forces_at_rates(
     chosen = {name: _nearest(nearby, asked) for name, nearby in predictions.items()}
     trials = [p.trial for nearby in chosen.values() for p in nearby]
     scales = ["log", "linear"] if decades(trials) else ["linear"]
+    every = range(max(map(len, chosen.values())))
+    rates_of = [[p[k].trial.rate for p in chosen.values() if len(p) > k] for k in every]
+    names = [_rates_text(rates, units.speed) for rates in rates_of]
     with style():
         shape = (len(chosen), len(scales)) if tight else (len(scales), len(chosen))
         lines = 3 if tight else 2
@@ -71,13 +73,18 @@ def plot_forces_at_rates(
         axes = figure.subplots(*shape, sharey=True, squeeze=False)
         by_pad = axes if tight else axes.T
         for (name, nearby), row in zip(chosen.items(), by_pad, strict=True):
-            row[0].set_title(f"pad {shortened(name, 24)}", loc="left", weight="bold")
+            row[0].set_title(pad_title(shortened(name, 24)), loc="left", weight="bold")
             for axis, scale in zip(row, scales, strict=True):
-                _draw(axis, nearby)
+                _draw(axis, nearby, names)
                 if scale == "log":
                     logarithmic(axis, trials, ticks=3 if tight else 6)
-        _label(axes, units, tight=tight)
-        _legend(figure, list(chosen.values()), units, tight=tight)
+        for axis in axes[:, 0]:
+            axis.set_ylabel(force_label(units))
+        for axis in axes[-1]:
+            axis.set_xlabel("time since the\nfirst movement (s)" if tight else _TIME)
+        title, most = "marks: measured; lines: posterior mean", 2 if tight else len(names) + 1
+        look: dict[str, Any] = {"loc": "outside upper center", "markerscale": 3.0, "ncols": most}
+        figure.legend(*legend_entries(figure), title=title, **look)
     return list(by_pad.flat)
 
 
@@ -100,51 +107,17 @@ def _nearest(predictions: Sequence[Prediction], rates: Sequence[float]) -> list[
     return nearest or list(predictions)
 
 
-def _draw(axis: Axes, predictions: Sequence[Prediction]) -> None:
+def _draw(axis: Axes, predictions: Sequence[Prediction], names: Sequence[str]) -> None:
     palette = colours()
-    for k, prediction in enumerate(predictions):
+    for k, (prediction, name) in enumerate(zip(predictions, names, strict=False)):
         colour, mark = palette[k % len(palette)], MARKERS[k % len(MARKERS)]
         time = since_contact(prediction.trial, prediction.time)
-        axis.fill_between(
-            time, prediction.low, prediction.high, color=colour, alpha=0.3, linewidth=0
-        )
-        axis.plot(
-            time, prediction.observed, mark, color=colour, markersize=1.5, markeredgewidth=0,
-            gid="measured",
-        )  # fmt: skip
+        look: dict[str, Any] = {"markersize": 1.5, "markeredgewidth": 0, "label": name}
+        axis.plot(time, prediction.observed, mark, color=colour, gid="measured", **look)
         axis.plot(time, prediction.mean, LINES[k % len(LINES)], color=BLACK, linewidth=0.7)
-
-
-def _label(axes: np.ndarray, units: UnitSystem, *, tight: bool) -> None:
-    for axis in axes[:, 0]:
-        axis.set_ylabel(force_label(units))
-    gap = "\n" if tight else " "
-    for axis in axes[-1]:
-        axis.set_xlabel(f"time since the{gap}first movement (s)")
-
-
-def _legend(
-    figure: Figure, chosen: Sequence[Sequence[Prediction]], units: UnitSystem, *, tight: bool
-) -> None:
-    palette = colours()
-    handles: list[Any] = []
-    labels = []
-    for k in range(max(map(len, chosen))):
-        rates = [predictions[k].trial.rate for predictions in chosen if len(predictions) > k]
-        look: dict[str, Any] = {
-            "color": palette[k % len(palette)],
-            "marker": MARKERS[k % len(MARKERS)],
-        }
-        dots = Line2D([], [], linestyle="None", markersize=4.0, markeredgewidth=0, **look)
-        handles.append((dots, Line2D([], [], color=BLACK, linestyle=LINES[k % len(LINES)])))
-        labels.append(_rates_text(rates, units.speed))
-    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0))
-    labels.append("90 % predictive band")
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=2 if tight else len(labels),
-        title="marks: measured; lines: posterior mean",
-        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.6)}, handlelength=4.0,
-    )  # fmt: skip
+        band = "90 % predictive band" if name == names[-1] else ""
+        look = {"color": colour, "alpha": 0.3, "linewidth": 0, "label": band}
+        axis.fill_between(time, prediction.low, prediction.high, **look)
 
 
 def _rates_text(rates: Sequence[float], unit: str) -> str:

@@ -26,7 +26,8 @@ def model_lines(effects: Sequence[str], laws: Sequence[str], most: int) -> str:
 def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
     """Return the pad and its verdict, in several lines if needed; ``tight`` is for one column."""
     line = _LINE_TIGHT if tight else _LINE
-    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {phrases.heading(diagnosis)}", line)
+    pad = phrases.pad_title(shortened(diagnosis.pad, line // 2))
+    return fill(f"{pad}: {phrases.heading(diagnosis)}", line)
 
 
 def parameter_label(name: str, unit: str = "1") -> str:

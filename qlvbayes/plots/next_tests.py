@@ -70,11 +70,7 @@ def plot_next_tests(
             clock += design.wait + design.duration
         units = design_result.units
         force = force_label(units)
-        labels = [
-            displacement_label(units),
-            force,
-            f"less the likeliest\n{force}",
-        ]
+        labels = [displacement_label(units), force, f"less the likeliest\n{force}"]
         for axis, label in zip(axes[:, 0], labels, strict=True):
             axis.set_ylabel(label)
             axis.yaxis.set_major_locator(MaxNLocator(4))

@@ -1,226 +1,277 @@
-"""Lay out a figure whose rows are tests and whose columns are phases."""
+"""Draw tests phase by phase: the one panel of force, residual, displacement and first look.
+
+The phases of a test lie side by side, each as wide as the others. Time runs linearly in movements
+and logarithmically in rests, so that a ramp of 50 ms can be read beside a hold of 30 s. A test of
+more phases than fit is drawn in linear time. Panels are placed in millimetres, which costs less
+than a layout engine that draws everything to find out how much room it needs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain, rated
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.plots.phases import (
-    DWELLS,
-    WHOLE,
-    PanelSamples,
-    PhaseSamples,
-    by_rate,
-    columns,
-    divide,
-    finish_time,
-    number_repeats,
-    panel_samples,
-    panel_times,
-    same_times,
-)
-from qlvbayes.plots.style import BLACK, canvas, narrow
+from qlvbayes.motion.phases import MOVING, Phase, phase_name, span
+from qlvbayes.plots.style import BLACK, MM, colours, shortened
 
 GREY = "#7f7f7f"
 LABEL = "left out"
-_LARGE = 4.5  # points: larger than a dot, which may lie under the cross of a reading left out
-_WHOLE_WIDTH = 1.8  # width of the whole test's panel over that of a phase's panel
-
-
-class _Timed(Protocol):
-    """Anything that is known of a test's samples: a prediction, or the curves of models."""
-
-    @property
-    def trial(self) -> Trial: ...
-    @property
-    def time(self) -> np.ndarray: ...
-
-
-_Test = TypeVar("_Test", bound=_Timed)
+_TIME = "time since each phase began (s), logarithmic in rests"
+_LEAST = 6.0  # mm that a phase needs; of a test with more phases time is linear
+_EARLIEST, _LATEST = 1e-3, 0.1  # bounds, as shares of a rest, of its first reading, from which
+# on its time is logarithmic
+_WAIT = 0.4  # width of a rest before any movement over that of another phase
+_DIGIT, _ROOM = 1.35, 1.6  # mm: a digit of a number at an axis, and between two numbers
+_DOT = 2.4  # points
+_CROSS = 4.5  # points: larger than a dot, which may lie under the cross of a reading left out
+_LETTER = 1.3  # mm, a letter of a phase's name
 
 
 @dataclass(frozen=True, eq=False)
-class PanelRow(Generic[_Test]):
-    """A test with its samples by phase, and its axes (strip, column) with the columns' names."""
+class PhaseTime:
+    """Map from the times of a test to positions: its phases side by side, or in linear time.
 
-    test: _Test
-    parts: Sequence[PhaseSamples]
-    axes: np.ndarray
-    names: Sequence[str]
-    tight: bool
-
-    def paint(
-        self,
-        draw: Callable[[np.ndarray, PanelSamples, _Test], None],
-        force: np.ndarray,
-        palette: Sequence[str] = (BLACK,),
-        *,
-        fontsize: float,
-    ) -> None:
-        """Paint every column: ``draw`` draws a test's samples into the column's axes (strip,)."""
-        for panels, column in zip(self.axes.T, self.names, strict=True):
-            shown = panel_samples(column, self.test.time, self.parts)
-            for samples in shown:
-                draw(panels, samples, self.test)
-            if column != WHOLE and len(shown) > 1:
-                number_repeats(panels[0], shown, force, palette, fontsize=fontsize)
-            for axis in panels:
-                finish_time(axis, column, self.parts, tight=self.tight)
-            for axis in panels[:-1]:  # the lowest strip has the times
-                axis.set_xlabel("")
-                axis.tick_params(labelbottom=False)
-        _mark_left_out(self.axes[0], self.names, self.test.trial, self.parts)
-
-    def label(self, name: str, quantities: Sequence[str], **look: Any) -> None:
-        """Write a name above the row, at the left, and what each strip shows at its force axes."""
-        _name_row(self.axes[0], name, tight=self.tight, **look)
-        for panels, text in zip(self.axes, quantities, strict=True):
-            for k in _leaders(self.names, self.tight):
-                panels[k].set_ylabel(text)
-
-
-@dataclass(frozen=True, eq=False)
-class PhasePanels(Generic[_Test]):
-    """A figure with a row for each test, slowest first, and a column for each kind of phase.
-
-    ``axes`` are those of (test, strip, column), ``names`` those of the columns. ``tight`` figures
-    are laid out for one column of a journal.
+    ``edges`` are the positions at which phases begin and the last one ends, ``early`` is, for each
+    phase, the share of it from which on the time of a rest is logarithmic.
     """
 
-    figure: Figure
-    axes: np.ndarray
-    names: list[str]
-    tight: bool
-    rows: list[PanelRow[_Test]]
+    phases: tuple[Phase, ...]
+    side_by_side: bool
+    early: np.ndarray
+    edges: np.ndarray
 
     @classmethod
-    def for_tests(
-        cls,
-        tests: Iterable[_Test],
-        width: float,
-        *,
-        frame: float,
-        row: float,
-        heights: Sequence[float] = (1.0,),
-        **layout: Any,
-    ) -> PhasePanels[_Test]:
-        """Return the figure, with empty panels."""
-        ordered = sorted(tests, key=lambda test: by_rate(test.trial.rate))
-        parts = [divide(test.time, test.trial.phases) for test in ordered]
-        names, tight = columns(parts), narrow(width)
-        height = frame + row * _lines_of(names, tight) * len(ordered)
-        figure = canvas(width, height, **layout)
-        axes = _lay_out(figure, len(ordered), names, heights, tight=tight)
-        rows = [
-            PanelRow(test, own, panels, names, tight)
-            for test, own, panels in zip(ordered, parts, axes, strict=True)
-        ]
-        return cls(figure, axes, names, tight, rows)
+    def of(cls, trial: Trial, wide: float) -> PhaseTime:
+        """Return the map for a test that is drawn ``wide`` mm wide."""
+        time, phases, early = trial.whole.time, trial.phases, []
+        for phase in phases:
+            first = min(int(np.searchsorted(time, phase.start, side="right")), time.size - 1)
+            share = (float(time[first]) - phase.start) / (phase.stop - phase.start)
+            early.append(min(max(share, _EARLIEST), _LATEST))
+        waits = len(phases) > 1 and phases[0].kind not in MOVING
+        widths = np.array([_WAIT if waits and k == 0 else 1.0 for k in range(len(phases))])
+        side_by_side = _LEAST * len(phases) <= wide
+        edges = np.concatenate([[0.0], np.cumsum(widths)])
+        if not side_by_side:
+            edges = np.array([*(phase.start for phase in phases), phases[-1].stop])
+        return cls(phases, side_by_side, np.array(early), edges)
 
-    def finish(self, ticks: Sequence[int]) -> None:
-        """Name the columns, and let panels of a dwell share their times, once all are painted."""
-        for k, name in enumerate(self.names):
-            self.axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-            if name in DWELLS:
-                same_times(self.axes[:, :, k].ravel())
-        left = _leaders(self.names, self.tight)
-        self.figure.align_ylabels(self.axes[:, :, left].ravel())
-        for strips in self.axes[:, :, 0]:  # with which the other columns share their force axes
-            for axis, most in zip(strips, ticks, strict=True):
-                axis.yaxis.set_major_locator(MaxNLocator(most))
+    def __call__(self, time: np.ndarray) -> np.ndarray:
+        """Return positions (n,) of times (n,) in s."""
+        if not self.side_by_side:
+            return time
+        starts = np.array([phase.start for phase in self.phases])
+        own = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, starts.size - 1)
+        length = np.array([phase.stop - phase.start for phase in self.phases])[own]
+        share = np.clip((time - starts[own]) / length, 0.0, 1.0)
+        moving = np.array([phase.kind in MOVING for phase in self.phases])[own]
+        early = self.early[own]
+        late = np.log1p(share / early) / np.log1p(1.0 / early)
+        across = np.where(moving, share, late)
+        return np.asarray(self.edges[own] + np.diff(self.edges)[own] * across)
+
+    def times(self, count: int) -> np.ndarray:
+        """Return times (s) close enough for a curve, ``count`` a phase."""
+        if not self.side_by_side:
+            return np.linspace(self.edges[0], self.edges[-1], 16 * count)
+        shares, parts = np.linspace(0.0, 1.0, count), []
+        for phase, early in zip(self.phases, self.early, strict=True):
+            late = early * np.expm1(shares * np.log1p(1.0 / early))
+            part = shares if phase.kind in MOVING else late
+            parts.append(phase.start + (phase.stop - phase.start) * part)
+        return np.concatenate(parts)
+
+    def mark(self, axis: Axes, wide: float, *, last: bool, moved: Sequence[str] = ("", "")) -> None:
+        """Draw movements on a tint, and the times of a panel that is ``wide`` mm wide.
+
+        Only the ``last`` of the panels that lie one below the other has numbers. ``moved`` names
+        the tints of movements in and back for the legend.
+        """
+        for k, phase in enumerate(self.phases):
+            if phase.kind in MOVING:
+                back = phase.kind == "unload"
+                look: dict[str, Any] = {"color": colours()[back], "label": moved[back]}
+                axis.axvspan(*self.edges[k : k + 2], alpha=0.1, linewidth=0, **look)
+            elif k and self.phases[k - 1].kind not in MOVING:
+                axis.axvline(self.edges[k], color="0.8", linewidth=0.5)
+        axis.set_xlim(self.edges[0], self.edges[-1])
+        if not self.side_by_side:
+            axis.xaxis.set_major_locator(MaxNLocator(6))
+            axis.tick_params(labelbottom=last)
+            if last:
+                axis.set_xlabel("linear time (s)", loc="right", labelpad=0.5)
+            return
+        ticks = self._ticks(wide)
+        axis.xaxis.set_major_locator(FixedLocator(list(ticks)))
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.set_xticks(list(ticks), list(ticks.values()) if last else [""] * len(ticks))
+
+    def _ticks(self, wide: float) -> dict[float, str]:
+        """Return numbers by position, as many as fit without touching."""
+        mm = wide / float(self.edges[-1] - self.edges[0])
+        kept: dict[float, str] = {}
+        end = -np.inf
+        for k, phase in enumerate(self.phases):
+            length, begin = phase.stop - phase.start, float(self.edges[k])
+            if phase.kind in MOVING:
+                times = [t for t in MaxNLocator(2).tick_values(0.0, length) if 0.0 < t <= length]
+            else:
+                powers = np.arange(np.floor(np.log10(self.early[k] * length)), 9.0)
+                times = [t for t in 10.0**powers if self.early[k] * length <= t <= length]
+            for time in times:
+                place = float(self(np.array([phase.start + min(time, length * (1 - 1e-9))]))[0])
+                text = plain(time)
+                half = 0.5 * _DIGIT * len(text) / mm
+                if place - half > max(end, begin - half) and place + half < self.edges[-1] + half:
+                    kept[place] = text
+                    end = place + half + _ROOM / mm
+        return kept
+
+    def name_phases(self, axis: Axes, wide: float) -> None:
+        """Write the name of each phase and its length over a panel, where there is room."""
+        mm = wide / float(self.edges[-1] - self.edges[0])
+        for k, phase in enumerate(self.phases if self.side_by_side else ()):
+            room = mm * float(self.edges[k + 1] - self.edges[k])
+            length = span(phase.stop - phase.start)
+            names = (f"{phase_name(phase.kind, phase.control)} {length}", f"{phase.kind}", length)
+            text = next((name for name in names if _LETTER * len(name) < room), "")
+            axis.annotate(
+                text, (0.5 * float(self.edges[k] + self.edges[k + 1]), 1.0),
+                xycoords=("data", "axes fraction"), xytext=(0.0, 1.5),
+                textcoords="offset points", ha="center", fontsize=6.2, color="#555555",
+            )  # fmt: skip
 
 
-def _stacked(names: Sequence[str], tight: bool) -> bool:
-    """Return whether the whole test's panel is above those of its phases, not to their left."""
-    return tight and WHOLE in names
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What one model makes of the samples (n,) of a test, and how it is drawn."""
+
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    colour: str
+    line: str = "-"
+    name: str = "model's posterior mean"
+    band: str = "90 % predictive band"
 
 
-def _lines_of(names: Sequence[str], tight: bool) -> int:
-    """Return how many lines of panels a test takes."""
-    return 2 if _stacked(names, tight) else 1
+def draw_samples(
+    axis: Axes, x: np.ndarray, observed: np.ndarray, models: Sequence[Model],
+    floor: np.ndarray | None = None,
+) -> None:  # fmt: skip
+    """Draw readings with the models' lines and bands, or with a floor what the models leave.
 
-
-def _leaders(names: Sequence[str], tight: bool) -> range:
-    """Return the columns whose panels have the force axis."""
-    return range(_lines_of(names, tight))
-
-
-def _lay_out(
-    figure: Figure, count: int, names: Sequence[str], heights: Sequence[float], *, tight: bool
-) -> np.ndarray:
-    """Return axes (test, strip, column); a test's strips lie one below the other."""
-    lines, width = _lines_of(names, tight), len(names) - _stacked(names, tight)
-    wide_first = WHOLE in names and lines == 1
-    ratios = [_WHOLE_WIDTH if wide_first and k == 0 else 1.0 for k in range(width)]
-    rows = count * lines * len(heights)
-    grid = GridSpec(
-        rows, width, figure, width_ratios=ratios, height_ratios=[*heights] * (count * lines)
-    )
-    axes: Any = np.empty((count, len(heights), len(names)), dtype=object)
-    for test, strip, column in np.ndindex(axes.shape):
-        above = lines == 2 and column > 0
-        row = (test * lines + above) * len(heights) + strip
-        columns_at = slice(None) if lines == 2 and column == 0 else column - (lines == 2)
-        indices = (test, strip, column)
-        axes[indices] = _panel(figure, grid, row, columns_at, axes, indices)
-        if column not in _leaders(names, tight):
-            axes[indices].tick_params(labelleft=False)
-    return axes
-
-
-def _name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
-    """Write a test's name above its first panel, from where it runs over the others."""
-    if not tight:
-        row[0].set_title(text, loc="left", **look)
+    ``x`` (n,) is where the readings ``observed`` (n,) stand. With ``floor`` (n,), the half width of
+    the grey band, dots are measured minus modelled force in each model's colour.
+    """
+    if floor is not None:
+        look: dict[str, Any] = {"color": "0.88", "label": "90 % of the noise floor"}
+        axis.fill_between(x, -floor, floor, linewidth=0, zorder=0, gid="noise", **look)
+        axis.axhline(0.0, color="0.4", linewidth=0.4, zorder=0.5)
+        for model in models:
+            axis.plot(x, observed - model.mean, ".", color=model.colour, markersize=_DOT,
+                      markeredgewidth=0, gid="residual")  # fmt: skip
         return
-    for axis in row:
-        axis.set_title(" ", loc="left")
-    position = {"xycoords": "axes fraction", "textcoords": "offset points", "xytext": (0.0, 6.0)}
-    written = row[0].annotate(text, (0.0, 1.0), annotation_clip=False, **position, **look)
-    written.set_in_layout(False)
+    for model in models:
+        draw_band(axis, x, model)
+    look = {"color": BLACK, "markersize": _DOT, "markeredgewidth": 0, "label": "measured"}
+    axis.plot(x, observed, ".", gid="measured", **look)
+    for model in reversed(models):  # dashes over the full line
+        look = {"color": model.colour, "linewidth": 0.9, "label": model.name}
+        axis.plot(x, model.mean, model.line, gid="mean", **look)
 
 
-def _mark_left_out(
-    panels: Sequence[Axes], names: Sequence[str], trial: Trial, parts: Sequence[PhaseSamples]
-) -> None:
-    """Draw a test's left-out readings over its panels, which share their force axis."""
-    bad = trial.left_out
-    if bad is None:
-        return
-    rows = np.array([k for k, _ in bad.drawn])
-    low, high = panels[0].get_ylim()
-    force = np.clip(bad.force[rows], low, high)
-    for axis, column in zip(panels, names, strict=True):
-        time = panel_times(column, bad.time[rows], trial.phases, parts)
-        shown = np.isfinite(time)
-        if not shown.any() or not axis.lines:
-            continue
-        axis.plot(
-            time[shown], force[shown], "x", color=GREY, markersize=_LARGE, markeredgewidth=0.9,
-            clip_on=False, label=LABEL, gid=LABEL,
-        )  # fmt: skip
-    panels[0].set_ylim(low, high)
+def draw_band(axis: Axes, x: np.ndarray, model: Model, rows: Any = slice(None)) -> None:
+    """Draw the band of a model at some rows of x (n,)."""
+    look: dict[str, Any] = {"color": model.colour, "alpha": 0.3, "linewidth": 0}
+    low, high = model.low[rows], model.high[rows]
+    axis.fill_between(x[rows], low, high, label=model.band, gid="band", **look)
 
 
-def _panel(
-    figure: Figure,
-    grid: GridSpec,
-    row: int,
-    columns_at: slice | int,
-    axes: Any,
-    indices: tuple[int, ...],
-) -> Axes:
-    test, strip, column = indices
-    return figure.add_subplot(
-        grid[row, columns_at],
-        sharey=axes[test, strip, 0] if column else None,
-        sharex=axes[test, 0, column] if strip else None,
-    )
+def legend_entries(figure: Figure) -> tuple[list[Any], list[str]]:
+    """Return handles and labels of all that a figure shows, each once, for its legend."""
+    found: dict[str, Any] = {}
+    for axis in figure.axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values()), list(found)
+
+
+def mark_left_out(axis: Axes, x: np.ndarray, values: np.ndarray) -> None:
+    """Draw grey crosses for readings left out; those beyond the axis are at its edge."""
+    axis.plot(
+        x, np.clip(values, *axis.get_ylim()), "x", color=GREY, markersize=_CROSS,
+        markeredgewidth=0.9, clip_on=False, zorder=4, label=LABEL, gid=LABEL,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A figure of blocks of panels that lie one below the other, and the width of a panel (mm)."""
+
+    figure: Figure
+    blocks: list[list[Axes]]
+    wide: float
+
+    @classmethod
+    def of(
+        cls, width: float, count: int, heights: Sequence[float], *, head: float,
+        columns: int = 1, foot: float = 1.0,
+    ) -> Sheet:  # fmt: skip
+        """Return ``count`` blocks of panels of these heights; all lengths are in mm.
+
+        ``head`` and ``foot`` are kept free for the title with its legend and for a note.
+        """
+        left, right, apart, above, below = 16.5, 4.0, 1.6, 8.5, 5.5  # room for names and numbers
+        lines, foot = -(-count // columns), foot + 3.0
+        block = above + sum(heights) + apart * (len(heights) - 1) + below
+        height = head + block * lines + foot
+        figure = Figure((width * MM, height * MM))
+        wide = width / columns - left - right
+        blocks = []
+        for k in range(count):
+            line, column = divmod(k, columns)
+            top, panels = height - head - line * block - above, []
+            for high in heights:
+                box = (column * width / columns + left, top - high, wide, high)
+                shares = np.divide(box, (width, height, width, height))
+                panels.append(figure.add_axes(tuple(shares)))
+                top -= high + apart
+            blocks.append(panels)
+        figure.text(0.5, (foot - 2.0) / height, _TIME, ha="center", fontsize="small", gid="time")
+        return cls(figure, blocks, wide)
+
+    def label(self, axis: Axes, text: str, **look: Any) -> None:
+        """Write what a panel shows at its upright axis, in line with the other panels."""
+        axis.set_ylabel(text, **look)
+        axis.yaxis.set_label_coords(-10.0 / self.wide, 0.5)
+
+
+def by_rate(rate: float) -> float:
+    """Return the key that sorts tests by loading rate, those without one last."""
+    return rate if np.isfinite(rate) else np.inf
+
+
+def slowest_first(trials: Iterable[Trial]) -> list[Trial]:
+    """Return tests in the order of their loading rates."""
+    return sorted(trials, key=lambda trial: by_rate(trial.rate))
+
+
+def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:
+    """Return a test's name, in ``most`` characters at most, with its loading rate if it has one."""
+    name = shortened(trial.name, most)
+    return f"{name}, {rated(trial.rate, units.speed)}" if np.isfinite(trial.rate) else name
+
+
+def role_look(role: str) -> tuple[str, str]:
+    """Return whether a test was fitted or predicted, and the weight of the letters that say so."""
+    return ("fitted", "bold") if role == "fit" else ("predicted", "normal")

@@ -39,10 +39,7 @@ def plot_prediction(forecast: Forecast, *, width: float = DOUBLE) -> list[Axes]:
         for column, scale in zip(axes.T, scales, strict=True):
             _draw(column, forecast, scale)
         units, moved = forecast.units, forecast.program.quantity == "displacement"
-        labels = [
-            displacement_label(units),
-            force_label(units),
-        ]
+        labels = [displacement_label(units), force_label(units)]
         for axis, label in zip(axes[:, 0], labels if moved else labels[::-1], strict=True):
             axis.set_ylabel(label)
             axis.yaxis.set_major_locator(MaxNLocator(4))

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
-from qlvbayes.plots.phases import by_rate, trial_name
+from qlvbayes.plots.panels import legend_entries, slowest_first, trial_name
 from qlvbayes.plots.style import (
-    BLACK,
     DOUBLE,
     LINES,
     canvas,
@@ -38,11 +35,11 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
     Where the loading rates span a decade there are two panels: logarithmic time, which shows every
     ramp, and linear time. ``experiment`` is the pad's, ``width`` in mm; returns the panels.
     """
-    tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
+    tight, trials = narrow(width), slowest_first(experiment.trials)
     scales = ["log", "linear"] if decades(trials) else ["linear"]
     with style():
         columns = 2 if tight else 4
-        lines = -(-len(trials) // columns) + -(-len(_kinds(trials)) // columns) + 1
+        lines = -(-(len(trials) + len(_SIGNS)) // columns) + 2
         rows = len(scales) if tight else 1
         height = _FRAME + _PANEL * rows + _LINE * lines
         figure = canvas(width, height)
@@ -50,51 +47,32 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
         axes = figure.subplots(*shape, sharey=True, squeeze=False).ravel()
         for axis, scale in zip(axes, scales, strict=True):
             for k, trial in enumerate(trials):
-                _draw(axis, trial, k)
+                _draw(axis, trial, trial_name(trial, experiment.units, _NAME), k)
             if scale == "log":
                 logarithmic(axis, trials)
             axis.set_xlabel("time since the first movement (s)")
         for axis in axes if tight else axes[:1]:
             units = experiment.units
             axis.set_ylabel(displacement_label(units))
-        _legend(figure, experiment, trials, columns)
+        handles, labels = legend_entries(figure)
+        order = sorted(range(len(labels)), key=lambda n: labels[n].endswith(" begins"))
+        title = f"{pad_title(shortened(experiment.pad))}: displacement programme"
+        entry = [handles[n] for n in order], [labels[n] for n in order]
+        titled_legend(figure, title, *entry, ncols=columns)
     return list(axes)
 
 
-def _draw(axis: Axes, trial: Trial, k: int) -> None:
+def _draw(axis: Axes, trial: Trial, name: str, k: int) -> None:
     palette = colours()
     look: dict[str, Any] = {"color": palette[k % len(palette)], "linestyle": LINES[k % len(LINES)]}
-    rows = shown_samples(trial)
-    axis.plot(
-        since_contact(trial, trial.whole.time[rows]), trial.whole.displacement[rows],
-        gid=trial.name, **look,
-    )  # fmt: skip
+    rows, way = shown_samples(trial), trial.whole.displacement
+    time = since_contact(trial, trial.whole.time[rows])
+    axis.plot(time, way[rows], gid=trial.name, label=name, **look)
+    open_sign: dict[str, Any] = {"markerfacecolor": "white", "markersize": 3.6, "zorder": 3}
     for kind, sign in _SIGNS.items():
         starts = np.array([phase.start for phase in trial.phases if phase.kind == kind])
-        axis.plot(
-            since_contact(trial, starts), trial.trajectory.displacement(starts), sign,
-            color=look["color"], markerfacecolor="white", markersize=3.6, markeredgewidth=0.7,
-            gid=kind, zorder=3,
-        )  # fmt: skip
-
-
-def _kinds(trials: Sequence[Trial]) -> list[str]:
-    present = {phase.kind for trial in trials for phase in trial.phases}
-    return [kind for kind in KINDS if kind in present]
-
-
-def _legend(figure: Figure, experiment: Experiment, trials: Sequence[Trial], columns: int) -> None:
-    palette = colours()
-    handles = [
-        Line2D([], [], color=palette[k % len(palette)], linestyle=LINES[k % len(LINES)])
-        for k in range(len(trials))
-    ]
-    labels = [trial_name(trial, experiment.units, _NAME) for trial in trials]
-    for kind in _kinds(trials):
-        handles.append(
-            Line2D([], [], color=BLACK, marker=_SIGNS[kind], linestyle="None", markersize=3.6,
-                   markerfacecolor="white", markeredgewidth=0.7)
-        )  # fmt: skip
-        labels.append(f"{kind} begins")
-    title = f"pad {shortened(experiment.pad)}: displacement programme"
-    titled_legend(figure, title, handles, labels, ncols=columns)
+        if starts.size:
+            axis.plot(
+                since_contact(trial, starts), trial.trajectory.displacement(starts), sign, gid=kind,
+                color=look["color"], markeredgewidth=0.7, label=f"{kind} begins", **open_sign,
+            )  # fmt: skip

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 from cycler import cycler
+from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -26,11 +28,13 @@ _NARROW = 110.0  # mm, up to which a figure is laid out for one column
 # Okabe and Ito, distinguishable by colour-blind readers.
 BLACK = "#000000"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+PLAIN = COLOURS[4]  # of the model without effects, which differs from the first in grey too
 LINES: Any = ("-", "--", ":", "-.")  # one for each colour, so that a grey copy can be read
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with Matplotlib
+    # the signs that figures use, from which a PDF's letters are cut quickly; others from the whole
+    "font.family": ["qlvbayes Sans", "DejaVu Sans"],
     "font.size": 7.5,
     "axes.titlesize": 7.5,
     "axes.labelsize": 7.0,
@@ -69,8 +73,16 @@ _KEY = re.compile(r"[Kk]ey ([\w.]+):")
 _matplotlib: Any = matplotlib  # the keys of its settings have too many types to declare
 
 
+@cache
+def _add_fonts() -> None:
+    """Make the package's fonts known to Matplotlib."""
+    for path in sorted((Path(__file__).parent / "fonts").glob("*.ttf")):
+        font_manager.fontManager.addfont(path)
+
+
 def style() -> AbstractContextManager[None]:
     """Return a context manager for ``STYLE`` and, over it, the settings of ``using``."""
+    _add_fonts()
     return _matplotlib.rc_context({**STYLE, **_own.get()})
 
 
@@ -111,12 +123,6 @@ def colours() -> tuple[str, ...]:
     return (*names, *COLOURS[len(own) :])
 
 
-def title_look() -> dict[str, Any]:
-    """Return size and weight of a figure's title, for a legend that has it."""
-    size, weight = (_matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight"))
-    return {"size": size, "weight": weight}
-
-
 def canvas(width: float, height: float, **layout: Any) -> Figure:
     """Return an empty figure of this width and height (mm)."""
     return Figure((width * MM, height * MM), **(layout or {"layout": "constrained"}))
@@ -124,8 +130,19 @@ def canvas(width: float, height: float, **layout: Any) -> Figure:
 
 def titled_legend(figure: Figure, title: str, *entries: Any, **look: Any) -> None:
     """Draw the legend, handles and labels, at the upper left under the figure's title."""
+    fonts = {what: _matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight")}
     look = {"loc": "outside upper left", "alignment": "left", **look}
-    figure.legend(*entries, title=title, title_fontproperties=title_look(), **look)
+    figure.legend(*entries, title=title, title_fontproperties=fonts, **look)
+
+
+def name_rows(axis: Axes, names: Sequence[str], bold: Collection[int] = ()) -> None:
+    """Name the rows of an axis from top to bottom, some in bold letters, without ticks."""
+    axis.set_yticks(range(len(names)), names)
+    for row, tick in enumerate(axis.get_yticklabels()):
+        tick.set_fontweight("bold" if row in bold else "normal")
+    axis.set_ylim(len(names) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.spines["left"].set_visible(False)
 
 
 def write_right(

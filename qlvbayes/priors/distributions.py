@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import fields
 from typing import Any, ClassVar, TypeAlias
 
-import equinox as eqx
-import jax.numpy as jnp
-import jax.scipy.stats as jss
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
+from qlvbayes import xp
 from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 Constant: TypeAlias = Any
 """A constant of a law, an effect or a noise model: `Float[Array, ...]` where it is fixed, and an
@@ -23,7 +24,12 @@ would ask each equation to allow for priors, hence Any.
 """
 
 
-class AbstractPrior(eqx.Module):
+def log_normal_density(x: ArrayLike, mean: ArrayLike, sd: ArrayLike) -> Array:
+    """Return the log density of a normal distribution at x."""
+    return -0.5 * ((xp.asarray(x) - mean) / sd) ** 2 - xp.log(sd) - 0.5 * math.log(2.0 * math.pi)
+
+
+class AbstractPrior(Pytree):
     """Prior of one or several constants: what is known of them before the tests.
 
     A prior stands in the field of a model where a number would stand: the constant is then free. It
@@ -63,7 +69,7 @@ class AbstractScalarPrior(AbstractPrior):
     ``word`` names the prior on the command line; the fields are its arguments, in order.
     """
 
-    word: eqx.AbstractClassVar[str]
+    word: ClassVar[str]
 
     @property
     def size(self) -> int:
@@ -98,7 +104,7 @@ class AbstractPositivePrior(AbstractScalarPrior):
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the logarithm of the value, shape (1,)."""
-        return jnp.log(jnp.reshape(jnp.asarray(value, dtype=float), (1,)))
+        return xp.log(xp.asarray(value)[None])
 
 
 class Normal(AbstractScalarPrior):
@@ -116,15 +122,15 @@ class Normal(AbstractScalarPrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the normal distribution at ``value``."""
-        return jss.norm.logpdf(value, self.mean, self.sd)
+        return log_normal_density(value, self.mean, self.sd)
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
         """Return mean + sd y and log(sd)."""
-        return self.mean + self.sd * y, jnp.log(self.sd)
+        return self.mean + self.sd * y, xp.log(self.sd)
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return (value - mean)/sd, shape (1,)."""
-        return jnp.reshape((jnp.asarray(value, dtype=float) - self.mean) / self.sd, (1,))
+        return ((xp.asarray(value) - self.mean) / self.sd)[None]
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
@@ -151,10 +157,10 @@ class LogNormal(AbstractPositivePrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the log-normal distribution."""
-        positive = jnp.asarray(value) > 0.0
-        log_value = jnp.log(jnp.where(positive, value, 1.0))
-        density = jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value
-        return jnp.where(positive, density, -jnp.inf)
+        positive = xp.asarray(value) > 0.0
+        log_value = xp.log(xp.where(positive, value, 1.0))
+        density = log_normal_density(log_value, self.log_median, self.log_sd) - log_value
+        return xp.where(positive, density, -np.inf)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
@@ -175,7 +181,7 @@ class HalfNormal(AbstractPositivePrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the half-normal distribution at ``value``."""
-        return jss.norm.logpdf(value, 0.0, self.sd) + jnp.log(2.0)
+        return log_normal_density(value, 0.0, self.sd) + math.log(2.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
@@ -185,8 +191,8 @@ class HalfNormal(AbstractPositivePrior):
 class AbstractBoundedPrior(AbstractScalarPrior):
     """Prior of one constant that lies between two bounds."""
 
-    low: eqx.AbstractVar[Array | float]
-    high: eqx.AbstractVar[Array | float]
+    low: Array | float
+    high: Array | float
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
         """Return low + (high - low) sigmoid(y) and the log-Jacobian of this map."""
@@ -194,7 +200,7 @@ class AbstractBoundedPrior(AbstractScalarPrior):
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return log((value - low)/(high - value)), shape (1,)."""
-        return jnp.reshape(from_interval(value, self.low, self.high), (1,))
+        return from_interval(value, self.low, self.high)[None]
 
 
 class Uniform(AbstractBoundedPrior):
@@ -212,7 +218,7 @@ class Uniform(AbstractBoundedPrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return -log(high - low)."""
-        return -jnp.log(jnp.asarray(self.high) - self.low)
+        return -xp.log(xp.asarray(self.high) - self.low)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
@@ -234,7 +240,7 @@ class LogUniform(AbstractBoundedPrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return -log(value log(high/low))."""
-        return -jnp.log(value) - jnp.log(jnp.log(jnp.asarray(self.high) / self.low))
+        return -xp.log(value) - xp.log(xp.log(xp.asarray(self.high) / self.low))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""

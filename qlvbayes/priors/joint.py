@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import gammaln
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
-from qlvbayes.priors.distributions import AbstractPositivePrior, AbstractPrior, LogNormal
+from qlvbayes import xp
+from qlvbayes.priors.distributions import (
+    AbstractPositivePrior,
+    AbstractPrior,
+    AbstractScalarPrior,
+    LogNormal,
+)
 from qlvbayes.priors.transforms import from_between, from_simplex, to_between, to_simplex
+from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 
 class Dirichlet(AbstractPrior):
@@ -30,16 +35,16 @@ class Dirichlet(AbstractPrior):
 
     alpha: Array
     values: Array
-    free: tuple[int, ...] = eqx.field(static=True)
+    free: tuple[int, ...] = static()
 
     def __init__(
         self, alpha: Sequence[float] | Array, fixed: dict[int, float] | None = None
     ) -> None:
-        self.alpha = jnp.asarray(alpha, dtype=float)
+        self.alpha = xp.asarray(alpha)
         values = np.zeros(self.alpha.shape[0])
         for index, value in (fixed or {}).items():
             values[index] = value
-        self.values = jnp.asarray(values)
+        self.values = xp.asarray(values)
         self.free = tuple(i for i in range(values.size) if i not in (fixed or {}))
 
     @property
@@ -51,15 +56,18 @@ class Dirichlet(AbstractPrior):
         """Return the (k,) fractions at y and the log density over y."""
         free = np.asarray(self.free)
         shares, log_volume = to_simplex(y)
-        alpha = self.alpha[free]
-        log_density = jnp.sum((alpha - 1.0) * jnp.log(shares)) + gammaln(alpha.sum())
+        alpha = xp.along_first(self.alpha[free], shares[0])
+        log_density = xp.sum((alpha - 1.0) * xp.log(shares)) + xp.gammaln(alpha.sum())
         rest = 1.0 - self.values.sum()
-        fractions = self.values.at[free].set(rest * shares)
-        return fractions, log_density - gammaln(alpha).sum() + log_volume
+        values = [self.values[k] for k in range(self.values.shape[0])]
+        for k, share in zip(self.free, shares, strict=True):
+            values[k] = rest * share
+        fractions = xp.stack(values)
+        return fractions, log_density - xp.gammaln(alpha).sum() + log_volume
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the unconstrained numbers whose fractions are ``value``, shape (k,)."""
-        shares = jnp.asarray(value, dtype=float)[np.asarray(self.free)]
+        shares = xp.asarray(value)[np.asarray(self.free)]
         return from_simplex(shares / shares.sum())
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
@@ -94,14 +102,14 @@ class Ordered(AbstractPrior):
 
     def __init__(self, members: tuple[AbstractPositivePrior | float, ...]) -> None:
         self.members = tuple(
-            x if isinstance(x, AbstractPrior) else jnp.asarray(x, dtype=float) for x in members
+            x if isinstance(x, AbstractScalarPrior) else xp.asarray(x) for x in members
         )
-        self.log_normaliser = jnp.asarray(np.log(_probability_of_order(self.members)))
+        self.log_normaliser = np.asarray(np.log(_probability_of_order(self.members)))
 
     @property
     def size(self) -> int:
         """Return the number of free rates."""
-        return sum(isinstance(x, AbstractPrior) for x in self.members)
+        return sum(isinstance(x, AbstractScalarPrior) for x in self.members)
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
         """Return the (r,) falling rates at y and the log density over y."""
@@ -109,36 +117,36 @@ class Ordered(AbstractPrior):
         total = -self.log_normaliser
         taken = 0
         for index, member in enumerate(self.members):
-            if isinstance(member, AbstractPrior):
+            if isinstance(member, AbstractScalarPrior):
                 low, high = self._bounds(index, logs)
                 log_value, log_volume = to_between(y[taken], low, high)
-                density = member.log_density(jnp.exp(log_value))
+                density = member.log_density(xp.exp(log_value))
                 total = total + density + log_value + log_volume
                 taken += 1
             else:
-                log_value = jnp.log(member)
+                log_value = xp.log(member)
             logs.append(log_value)
         return self._rates(logs), total
 
     def _rates(self, logs: list[Array]) -> Array:
         """Return the (r,) rates from their logarithms; a fixed rate keeps its last digit."""
         pairs = zip(self.members, logs, strict=True)
-        return jnp.stack([jnp.exp(y) if isinstance(x, AbstractPrior) else x for x, y in pairs])
+        return xp.stack([xp.exp(y) if isinstance(x, AbstractScalarPrior) else x for x, y in pairs])
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the unconstrained numbers whose rates are ``value``, shape (r,), falling."""
-        logs = list(jnp.log(jnp.asarray(value, dtype=float)))
+        logs = list(xp.log(xp.asarray(value)))
         free = [
             from_between(logs[index], *self._bounds(index, logs[:index]))
             for index, member in enumerate(self.members)
-            if isinstance(member, AbstractPrior)
+            if isinstance(member, AbstractScalarPrior)
         ]
-        return jnp.stack(free) if free else jnp.zeros(0)
+        return xp.stack(free) if free else np.zeros(0)
 
     def _bounds(self, index: int, before: list[Array]) -> tuple[Array | None, Array | None]:
         """Return the logs of the next fixed rate below and of the rate just above, or None."""
-        below = [x for x in self.members[index + 1 :] if not isinstance(x, AbstractPrior)]
-        low = jnp.log(below[0]) if below else None
+        below = [x for x in self.members[index + 1 :] if not isinstance(x, AbstractScalarPrior)]
+        low = xp.log(below[0]) if below else None
         return low, (before[-1] if before else None)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
@@ -146,7 +154,7 @@ class Ordered(AbstractPrior):
         while True:
             rates = np.array(
                 [
-                    float(x.draw(rng)) if isinstance(x, AbstractPrior) else float(x)
+                    float(x.draw(rng)) if isinstance(x, AbstractScalarPrior) else float(x)
                     for x in self.members
                 ]
             )
@@ -156,7 +164,7 @@ class Ordered(AbstractPrior):
     def describe(self) -> str:
         """Return the members' descriptions, joined by ``>``."""
         return " > ".join(
-            x.describe() if isinstance(x, AbstractPrior) else f"{float(x):.4g}"
+            x.describe() if isinstance(x, AbstractScalarPrior) else f"{float(x):.4g}"
             for x in self.members
         )
 
@@ -166,7 +174,7 @@ _NARROW = 0.05  # log sd below which the grid needs points of its own around the
 
 def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) -> float:
     """Return the probability that independent draws of the free members fall in order."""
-    fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
+    fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractScalarPrior)]
     around = [
         np.asarray(x.log_median) + np.asarray(x.log_sd) * np.linspace(-10.0, 10.0, 4001)
         for x in members
@@ -176,7 +184,7 @@ def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) ->
     grid = np.unique(np.concatenate([wide, *around, fixed, [x + 1e-12 for x in fixed]]))
     below = np.ones_like(grid)
     for member in reversed(members):
-        if not isinstance(member, AbstractPrior):
+        if not isinstance(member, AbstractScalarPrior):
             log_rate = float(np.log(member))
             below = np.where(grid > log_rate, np.interp(log_rate, grid, below), 0.0)
             continue

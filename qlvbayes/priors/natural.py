@@ -12,12 +12,11 @@ import math
 from abc import abstractmethod
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
+from qlvbayes import xp
 from qlvbayes.priors.distributions import (
     AbstractPrior,
     AbstractScalarPrior,
@@ -27,6 +26,7 @@ from qlvbayes.priors.distributions import (
     Normal,
     Uniform,
 )
+from qlvbayes.xp import Array
 
 Part = TypeVar("Part")
 
@@ -53,7 +53,7 @@ class QuadraticDensity(NamedTuple):
 class AbstractDirect(AbstractScalarPrior):
     """Prior over a bounded coordinate; the optimiser has to stay within the bounds."""
 
-    inner: eqx.AbstractVar[AbstractScalarPrior]
+    inner: AbstractScalarPrior
 
     @property
     @abstractmethod
@@ -70,17 +70,17 @@ class AbstractDirect(AbstractScalarPrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the inner prior, and minus infinity outside its bounds."""
-        inside = self.inside(jnp.asarray(value))
-        return jnp.where(inside, self.inner.log_density(value), -jnp.inf)
+        inside = self.inside(xp.asarray(value))
+        return xp.where(inside, self.inner.log_density(value), -np.inf)
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
         """Return the value at a coordinate y, and log(d value / dy)."""
-        return (jnp.exp(y), y) if self.in_log else (y, jnp.zeros_like(y))
+        return (xp.exp(y), y) if self.in_log else (y, xp.zeros_like(y))
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the coordinate of a value, shape (1,)."""
-        coordinate = jnp.reshape(jnp.asarray(value, dtype=float), (1,))
-        return jnp.log(coordinate) if self.in_log else coordinate
+        coordinate = xp.asarray(value)[None]
+        return xp.log(coordinate) if self.in_log else coordinate
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the inner prior."""
@@ -107,7 +107,7 @@ class Natural(AbstractDirect):
 
     def inside(self, value: Array) -> Array:
         """Return whether an amplitude is allowed: any for a normal, zero or more if half-normal."""
-        return value >= (0.0 if isinstance(self.inner, HalfNormal) else -jnp.inf)
+        return value >= (0.0 if isinstance(self.inner, HalfNormal) else -np.inf)
 
     @property
     def sd(self) -> float:

@@ -18,14 +18,17 @@ def chart_of(pad: PadResults) -> dict | None:
     curves = pad.final.curves
     if curves is None or not curves.tests:
         return None
-    before, tests = _baseline_means(pad), _by_rate(curves)
+    before, tests, check = _baseline_means(pad), _by_rate(curves), pad.final.check
+    limits = {(c.test, c.phase): c.limit for c in check.cells} if check else {}
     return {
         "unit": curves.force_unit,
         "name": curves.force_name,
-        "noise": _BAND * curves.noise,
         "model": model_name(pad.final.effects),
         "first": _first(pad, [test.test for test in tests]),
-        "tests": [_test(test, before.get(test.test), pad) for test in tests],
+        "tests": [
+            _test(test, before.get(test.test), pad, _floor(test, curves.noise, limits))
+            for test in tests
+        ],
     }
 
 
@@ -51,7 +54,16 @@ def _by_rate(curves: Curves) -> list[TestCurves]:
     return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
 
 
-def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
+def _floor(test: TestCurves, noise: float, limits: dict) -> list[float]:
+    """Return the half width of the band of noise, sample by sample.
+
+    It holds 90 % of the readings, or where noise that moves a whole phase may do more, all that
+    does not count as failing there.
+    """
+    return [max(_BAND * noise, limits.get((test.test, kind)) or 0.0) for kind in test.phase]
+
+
+def _test(test: TestCurves, before: TestCurves | None, pad: PadResults, floor: list[float]) -> dict:
     rows = list(_rows(test.phase))
     baseline = before.mean if before and before.time == test.time else None
     columns = {
@@ -60,6 +72,7 @@ def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
         "mean": test.mean,
         "low": test.low,
         "high": test.high,
+        "floor": floor,
     }
     return {
         "name": test.test,

@@ -11,17 +11,19 @@ import h5py
 import numpy as np
 
 from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import Run, RunLog
-from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.resultfile import Result
 from qlvbayes.model.drawn import described_fields
+from qlvbayes.report.errors import ErrorTable
 
 Kind = TypeVar("Kind", bound=Result)
 
@@ -55,6 +57,47 @@ class PadResults:
     baseline: FitResults | None
     diagnosis: DiagnosisResult | None
     words: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """'pad B', or 'the pad' where the file does not name it."""
+        return pad_title(self.name)
+
+    @property
+    def parameters(self) -> dict[str, Constant]:
+        """Constants of the last model; none where it was not fitted."""
+        return self.final.summary.parameters if self.final.summary else {}
+
+    @property
+    def notices(self) -> list[str]:
+        """What one should know of the tests, each once, whichever step says it."""
+        parts = (self.final.summary, self.final.check, self.diagnosis)
+        return list(dict.fromkeys(text for part in parts if part for text in part.notices))
+
+    @property
+    def noise(self) -> float | None:
+        """The noise floor, which check and diagnosis measure alike."""
+        measured = self.final.check or self.diagnosis
+        return measured.noise if measured else None
+
+    @property
+    def errors(self) -> list[ErrorTable]:
+        """Errors of the last model, after those of the baseline where effects were added.
+
+        Both are of tests fitted, or both of tests predicted: where the two fits used different
+        tests, the errors are those of the diagnosis, which fits both models to all tests.
+        """
+        final, plain, d = self.final, self.baseline, self.diagnosis
+        if final.check is None:
+            return []
+        last = ErrorTable.of_check(final.check)
+        if plain is None or plain.check is None or plain.effects == final.effects:
+            return [last]
+        unlike = plain.facts.get("all_tests") != final.facts.get("all_tests")
+        ends = [d.stages[0], d.stages[-1]] if d else []
+        if unlike and d and all(stage.cells for stage in ends):
+            return [ErrorTable.of_stage(stage, d.noise) for stage in ends]
+        return [ErrorTable.of_check(plain.check), last]
 
     @property
     def force_unit(self) -> str:

@@ -13,6 +13,8 @@ from PIL import Image
 from qlvbayes.plots.catalogue import FIGURES
 
 _DPI, _CSS_DPI = 200, 96
+_MM = 25.4 / _CSS_DPI  # mm, a pixel of the page
+_WIDEST = 180.0  # mm, of a figure as wide as the page
 _COLOURS = 128
 _WHITE = 249
 MOST_BYTES = 3_600_000  # of all pictures as text, so that the page stays under 5 MB
@@ -28,6 +30,11 @@ class Picture:
     width: int
     height: int
     path: str
+
+    @property
+    def share(self) -> float:
+        """Width over that of a figure as wide as the page."""
+        return round(self.width * _MM / _WIDEST, 3)
 
 
 class Embedder:

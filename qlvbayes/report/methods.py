@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from qlvbayes.comparison.contrast import DECIDED, EQUAL
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
@@ -15,29 +15,7 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
 from qlvbayes.report.collect import PadResults, Results
-
-_THRESHOLDS = {
-    "complete": "the prior probability that no (further) effect is missing is {}",
-    "chosen_law": "that the elastic law is the one chosen it is {}, as for the relaxation",
-    "candidate": "a candidate effect has {} of its family's prior probability",
-    "named": "an effect is named when it is in the model with probability {} over all hypotheses",
-    "confirmed": "no effect is named whose certainty by blind studies is below {}",
-    "covered": "a group holds the effect with probability {}",
-    "tolerance": "effects and systematic errors below {:.2g} of the peak force do not matter",
-    "false_alarms": "a right model is found to fail with probability {}",
-    "breadth": "hypotheses are looked for with {}",
-    "discrepancy": "the prior of what else may be missing has {}",
-    "narrowest": "the prior of an effect's size is fitted to the motion within factors of {}",
-    "widest": "and {}",
-    "group": "a group has at most {} effects",
-    "unlisted": "something outside the list is taken to be there from a probability of {} on",
-    "returned": "a test has retracted where it is below {:.2g} of the depth or the peak force",
-    "cells": "systematic errors are looked for with {}",
-    "imitation": "strengths in single tests are compared with {}",
-    "scatter": "stiffness and strengths may differ from test to test, with {}",
-    "measured": "an effect that the readings show beyond doubt has the certainty {}",
-    "own": "no effect is named whose probability over all hypotheses is below {}",
-}
+from qlvbayes.report.settings import settings_rows
 
 
 @dataclass(frozen=True)
@@ -60,7 +38,7 @@ class Methods:
     contact: str
     noise: str
     effects: tuple[str, ...]
-    thresholds: tuple[str, ...]
+    settings: list[tuple[str, str]]
     comparisons: str
     bases: tuple[Basis, ...]
     sources: tuple[tuple[str, str], ...]
@@ -80,7 +58,7 @@ def methods_of(results: Results) -> Methods:
         else "loose: the pad cannot pull, so that its force is never negative",
         NOISES[noise].words if (noise := str(choices.get("noise", DASH))) in NOISES else noise,
         tuple(sorted({e for pad in results.pads for e in pad.final.effects})),
-        _thresholds(results),
+        _settings(results),
         _comparisons(results),
         tuple(_basis(pad) for pad in results.pads),
         tuple(sorted(_sources(results))),
@@ -92,35 +70,24 @@ def methods_of(results: Results) -> Methods:
 
 def _laws(choices: dict) -> tuple[str, str]:
     """Return both laws as equations; by name where a file of the user's own has gone."""
-    if "law" not in choices:
+    if not {"elastic", "law"} & choices.keys():
         return DASH, DASH
     try:
         given = Choices.from_dict(choices)
-        elastic = find_elastic(given.law, given.laws)
+        elastic = find_elastic(given.elastic, given.laws)
         relaxation = find_relaxation(given.relaxation, given.laws)
     except InputError:
-        return str(choices.get("law", DASH)), str(choices.get("relaxation", DASH))
+        name = str(choices.get("elastic", choices.get("law", DASH)))
+        return name, str(choices.get("relaxation", DASH))
     modes = f", of {given.modes} mode{'s' if given.modes != 1 else ''}"
     return elastic.law, relaxation.law + modes * given.is_prony
 
 
-def _thresholds(results: Results) -> tuple[str, ...]:
-    """Return the thresholds of the first diagnosis in words, the others by name."""
+def _settings(results: Results) -> list[tuple[str, str]]:
+    """Return the settings of the first diagnosis."""
     recorded = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
     used = next((settings for settings in recorded if settings), None)
-    known = asdict(used.thresholds) if used else {}
-    known = {name: _counted(own) if isinstance(own, dict) else own for name, own in known.items()}
-    return tuple(
-        _THRESHOLDS.get(name, f"{name} = {{}}").format(value) for name, value in known.items()
-    )
-
-
-def _counted(fields: dict[str, Any]) -> str:
-    """Return named values as ``beam = 2, near = 25``, and groups of them in parentheses."""
-    return ", ".join(
-        f"{name} ({_counted(value)})" if isinstance(value, dict) else f"{name} = {value:g}"
-        for name, value in fields.items()
-    )
+    return settings_rows(used.thresholds) if used else []
 
 
 def _comparisons(results: Results) -> str:
@@ -131,12 +98,16 @@ def _comparisons(results: Results) -> str:
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
         f"equal where their ratio is within {percent_unbroken(comparison.region)} of one with a "
-        f"probability of at least {percent_unbroken(0.95)}"
+        f"probability of at least {percent_unbroken(EQUAL)}"
     )
     if comparison.omnibus is None:
         return f"{text}."
-    joint = "whether they differ at all is a joint test that equals fail in"
-    return f"{text}; {joint} {percent_unbroken(comparison.omnibus.false_alarms)} of cases."
+    rate = percent_unbroken(comparison.omnibus.false_alarms)
+    return (
+        f"{text}; otherwise they are different where one is greater with a probability of at least "
+        f"{percent_unbroken(DECIDED)}. Whether the pads differ at all is one joint test, which "
+        f"calls {rate} of pairs of equal pads different."
+    )
 
 
 def source_name(results: Results) -> str | None:
@@ -183,7 +154,7 @@ def _commands(results: Results) -> tuple[str, ...]:
     default = Choices()
     given = Choices.from_dict(_choices(results)) if _choices(results) else default
     words = ["qlvbayes", "fit", name, "-o", results.out.name]
-    options = {"elastic": "law", "relaxation": "relaxing", "noise": "noise"}
+    options = {"elastic": "elastic", "relaxation": "relaxing", "noise": "noise"}
     for option, key in options.items():
         if getattr(given, key) != getattr(default, key):
             words += [f"--{option}", str(getattr(given, key))]
@@ -194,12 +165,11 @@ def _commands(results: Results) -> tuple[str, ...]:
 
 def _basis(pad: PadResults) -> Basis:
     facts, summary = pad.final.facts, pad.final.summary
-    checked = pad.final.check or pad.diagnosis
     return Basis(
         pad.name,
         ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
         _sampler(facts, summary),
-        with_unit(number(checked.noise), pad.force_unit) if checked else DASH,
+        with_unit(number(pad.noise), pad.force_unit) if pad.noise is not None else DASH,
         tuple(json.loads(facts["priors"]).items()) if "priors" in facts else (),
     )
 
@@ -223,3 +193,48 @@ def _quality(summary: FitSummary | None) -> str:
     if not hats or not sizes:
         return ""
     return f"; largest R-hat {max(hats):.3f}, smallest effective sample size {min(sizes):.0f}"
+
+
+def uses_of(results: Results) -> list[tuple[str, str]]:
+    """Return what the first fitted pad can be used for, each with its command."""
+    fitted = [pad for pad in results.pads if (pad.folder / "posterior.nc").exists()]
+    if not fitted:
+        return []
+    out, pad = results.out.name or "OUT", fitted[0]
+    words = {
+        "What a pad does in a motion, or under a load, that no test had, with 90 % bands": (
+            "predict", "--program", _program(pad),
+        ),
+        "The pad in a controller, a simulation or finite elements: C, FMU, MuJoCo, Drake, "
+        "MATLAB, Abaqus, FEBio, tables, JSON": ("export", "--to", "c,fmu,json"),
+        "The most informative next tests, for the constants and for the cause": ("design",),
+    }  # fmt: skip
+    return [
+        (what, as_typed("qlvbayes", command, out, "--pad", pad.name, *more))
+        for what, (command, *more) in words.items()
+    ]
+
+
+def _program(pad: PadResults) -> str:
+    """Return a press as deep and as fast as the tests went, where that is known."""
+    unit = str(pad.final.facts.get("displacement_unit", "mm")).replace("1", "strain")
+    try:
+        covered = json.loads(pad.final.facts.get("covered", ""))
+        depth, speed = float(covered["depth"]), float(covered["fastest"])
+    except (ValueError, KeyError, TypeError):
+        return f"ramp 1 {unit} in 0.1 s, hold 30 s"
+    return f"ramp {depth:.3g} {unit} in {depth / speed:.3g} s, hold 30 s"
+
+
+def exports_of(results: Results) -> list[tuple[str, Path, list[str]]]:
+    """Return pad, folder and files of what was exported already."""
+    folders = [(pad, one) for pad in results.pads for one in sorted(pad.folder.glob("export/*"))]
+    return [
+        (
+            pad.name,
+            one.relative_to(results.out),
+            sorted(p.name for p in one.iterdir() if p.is_file()),
+        )
+        for pad, one in folders
+        if one.is_dir()
+    ]

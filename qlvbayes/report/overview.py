@@ -31,33 +31,8 @@ class OverviewRow:
     constants: dict[str, tuple[str, float]]  # medians, as they are shown and as values to sort by
 
 
-@dataclass(frozen=True)
-class Overview:
-    """All pads, how many have which verdict, and the constants that the table shows."""
-
-    lines: tuple[OverviewRow, ...]
-    verdicts: tuple[tuple[str, int], ...]
-    constants: tuple[str, ...]
-
-
-def overview_of(folders: Sequence[Path]) -> Overview:
-    """Return the overview of pads, whose folders are read one after the other."""
-    lines = tuple(map(_line, folders))
-    known = Counter(name for line in lines for name in line.constants)
-    verdicts = Counter(line.verdict for line in lines)
-    names = [name for name, _ in known.most_common(_CONSTANTS)]
-    return Overview(lines, tuple(verdicts.most_common()), tuple(names))
-
-
-def is_older(page: Path, folder: Path) -> bool:
-    """Return whether a pad's page is missing, or older than its results."""
-    if not page.exists():
-        return True
-    made = page.stat().st_mtime_ns
-    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
-
-
-def _line(folder: Path) -> OverviewRow:
+def overview_row(folder: Path) -> OverviewRow:
+    """Return the row of one pad."""
     summary = read_if_there(FitSummary, folder / "summary.json")
     check = read_if_there(CheckResult, folder / "check.json")
     diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
@@ -77,3 +52,17 @@ def _line(folder: Path) -> OverviewRow:
             if not name.startswith("noise.")
         },
     )
+
+
+def shown_constants(rows: Sequence[OverviewRow]) -> list[str]:
+    """Return the constants that the table shows."""
+    known = Counter(name for row in rows for name in row.constants)
+    return [name for name, _ in known.most_common(_CONSTANTS)]
+
+
+def is_older(page: Path, folder: Path) -> bool:
+    """Return whether a pad's page is missing, or older than its results."""
+    if not page.exists():
+        return True
+    made = page.stat().st_mtime_ns
+    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())

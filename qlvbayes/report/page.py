@@ -1,7 +1,8 @@
-"""The page, put together from its sections."""
+"""The page, put together from its sections: the results are read once, templates show them."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.resources import files
@@ -10,16 +11,18 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from qlvbayes.diagnosis.phrases import stage_name
 from qlvbayes.fitting.relaxation import RelaxationReport
+from qlvbayes.io import wording
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.files import write_whole
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import NBSP, joined
+from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError
 from qlvbayes.parallel.running import run_all
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report.answers import answers, split_first
-from qlvbayes.report.boxes import Box, verdict_box
+from qlvbayes.report import questions
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import (
     PadResults,
@@ -30,14 +33,11 @@ from qlvbayes.report.collect import (
     read_if_there,
     runs_in,
 )
-from qlvbayes.report.comparing import comparing_of
-from qlvbayes.report.constants import Shifts, constants_rows, shifts_of
-from qlvbayes.report.explaining import Explaining, explaining_of
-from qlvbayes.report.failing import Failing, failing_of
+from qlvbayes.report.errors import repeated
 from qlvbayes.report.figures import Embedder, Picture
-from qlvbayes.report.methods import methods_of, source_name
-from qlvbayes.report.overview import is_older, overview_of
-from qlvbayes.report.using import using_of
+from qlvbayes.report.methods import exports_of, methods_of, source_name, uses_of
+from qlvbayes.report.overview import is_older, overview_row, shown_constants
+from qlvbayes.report.verdicts import Box, answers, verdict_box
 
 _PAD_FIGURES = [one.name for one in FIGURES if one.shows and one.takes is not None]
 REPORT = "report.html"
@@ -47,54 +47,59 @@ MOST_ON_A_PAGE = 24
 
 @dataclass(frozen=True)
 class PadView:
-    """A pad as the page shows it; what was not done is None."""
+    """A pad as the page shows it, with its results; what was not done is None."""
 
-    name: str
+    results: PadResults
     box: Box
-    failing: Failing | None
     chart: dict | None
-    explaining: Explaining | None
-    shifts: Shifts | None
+    shifts: questions.Shifts | None
     figures: dict[str, Picture | None]
     relaxation: tuple[str, ...]
+
+    def __getattr__(self, name: str) -> object:
+        """Return what its results have."""
+        return getattr(self.results, name)
 
 
 def page(results: Results) -> str:
     """Return the whole HTML text; nothing in it refers to anything outside it."""
-    remedies = _remedies(results)
-    embed = Embedder(results.out)
-    compared = [comparing_of(comparison) for comparison in results.comparisons]
-    pads = [_view(pad, embed, remedies) for pad in results.pads]
-    contrasts = [
-        embed(comparison.folder, "contrasts", f"{view.first} over {view.second}")
-        for comparison, view in zip(results.comparisons, compared, strict=True)
+    remedies, embed = _remedies(results), Embedder(results.out)
+    compared = [
+        (one, embed(one.folder, "contrasts", " over ".join(one.comparison.names)))
+        for one in results.comparisons
     ]
     return _template().render(
         title=_title(results),
         source=source_name(results),
-        pads=pads,
-        answers=answers(results, compared, remedies),
-        constants=constants_rows(results.pads),
-        compared=list(zip(compared, contrasts, strict=True)),
+        pads=[_view(pad, embed) for pad in results.pads],
+        answers=answers(results, remedies),
+        constants=questions.constant_names(results.pads),
+        meanings=questions.meanings(results.pads),
+        units=_units(results),
+        compared=compared,
         figures={name: embed(results.out, name) for name in ("constants", "forces_at_rates")},
         methods=methods_of(results),
-        using=using_of(results),
+        uses=uses_of(results),
+        exports=exports_of(results),
         remedies=remedies,
     )
 
 
-def _view(pad: PadResults, embed: Embedder, remedies: dict[str, str]) -> PadView:
-    of = f"pad {pad.name}"
+def _view(pad: PadResults, embed: Embedder) -> PadView:
     return PadView(
-        pad.name,
-        verdict_box(pad, remedies["diagnose"]),
-        failing_of(pad),
+        pad,
+        verdict_box(pad),
         chart_of(pad),
-        explaining_of(pad),
-        shifts_of(pad),
-        {name: embed(pad.folder, name, of) for name in _PAD_FIGURES},
+        questions.shifts_of(pad),
+        {name: embed(pad.folder, name, pad.title) for name in _PAD_FIGURES},
         _relaxation(pad),
     )
+
+
+def _units(results: Results) -> dict[str, str]:
+    """Return the unit of each constant, empty for a pure number."""
+    known = {name: c.unit for pad in results.pads for name, c in pad.parameters.items()}
+    return {name: "" if unit == "1" else unit for name, unit in known.items()}
 
 
 def _relaxation(pad: PadResults) -> tuple[str, ...]:
@@ -105,7 +110,9 @@ def _relaxation(pad: PadResults) -> tuple[str, ...]:
 
 def _title(results: Results) -> str:
     names = [pad.name for pad in results.pads]
-    return f"{'Pad' if len(names) == 1 else 'Pads'} {joined(names)}"
+    if len(names) == 1:
+        return wording.capitalized(results.pads[0].title)
+    return f"Pads {joined(names)}"
 
 
 def _remedies(results: Results) -> dict[str, str]:
@@ -128,9 +135,25 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["asset"] = _asset
-    environment.filters["split_first"] = split_first
+    environment.globals |= {
+        "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
+        "compared_words": questions.compared_words, "diagnosis_words": questions.diagnosis_words,
+        "answer_kinds": questions.KINDS,
+    }  # fmt: skip
+    environment.filters |= {
+        "split_first": _split_first, "seen": questions.seen, "number": wording.number,
+        "percent": wording.percent_unbroken, "to_sd": wording.to_sd,
+        "with_unit": wording.with_unit, "titled": wording.capitalized,
+    }  # fmt: skip
     return environment.get_template(f"{name}.html.j2")
+
+
+def _split_first(text: str) -> tuple[str, str]:
+    """Return the first sentence, and the rest; no line breaks within a share."""
+    for sign in (" %", "> 99.9", "< 0.1"):
+        text = text.replace(sign, sign.replace(" ", NBSP))
+    head, stop, rest = text.partition(". ")
+    return (f"{head}.", rest) if stop else (text, "")
 
 
 def _asset(folder: str, name: str) -> Markup:
@@ -161,10 +184,13 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    overview = overview_of(folders)
-    commands = [run.command for run in runs_in(folder).values()]
+    rows = [overview_row(one) for one in folders]
     text = _template("overview").render(
-        title=f"{len(folders)} pads", overview=overview, commands=commands
+        title=f"{len(folders)} pads",
+        rows=rows,
+        verdicts=Counter(row.verdict for row in rows).most_common(),
+        constants=shown_constants(rows),
+        commands=[run.command for run in runs_in(folder).values()],
     )
     write_whole(path, text.encode())
     return path

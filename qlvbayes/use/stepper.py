@@ -100,7 +100,8 @@ class Stepper:
 
     def restore(self, state: State) -> None:
         """Continue from a ``state`` of this stepper; an InputError where it is another model's."""
-        given, own = (jax.tree.map(np.shape, x) for x in (state, self._state))
+        parts = (jax.tree.flatten(x) for x in (state, self._state))
+        given, own = ((list(map(np.shape, leaves)), structure) for leaves, structure in parts)
         if given != own:
             raise InputError("a state of another model", remedy="restore what .state gave")
         self._state, self._answer = state, None

@@ -1,4 +1,4 @@
-"""The bench in a real browser: open, see, guess, add, watch the error fall, take out."""
+"""The bench in a real browser: open, see, add, watch the error fall, sample, take out."""
 
 import os
 import re
@@ -26,7 +26,7 @@ a,0.1,0.1,0.05
 a,0.05,0.2,0.10
 a,0.3,0.3,0.20
 """
-UNCLEAR = "Time;Pos;Load\n" + "".join(
+UNCLEAR = "first;second;third\n" + "".join(
     f"{0.01 * k:.2f};{min(0.01 * k, 1.0):.3f};{1000.0 * min(0.01 * k, 1.0) ** 1.5:.2f}\n"
     for k in range(300)
 )
@@ -90,7 +90,6 @@ def takes(page, effect):
 def test_the_first_page_shows_what_can_be_opened_and_says_no_word_on_the_console(visit):
     page = visit.page
     expect(page.get_by_role("button", name="Open hidden")).to_be_visible()
-    expect(page.get_by_role("button", name="Deal me a pad")).to_be_visible()
     assert "token" not in page.url
     assert page.locator("button, input, select, a").evaluate_all(NAMELESS) == []
     assert visit.said == []
@@ -109,13 +108,15 @@ def test_a_broken_file_that_is_dropped_is_refused_in_the_words_of_the_command(vi
     expect(visit.page.locator(".drop")).to_be_visible()  # for the file, once corrected
 
 
-def test_columns_that_are_not_clear_are_asked_for_with_the_first_rows_and_curves(visit):
+def test_columns_that_are_not_clear_are_asked_for_with_the_first_lines(visit):
     page = visit.page
     expect(page.locator(".drop")).to_be_visible()
     drop(page, "unclear.csv", UNCLEAR)
     asked = page.locator("#asking")
-    expect(asked.locator("thead th")).to_have_text(["Time", "Pos", "Load"])
-    expect(asked.locator("canvas")).to_have_count(2)
+    expect(asked.locator("pre")).to_contain_text("first;second;third")
+    for k, name in enumerate(("time", "displacement", "force")):
+        page.locator(f"#ask-{name}").select_option(index=k + 1)
+    page.get_by_role("button", name="Read it so").click()
     for name, unit in (("time", "s"), ("displacement", "mm"), ("force", "mN")):
         page.locator(f"#ask-{name}_unit").select_option(unit)
     assert asked.locator("input, select").evaluate_all(NAMELESS) == []
@@ -125,7 +126,7 @@ def test_columns_that_are_not_clear_are_asked_for_with_the_first_rows_and_curves
 
 
 def test_which_test_is_of_which_pad_is_said_by_keyboard(visit, tmp_path):
-    """By a pattern that is tried as it is typed, and by a name in the table; markup stays text."""
+    """By names in the table, which the server suggests; markup stays text."""
     pytest.importorskip("openpyxl")
     page, keys = visit.page, visit.page.keyboard
     expect(page.locator(".drop")).to_be_visible()
@@ -133,37 +134,20 @@ def test_which_test_is_of_which_pad_is_said_by_keyboard(visit, tmp_path):
         workbook(tmp_path / "pads.xlsx", ["<b>A1", "<b>A2", "B1", "B2"])
     )
     asked = page.locator("#asking")
-    one, several = asked.get_by_label("one pad"), asked.get_by_label("several pads")
-    expect(one).to_be_focused()
-    expect(one).to_be_checked()
+    expect(asked.get_by_label("one pad")).to_be_focused()
     expect(asked.locator("tbody th")).to_have_text(["<b>A1", "<b>A2", "B1", "B2"])
     expect(asked.locator("#ask-pad0")).to_be_hidden()
     keys.press("ArrowDown")
-    expect(several).to_be_checked()
-    counted = asked.get_by_role("status")
-    expect(counted).to_have_text("2 pads: <b>A (2 tests), B (2 tests).")
-    keys.press("Tab")
-    expect(asked.locator("#ask-pad_from")).to_be_focused()
-    keys.press("ControlOrMeta+a")
-    keys.type("(B|A")
-    wrong = asked.locator("#pattern-wrong")
-    expect(wrong).to_contain_text("'(B|A' is no pattern")
-    assert "\n" not in wrong.inner_text()
-    keys.type(")")
-    expect(wrong).to_be_hidden()
-    expect(counted).to_have_text("2 pads: A (2 tests), B (2 tests).")
-    keys.press("Enter")  # tries the pattern, and reads nothing yet
+    expect(asked.locator("#ask-pad0")).to_have_value("<b>A")
     for pad in ("AA", "AA", "B", "C/D"):
         keys.press("Tab")  # into the table at first, which scrolls
         if page.evaluate("document.activeElement.tagName") != "INPUT":
             keys.press("Tab")
         keys.press("ControlOrMeta+a")
         keys.type(pad)
-    expect(counted).to_have_text("3 pads: AA (2 tests), B (1 test), C/D (1 test).")
     assert asked.locator("input, button, a").evaluate_all(NAMELESS) == []
     keys.press("Enter")
-    refused = asked.locator("form > .wrong")
-    expect(refused).to_contain_text("write it as 'C-D'")
+    expect(asked.locator("form > .wrong")).to_contain_text("C-D")
     keys.press("ControlOrMeta+a")
     keys.type("C")
     keys.press("Enter")
@@ -281,31 +265,38 @@ def test_what_is_meant_in_one_chart_is_marked_in_the_others(visit):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [800, 1400])
+@pytest.mark.parametrize("width", [420, 1400])
 def test_everything_has_a_name_and_nothing_sticks_out(browser, app, width):
     opened = Visit(browser, app, width)
     page = opened.bundled("pads")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("button, input, select, a, summary").evaluate_all(NAMELESS) == []
-    page.get_by_role("button", name="Compare pads").click()
-    expect(page.locator("#comparison .undone")).to_be_visible()
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert opened.said == []
     assert opened.elsewhere == []
     opened.close()
 
 
 @pytest.mark.slow
-def test_a_guess_comes_before_the_ranking(visit):
-    page = visit.page
-    page.get_by_label(re.compile("guess first")).check()
-    page.get_by_role("button", name="Open hidden").click()
-    page.locator("#guess-one").select_option("friction")
-    expect(page.get_by_role("button", name="Search all hypotheses")).to_have_count(0)
-    page.locator("#guess-words").fill("something that stays")
-    page.get_by_role("button", name="Write it down").click()
-    expect(page.locator(".guessed")).to_contain_text("You guessed: friction")
-    expect(page.get_by_role("button", name="Search all hypotheses")).to_be_visible()
+def test_once_sampled_every_constant_shows_its_interval_and_the_slider_spans_it(visit):
+    page = visit.bundled("hidden")
+    page.get_by_role("button", name="Add squeeze film", exact=True).click()
+    expect(page.locator(".states li.current")).to_contain_text("squeeze film")
+    widest = {one["name"]: one["high"] - one["low"] for one in now(page, "parameters")}
+    page.get_by_role("button", name="Sample", exact=True).click()
+    expect(page.locator("#jobs .job")).to_contain_text("done after")
+    until(page, "Boolean(bench.store.now.entry.bands)")
+    posterior = now(page, "entry.bands")["summary"]["parameters"]
+    for name, width in widest.items():
+        low, high = posterior[name]["hdi90"]
+        row = page.locator(f".constant[data-key='{name}']")
+        expect(row.locator(".range")).to_contain_text(f"{low:.3g}"[:3])
+        if row.locator("input[type=range]").count():
+            edges = row.locator(".track").evaluate(
+                "track => ['--from', '--to'].map(x => parseFloat(track.style.getPropertyValue(x)))"
+            )
+            assert edges[1] - edges[0] > 20.0  # % of the slider
+            assert high - low < width
+    assert visit.said == []
 
 
 @pytest.mark.slow
@@ -319,6 +310,7 @@ def test_a_search_is_ended_early_with_what_it_knows(visit):
     enough.click()
     expect(job).to_contain_text(re.compile("Summing up|done after"))
     expect(page.get_by_text("Verdict:")).to_be_visible()
+    expect(page.locator(".words p").first).to_be_visible()  # it opens by itself
     expect(job).to_contain_text("done after")
     expect(job.get_by_role("button", name=re.compile("enough|Summing"))).to_have_count(0)
     result = now(page, "entry.diagnosis")
@@ -385,7 +377,7 @@ def test_memory_stays_flat_over_moves_and_fits(visit, app, capsys):
     expect(page.locator(".states")).not_to_contain_text("being computed")
     tools = page.context.new_cdp_session(page)
     tools.send("Performance.enable")
-    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker"]
+    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker computations"]
     worker = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
 
     def used():
@@ -429,11 +421,9 @@ def test_two_tabs_do_not_mix(visit):
     expect(first.locator(".states .hand")).to_be_visible()
     second.get_by_role("button", name="Add viscous drag", exact=True).click()
     expect(second.locator(".states li.current")).to_contain_text("viscous drag")
-    assert now(first, "hand.effects") == []
-    assert len(errors(first)) == 1
+    assert (now(first, "hand.effects"), len(errors(first))) == ([], 1)
     assert now(first, "hand.values.m") != value
     same = visit.open(second.url)  # the same session twice: what one adds, the other lists
-    expect(same.locator(".states li")).to_have_count(2)
     same.get_by_role("button", name="Remove viscous drag", exact=True).click()
     expect(second.locator(".states li")).to_have_count(3)
 
@@ -441,13 +431,11 @@ def test_two_tabs_do_not_mix(visit):
 @pytest.mark.slow
 def test_a_worker_that_is_killed_comes_back(visit, app):
     page = visit.bundled("hidden")
-    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker"]
-    workers = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
-    for number in workers:
+    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker computations"]
+    for number in subprocess.run(asked, capture_output=True, text=True).stdout.split():
         os.kill(int(number), signal.SIGKILL)
     page.get_by_role("slider").first.press("PageUp")
-    shown = page.locator(".states .hand")
-    expect(shown).to_be_visible()
+    expect(page.locator(".states .hand")).to_be_visible()
     moved = now(page, "hand.values.m")
     page.get_by_role("button", name="Keep as it is").click()
     expect(page.locator(".states li.current")).to_contain_text("kept by hand")

@@ -1,36 +1,84 @@
-"""Check what a job's process reports to the server, and which models it takes for the same."""
+"""A worker's order, what long work reports to the server, and with which model it works."""
 
+import threading
 import time
-from dataclasses import asdict
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from qlvbayes.app import job
-from qlvbayes.app.job import ProgressReporter, _choices
+pytest.importorskip("msgspec")
+
+from qlvbayes.app import steps
+from qlvbayes.app.steps import ProgressReporter, choices_of
+from qlvbayes.app.worker import Worker
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.runs import RunLog
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
-DATA = Path(__file__).parents[2] / "data" / "pads.csv"
+PATIENCE = 60.0  # s, for a thread to be heard
+BASE = {("hertz", "prony:2"): 0.6, ("hertz", "fung"): 0.3, ("linear", "fung"): 0.1}
 STANDING = SearchProgress(
     "effects",
     3,
     Hypothesis("hertz", "prony:2"),
-    Decision("ambiguous", (), (), {"friction": 0.2}, {("hertz", "prony:2"): 1.0}, 0.0, 0),
+    Decision("ambiguous", (), (), {"friction": 0.2, "viscous_drag": 0.7}, BASE, 0.0, 0),
 )
+
+
+class Server:
+    """Stands in for the server: hears answers in their order."""
+
+    def __init__(self):
+        self.heard, self.changed = [], threading.Condition()
+
+    def listen(self, heard):
+        self.ask = lambda number, call: heard(
+            {"number": number, "call": call, "arguments": {}, "tells": call == "told"}
+        )
+
+    def send(self, number, kind, content):
+        with self.changed:
+            self.heard.append((number, kind))
+            self.changed.notify_all()
+
+    def until(self, *answer):
+        with self.changed:
+            assert self.changed.wait_for(lambda: answer in self.heard, PATIENCE)
+
+
+def test_a_move_is_answered_while_a_fit_goes_on():
+    server, begun, go = Server(), threading.Event(), threading.Event()
+
+    def change():
+        begun.set()
+        assert go.wait(PATIENCE)
+
+    def told(tell):
+        tell({"text": "half"})
+
+    calls = {"change": change, "curves": dict, "told": told, "pieces": lambda: iter([None, {}])}
+    worker = Worker(SimpleNamespace(send=server.send, listen=server.listen), calls, {"curves"})
+    threading.Thread(target=worker.run, daemon=True).start()
+    while not hasattr(server, "ask"):
+        time.sleep(0.01)
+    server.ask(1, "change")
+    assert begun.wait(PATIENCE)
+    for number, call in ((2, "pieces"), (3, "told"), (4, "none"), (5, "curves")):
+        server.ask(number, call)
+    server.until(5, "answer")
+    assert server.heard == [(5, "answer")]
+    go.set()
+    server.until(2, "answer")
+    others = [(1, "answer"), (3, "progress"), (3, "answer"), (4, "error"), (2, "answer")]
+    assert server.heard[1:] == others  # what is done in pieces comes last
 
 
 @pytest.fixture
 def reporter():
     lines = []
-    watcher = ProgressReporter(SimpleNamespace(send=lines.append))
-    yield watcher, lines
-    watcher.end()
+    watcher = ProgressReporter(lines.append)
+    with watcher.reporting():
+        yield watcher, lines
 
 
 def test_a_chain_tells_how_far_it_is_and_what_is_left(reporter):
@@ -44,68 +92,28 @@ def test_a_chain_tells_how_far_it_is_and_what_is_left(reporter):
     assert line["left_s"] == 0.0
 
 
-def test_a_step_tells_what_it_does(reporter):
-    watcher, lines = reporter
-    with watcher.doing("pad B") as report:
-        report("elastic laws")
-        while not any(line["text"] == "pad B: elastic laws" for line in lines):
-            time.sleep(0.05)
-
-
-def test_a_search_tells_the_probabilities_so_far(reporter):
+def test_a_search_tells_the_probabilities_so_far_and_ends_once_when_that_is_enough(reporter):
     """The probabilities of a law are summed over the other law of each pair."""
     watcher, lines = reporter
-    base = {("hertz", "prony:2"): 0.6, ("hertz", "fung"): 0.3, ("linear", "fung"): 0.1}
-    inclusion = {"friction": 0.2, "viscous_drag": 0.7}
-    decision = Decision("ambiguous", (), (), inclusion, base, 0.0, 0)
-    best = Hypothesis("hertz", "prony:2")
-    watcher.searched("B", SearchProgress("effects", 3, best, decision))
-    found = next(line["probabilities"] for line in lines if "probabilities" in line)
-    assert found["pad"] == "B"
-    assert [(one["effect"], one["probability"]) for one in found["ranking"]] == [
-        ("viscous_drag", 0.7),
-        ("friction", 0.2),
-    ]
-    for kind, shares in (
-        ("elastic", {"hertz": 0.9, "linear": 0.1}),
-        ("relaxation", {"prony:2": 0.6, "fung": 0.4}),
-    ):
-        given = {one["name"]: one["probability"] for one in found["laws"][kind]}
-        assert given == pytest.approx(shares)
-
-
-def test_a_search_that_has_told_enough_ends_once(reporter):
-    """It ends at its next step, whose probabilities are reported first; the summing up goes on."""
-    watcher, lines = reporter
     watcher.searched("B", STANDING)
-    watcher.enough()
+    found = next(line["probabilities"] for line in lines if "probabilities" in line)
+    assert [one["effect"] for one in found["ranking"]] == ["viscous_drag", "friction"]
+    assert found["laws"]["elastic"] == pytest.approx({"hertz": 0.9, "linear": 0.1})
+    assert found["laws"]["relaxation"] == pytest.approx({"prony:2": 0.6, "fung": 0.4})
+    steps.enough()
     with pytest.raises(StopSearch):
         watcher.searched("B", STANDING)
-    assert sum("probabilities" in line for line in lines) == 2
     watcher.searched("B", STANDING)
+    assert sum("probabilities" in line for line in lines) == 3
 
 
 def test_a_job_samples_the_model_on_the_bench():
     model = {"elastic": "hertz", "relaxation": "prony:3", "effects": ["friction"]}
-    choices = _choices(model, True, None)
-    assert (choices.law, choices.relaxing, choices.effects) == ("hertz", "prony:3", ("friction",))
+    choices = choices_of(model, True, None)
+    assert (choices.elastic, choices.relaxing, choices.effects) == (
+        "hertz",
+        "prony:3",
+        ("friction",),
+    )
     assert choices.bonded
-    assert _choices({**model, "relaxation": "fung"}, False, None).relaxing == "fung"
-
-
-def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
-    """It notes settings as the commands do, and passes the same to its steps."""
-    passed = {}
-    for step in ("diagnose_into", "fit_into", "check_into"):
-        monkeypatch.setattr(job, step, lambda *_, step=step, **given: passed.update({step: given}))
-    monkeypatch.setattr(job, "load", lambda path: None)
-    spec = {"data": str(DATA), "out": str(tmp_path), "pads": ["B"], "models": {}}
-    spec |= {"all_tests": True, "effects_file": None}
-    job.diagnosed(spec, None)
-    job.sampled(spec, None)
-    runs = RunLog.read(tmp_path / "run.json").runs
-    assert runs["diagnose"].settings == {"thresholds": asdict(DiagnosisSettings())}
-    assert passed["diagnose_into"]["thresholds"] == DiagnosisSettings()
-    sampler = asdict(Settings())
-    assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
-    assert passed["fit_into"]["settings"] == Settings()
+    assert choices_of({**model, "relaxation": "fung"}, False, None).relaxing == "fung"

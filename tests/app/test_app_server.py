@@ -19,11 +19,11 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not served")
 httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
 
-from support.machine_files import mach_1, mach_1_blocks, pressed  # noqa: E402
+from support.machine_files import mach_1_blocks, pressed  # noqa: E402
 from support.two_tests import two_tests  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
-from qlvbayes.app.sessions import Sessions  # noqa: E402
+from qlvbayes.app.sessions import BenchPad, Sessions  # noqa: E402
 
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
@@ -36,9 +36,9 @@ LINUX = pytest.mark.skipif(not PROC.is_dir(), reason="looks into /proc")
 class Served:
     """A server that runs as the command, and a client with its token."""
 
-    def __init__(self, process, address):
+    def __init__(self, process, address, sessions):
         place = urlsplit(address)
-        self.process, self.address = process, address
+        self.process, self.address, self.sessions = process, address, sessions
         self.token = parse_qs(place.query)["token"][0]
         self.base = f"http://{place.netloc}"
         headers = {"Authorization": f"Bearer {self.token}", "X-Qlvbayes": "1"}
@@ -47,7 +47,7 @@ class Served:
     @contextlib.contextmanager
     def another_client(self):
         """The same server, asked over connections of one's own."""
-        other = Served(self.process, self.address)
+        other = Served(self.process, self.address, self.sessions)
         with other.client:
             yield other
 
@@ -69,14 +69,15 @@ class Served:
             lambda: self.get(f"/api/s/{session}"), lambda state: state["stage"] in stages
         )
 
-    def children(self):
-        """Process ids of what the server runs, by module."""
+    def children(self, module):
+        """Process ids of the server's workers that answer the calls of a module."""
         task = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
-        found = {}
+        found = set()
         for number in task.read_text().split():
-            with contextlib.suppress(OSError, IndexError):  # gone, or not begun yet
-                words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
-                found.setdefault(words[-2].decode(), set()).add(int(number))
+            with contextlib.suppress(OSError):  # gone
+                line = Path(f"/proc/{number}/cmdline").read_bytes()
+                if line.endswith(f"qlvbayes.app.worker\0{module}\0".encode()):
+                    found.add(int(number))
         return found
 
 
@@ -98,10 +99,11 @@ def served(tmp_path_factory):
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) as process:
         address = next(filter(None, (re.search(r"http\S+", text) for text in process.stdout)))[0]
-        running = Served(process, address)
+        running = Served(process, address, sessions)
         yield running
         running.client.close()
-        started = set().union(*running.children().values()) if PROC.is_dir() else set()
+        modules = ("computations", "steps") if PROC.is_dir() else ()
+        started = {number for module in modules for number in running.children(module)}
         process.terminate()
         process.communicate(timeout=PATIENCE)
         assert not any((PROC / str(number)).exists() for number in started)
@@ -195,48 +197,20 @@ def test_what_is_not_there_is_told(served, opened):
 
 
 def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
+    """And the name that it came with is never a path."""
     file = tmp_path / "broken.csv"
     file.write_text(BROKEN)
     with pytest.raises(q.InputError) as refused:
         q.read_study(file)
-    session = served.upload(("broken.csv", BROKEN.encode()))
-    error = served.until(session, "failed")["error"]
+    session = served.upload(("../../broken.csv", BROKEN.encode()))
+    state = served.until(session, "failed")
+    assert state["name"] == "broken.csv"
+    error = state["error"]
     assert error["text"] == str(refused.value).replace(str(file), "broken.csv")
     assert (error["file"], error["line"]) == ("broken.csv", 4)
 
 
-def test_answers_that_cannot_be_used_are_told_and_the_questions_stay(served):
-    """A file of two tests: the pattern is tried, a wrong pad refused, then both are read."""
-    blocks = mach_1_blocks(pressed())
-    session = served.upload(("blocks.txt", blocks), ("more.txt", mach_1(pressed())))
-    path = f"/api/s/{session}"
-    asked = served.until(session, "asking", "failed")["questions"]
-    assert asked["text"].startswith("blocks.txt and 1 more hold 3 tests.")
-    names = asked["names"]
-    assert len(names) == 3
-    pads = served.post(f"{path}/specimens", {"pad_from": "^."})["pads"]
-    assert pads == [name[0] for name in names]
-    for pattern, message in (
-        ("(", "is no pattern"),
-        ("none", "finds nothing"),
-        (7, "no pattern is"),
-    ):
-        answer = served.client.post(f"{path}/specimens", json={"pad_from": pattern})
-        assert answer.status_code == 422
-        assert message in answer.json()["error"]["text"]
-    several = {"specimens": "several", "pad0": "A", "pad1": "B", "pad2": "a/b"}
-    answer = served.client.post(f"{path}/answers", json={"answers": several})
-    assert answer.status_code == 422
-    assert "a/b" in answer.json()["error"]["text"]
-    state = served.get(path)
-    assert (state["stage"], state["questions"]) == ("asking", asked)
-    served.post(f"{path}/answers", {"answers": several | {"pad2": "A"}})
-    assert served.until(session, "preparing", "ready", "failed")["pads"] == ["A", "B"]
-    assert served.client.post(f"{path}/specimens", json={"pad_from": "A"}).status_code == 409
-    assert served.client.post(f"{path}/answers", json={"answers": several}).status_code == 409
-
-
-def test_a_second_question_keeps_the_answer_to_the_first(served):
+def test_questions_come_one_after_another_and_stay_until_they_are_answered(served):
     """The contact of two tests that begin in it, and then their pads."""
     session = served.upload(("a.txt", mach_1_blocks(pressed(approach=-0.3))))
     path = f"/api/s/{session}"
@@ -245,14 +219,17 @@ def test_a_second_question_keeps_the_answer_to_the_first(served):
     served.post(f"{path}/answers", {"answers": {"contact": "file"}})
     served.until(session, "asking", "failed")
     second = served.get(path)["questions"]
-    assert second["kind"] == "specimens"
-    served.post(f"{path}/answers", {"answers": {"specimens": "one"}})
-    assert served.until(session, "preparing", "ready", "failed")["pads"] == ["pad"]
-
-
-def test_a_name_is_never_a_path(served, tmp_path):
-    session = served.upload(("../../../evil.csv", BROKEN.encode()))
-    assert served.until(session, "failed")["name"] == "evil.csv"
+    assert [one["name"] for one in second["ask"]] == ["specimens", "pad0", "pad1"]
+    several = {"specimens": "several", "pad0": "A", "pad1": "a/b"}
+    answer = served.client.post(f"{path}/answers", json={"answers": several})
+    assert answer.status_code == 422
+    assert "a/b" in answer.json()["error"]["text"]
+    assert served.get(path)["questions"] == second
+    served.post(f"{path}/answers", {"answers": several | {"pad1": "B"}})
+    assert served.until(session, "preparing", "ready", "failed")["pads"] == ["A", "B"]
+    assert served.client.post(f"{path}/answers", json={"answers": several}).status_code == 409
+    served.client.delete(path).raise_for_status()
+    assert served.client.get(path).status_code == 404
 
 
 # the model by hand
@@ -334,15 +311,7 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     assert history[1]["heldout"] < history[0]["heldout"]
     assert len(served.get(f"/api/s/{second}")["pad"]["C"]["history"]) == 1
 
-    script = served.client.get(f"{pad}/repeat.py").text
-    assert "bench.add(model, 'squeeze_film')" in script
-    compile(script, "repeat.py", "exec")
     assert "--add squeeze_film" in served.client.get(f"{pad}/repeat.sh").text
-    table = served.client.get(f"{pad}/constants.csv").text.splitlines()
-    assert [row.split(",")[1] for row in table[1:]] == list(added["values"])
-    rows = served.client.get(f"{pad}/residuals.csv").text.splitlines()
-    left = np.array([float(row.split(",")[-1]) for row in rows[1:]])
-    assert np.sqrt(np.mean(left**2)) == pytest.approx(added["rmse"], rel=1e-4)
 
 
 def test_a_model_that_is_none_is_told(served, opened):
@@ -359,15 +328,12 @@ def test_a_model_that_is_none_is_told(served, opened):
 @LINUX
 def test_the_server_itself_never_loads_jax(served, opened):
     assert "jax" not in Path(f"/proc/{served.process.pid}/maps").read_text()
-    (worker,) = served.children()["qlvbayes.app.worker"]
+    (worker,) = served.children("computations")
     assert "jaxlib" in Path(f"/proc/{worker}/maps").read_text()
 
 
 @LINUX
 def test_a_cancelled_job_leaves_no_process_and_others_go_on(served, opened):
-    def jobs():
-        return served.children().get("qlvbayes.app.job", set())
-
     ordered = served.post(f"/api/s/{opened}/jobs", {"kind": "sample", "pad": "C"})
     path = f"/api/s/{opened}/jobs/{ordered['id']}"
     again = served.client.post(f"/api/s/{opened}/jobs", json={"kind": "sample", "pad": "C"})
@@ -375,56 +341,46 @@ def test_a_cancelled_job_leaves_no_process_and_others_go_on(served, opened):
     running = wait_for(lambda: served.get(path), lambda job: job["elapsed_s"] > 0.0)
     assert running["state"] == "running"
     assert served.client.post(f"{path}/enough").status_code == 409  # no search: nothing to sum up
-    before = jobs()
+    before = served.children("steps")
     assert served.post(f"/api/s/{opened}/pads/C/curves", PLAIN)["rmse"] > 0.0
     assert served.client.delete(path).json()["state"] == "cancelled"
-    gone = before - jobs()
+    gone = before - served.children("steps")
     assert gone
     assert not any(Path(f"/proc/{number}").exists() for number in gone)
     assert served.get(path)["state"] == "cancelled"
-    assert not [*Path(served.get(f"/api/s/{opened}")["id"]).glob("**/*.part")]
+    assert not [*served.sessions.glob(f"{opened}/**/*.part")]
 
 
 @LINUX
 def test_the_worker_is_killed_and_the_page_goes_on(served, opened):
     path = f"/api/s/{opened}/pads/C/curves"
     before = served.post(path, PLAIN)
-    (worker,) = served.children()["qlvbayes.app.worker"]
+    (worker,) = served.children("computations")
     os.kill(worker, signal.SIGKILL)
     answer = wait_for(
         lambda: served.client.post(path, json=PLAIN), lambda answer: answer.status_code != 503
     )
     assert answer.json() == before
-    (other,) = served.children()["qlvbayes.app.worker"]
-    assert other != worker
-
-
-# guessing
-
-
-def test_nothing_is_told_before_a_guess_is_written_down(served):
-    session = served.post("/api/sessions", {"open": "hidden", "guess": True})["id"]
-    served.until(session, "preparing", "ready")
-    assert served.get(f"/api/s/{session}")["guess"] == {"given": None}
-    measured = served.get(f"/api/s/{session}/pads/C/measured")  # without waiting for a model
-    assert measured["units"]["force"] == "N"
-    assert {test["name"] for test in measured["tests"]} >= {"C-1", "C-100"}
-    refused = served.client.post(f"/api/s/{session}/jobs", json={"kind": "diagnose", "pad": "C"})
-    assert refused.status_code == 409
-    guess = {"effects": ["friction"], "words": "it stays in the hold"}
-    found = served.post(f"/api/s/{session}/guess", guess)["guess"]
-    assert found["given"] == guess
-    assert found["truth"]["effects"] == ["squeeze_film"]
-    served.client.delete(f"/api/s/{session}").raise_for_status()
-    assert served.client.get(f"/api/s/{session}").status_code == 404
+    assert served.children("computations") - {worker}
 
 
 def test_a_session_is_found_again_in_its_folder(tmp_path):
-    sessions = Sessions(tmp_path)
-    session = sessions.new("mine.csv")
+    session = Sessions(tmp_path).new("mine.csv")
+    session.bench["C"] = BenchPad()
+    session.bench["C"].add("start", PLAIN | {"values": {"m": 1.0}}, 0.1)
     session.save()
     again = Sessions(tmp_path).get(session.id)
-    assert (again.name, again.stage) == ("mine.csv", "closed")
+    assert (again.name, again.stage, again.bench) == ("mine.csv", "closed", session.bench)
     assert [one["id"] for one in Sessions(tmp_path).known()] == [session.id]
-    (session.folder / "bench.json").write_text(json.dumps({"schema": 1}))
-    assert Sessions(tmp_path).get(session.id).bench == {}
+
+
+@pytest.mark.parametrize(
+    "content", ["{}", "[", '{"made": {"files": [], "options": {"formats-file": "evil.py"}}}']
+)
+def test_a_stranger_s_session_can_add_no_other_option_to_the_command(tmp_path, content):
+    whole = {"name": "", "data": "", "notices": [], "pads": {}}
+    text = json.dumps(whole | json.loads(content)) if "made" in content else content
+    (tmp_path / "bench.json").write_text(text)
+    session = Sessions(tmp_path).new("a", tmp_path)
+    session.load()
+    assert (session.made, session.bench) == (None, {})

@@ -60,7 +60,9 @@ def test_missing_file(tmp_path):
 
 
 def test_folder(tmp_path):
-    with pytest.raises(InputError, match=rf"^{re.escape(str(tmp_path))}: .* folder; name the CSV"):
+    with pytest.raises(
+        InputError, match=rf"^{re.escape(str(tmp_path))}: .* folder; name the files"
+    ):
         read_measurements(tmp_path)
 
 

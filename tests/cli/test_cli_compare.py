@@ -116,6 +116,15 @@ def test_what_cannot_be_compared_is_refused_in_one_line(pads, words, problem, re
     assert remedy in err
 
 
+def test_pads_of_two_folders_are_compared(pads, tmp_path):
+    """Those of one name are told apart by their folders."""
+    other = folder_of(tmp_path / "other", "B")
+    status, out, _ = call("compare", other, pads, "--pad", "B", *PLACES, "--json")
+    assert status == 0
+    assert [found["names"] for found in json.loads(out)] == [["other-B", f"{pads.name}-B"]]
+    assert (other / "compare" / f"other-B-vs-{pads.name}-B" / "compare.json").is_file()
+
+
 def test_an_empty_folder_is_refused(tmp_path):
     status, _, err = call("compare", tmp_path)
     assert status == 2

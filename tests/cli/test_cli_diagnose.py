@@ -7,16 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from support.endtoend import (
-    call,
-    keeps_check_contract,
-    keeps_summary_contract,
-    read_json,
-    with_tests,
-)
-from support.hidden_pads import FEW
+from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
 from qlvbayes import read_study
+from qlvbayes.cli.settings import Settings
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
@@ -29,12 +23,16 @@ from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.pipeline.run import _on_laws
+from qlvbayes.pipeline.finals import on_laws
+from qlvbayes.pipeline.finished import is_finished
+from qlvbayes.pipeline.source import Source
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, key_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[2]
 HIDDEN = ROOT / "data" / "hidden.csv"
+FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
 KINDS = {
     "summary": FitSummary,
     "check": CheckResult,
@@ -42,7 +40,6 @@ KINDS = {
     "curves": Curves,
     "run": RunLog,
 }
-FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
 
 
 @pytest.fixture(scope="module")
@@ -60,29 +57,6 @@ def own_effects(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.slow)])
-def case(request, tmp_path_factory):
-    """The bundled file and every candidate, or three of its tests and a few candidates."""
-    if request.param == "all":
-        return HIDDEN, EFFECTS
-    file = tmp_path_factory.mktemp("case") / "some.csv"
-    with_tests(file, "C-1", "C-20", "C-100", data=HIDDEN)
-    return file, (*FEW, find("squeeze_film"))
-
-
-@pytest.fixture(scope="module")
-def study(case, tmp_path_factory):
-    """The whole loop, with a short chain."""
-    file, kinds = case
-    drawn = True if kinds is EFFECTS else FIGURES
-    folder = tmp_path_factory.mktemp("study")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Choices, "candidates", kinds)
-        status, out, _ = call("study", file, "-o", folder, "--max-steps", "60", drawn=drawn)
-    assert status == 0
-    return folder / "C", out
-
-
 def test_the_case_is_solved(study, answer):
     found = read_json(study[0] / "diagnosis.json")
     hidden = answer["effects"][0]
@@ -92,11 +66,6 @@ def test_the_case_is_solved(study, answer):
     for name, value in hidden["parameters"].items():
         estimate = best["parameters"][name]
         assert abs(estimate["mean"] - value) < 4.0 * estimate["sd"]
-
-
-def test_the_data_do_not_tell_the_answer(answer):
-    heading = [line for line in HIDDEN.read_text().splitlines() if line.startswith("#")]
-    assert answer["effects"][0]["effect"] not in " ".join(heading)
 
 
 def test_study_leaves_every_file(study):
@@ -166,12 +135,12 @@ def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
     said = ("m=lognormal(-1,1)", "v[1]=lognormal(2,1)", "noise.white=lognormal(-5,1)")
     mine = Choices(priors=said, fixed=("b=1.2", "c[0]=0.3", "friction.f=0.1"))
     base = Base("hertz", "prony:2", 0.99)
-    moved = _on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
-    assert (moved.law, moved.relaxing) == ("hertz", "prony:2")
+    moved = on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
+    assert (moved.elastic, moved.relaxing) == ("hertz", "prony:2")
     assert (moved.priors, moved.fixed) == (said[1:], ("c[0]=0.3", "friction.f=0.1"))
-    assert _on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
+    assert on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
     baseline = Base("exponential", "prony:2", 0.99)
-    assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=baseline)) == mine
+    assert on_laws(mine, SimpleNamespace(verdict="adequate", base=baseline)) == mine
 
 
 def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
@@ -179,19 +148,38 @@ def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
     found = DiagnosisResult.read(study[0] / "diagnosis.json")
     asked = {}
 
-    def diagnosed(folder, pad, choices, **others):
-        folder.mkdir(parents=True, exist_ok=True)  # it may be there, locked for this run
+    def diagnosed(step, folder, pads, watcher):
         found.write(folder / "diagnosis.json")
-        asked.update(others, folder=folder, pad=pad.name, choices=choices)
+        (folder / "diagnosis.txt").write_text("said\n")
+        asked.update(step=step, folder=folder, pad=pads.pads[0].name)
 
-    monkeypatch.setattr("qlvbayes.pipeline.diagnosing.diagnose_into", diagnosed)
+    monkeypatch.setattr(DiagnoseStep, "run", diagnosed)
     words = ("--elastic", "hertz", "--tolerance", "2%", "--seed", "5", "--json")
     status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
     assert (status, err) == (0, "")
     assert json.loads(out) == [read_json(study[0] / "diagnosis.json")]
     assert (asked["folder"], asked["pad"]) == (tmp_path / "out" / "C", "C")
-    assert (asked["choices"].law, asked["seed"]) == ("hertz", 5)
-    assert asked["thresholds"].tolerance == 0.02
+    assert (asked["step"].choices.elastic, asked["step"].seed) == ("hertz", 5)
+    assert asked["step"].thresholds.tolerance == 0.02
+
+
+def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(study, case):
+    """Its settings give the same steps, which are finished: none computes with a figure."""
+    out = study[0].parent
+    given = Settings.from_options(out / "study.toml", ())
+    assert (given["files"], given["seed"], given["max-steps"]) == ((case[0].resolve(),), 0, 60)
+    assert {one.name for one in (out / ".finished").iterdir()} == {
+        "plain-fit", "plain-check", "diagnose", "fit", "check",
+    }  # fmt: skip
+    for step in (FitStep, CheckStep, DiagnoseStep):
+        assert not {"plots", "report", "cli", "app"} & set(step.code)
+    choices = given.choices(read_study(case[0]))
+    fit = FitStep(choices, settings=given.sampler(0), within="plain")
+    alone = next(iter(Source.from_files(case[0])))
+    key = key_of(fit, study[0], alone, {})
+    assert is_finished(out, "plain-fit", "C", key, study[0])
+    other = replace(fit, settings=given.sampler(1))
+    assert not is_finished(out, "plain-fit", "C", key_of(other, study[0], alone, {}), study[0])
 
 
 @pytest.mark.slow

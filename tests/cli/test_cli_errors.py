@@ -6,16 +6,13 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import pytest
 from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
-from typer.testing import CliRunner
 
-from qlvbayes.cli.main import application
 from qlvbayes.io.catalogue import METHODS, NOISES
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
@@ -278,13 +275,3 @@ def _stopped(words, file, number):
     os.kill(process.pid, number)
     err = process.communicate(timeout=60)[1]
     return process.returncode, err
-
-
-def test_the_list_of_commands_imports_none_of_them():
-    """The list read from the sources equals the one that running the commands shows."""
-    line = [sys.executable, "-X", "importtime", "-m", "qlvbayes", "--help"]
-    shown = subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment())
-    full = CliRunner().invoke(application(), ["--help"], prog_name="python -m qlvbayes")
-    assert shown.stdout.split() == full.output.split()
-    assert "qlvbayes.io" in shown.stderr
-    assert "qlvbayes.diagnosis" not in shown.stderr

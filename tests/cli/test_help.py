@@ -1,11 +1,13 @@
-"""The help of a command comes at once."""
+"""The help of a command comes at once, and names what the command takes."""
 
 import subprocess
 import sys
 
 import pytest
+from support.endtoend import call, environment
+from typer.testing import CliRunner
 
-from qlvbayes.cli.main import _COMMANDS, application
+from qlvbayes.cli.main import _COMMANDS, _HIDDEN, application
 from qlvbayes.plots.catalogue import figures_of
 
 SHOWN = """import sys
@@ -19,7 +21,7 @@ finally:
 
 
 # those of the others read files alone, which takes numpy and scipy
-@pytest.mark.parametrize("command", sorted({*_COMMANDS} - {"app", "convert", "look", "simulate"}))
+@pytest.mark.parametrize("command", sorted({*_COMMANDS} - {"app", "simulate"}))
 def test_the_help_of_a_command_does_not_wait_for_jax(command):
     done = subprocess.run(
         [sys.executable, "-c", SHOWN, command, "--help"], capture_output=True, text=True, check=True
@@ -28,10 +30,38 @@ def test_the_help_of_a_command_does_not_wait_for_jax(command):
     assert done.stdout.splitlines()[-1].split() == ["imported:"]
 
 
-@pytest.mark.parametrize("command", sorted(_COMMANDS))
+@pytest.mark.parametrize("command", sorted(_COMMANDS | _HIDDEN))
 def test_the_help_of_a_command_is_wrapped_for_the_terminal_alone(command):
     """Lines of the source's own width would break in the middle on a narrower terminal."""
     (entry,) = application([command]).registered_commands
     assert all("\n" not in paragraph for paragraph in entry.help.split("\n\n"))
     assert all(one.name in entry.help for one in figures_of(command))
     assert "FIGURES" not in entry.help
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("fit", ["--output", "--prior", "--fix", "--all-tests", "--method", "--seed", "--json"]),
+        ("look", ["--pad", "--sign", "--columns", "--leave-out", "--settings"]),
+        ("check", ["--data", "--pad", "--program", "--seed", "--json"]),
+        ("simulate", ["--rates", "--noise", "--max-rows", "--seed"]),
+    ],
+)
+def test_the_help_of_a_command_names_its_options(name, options, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    status, out, err = call(name, "--help")
+    assert (status, err) == (0, "")
+    assert all(option in out for option in options)
+
+
+def test_the_list_of_commands_imports_none_of_them():
+    """The list read from the sources equals the one that running the commands shows."""
+    line = [sys.executable, "-X", "importtime", "-m", "qlvbayes", "--help"]
+    shown = subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment())
+    full = CliRunner().invoke(application(), ["--help"], prog_name="python -m qlvbayes")
+    assert shown.stdout.split() == full.output.split()
+    assert "qlvbayes.io" in shown.stderr
+    assert "qlvbayes.diagnosis" not in shown.stderr
+    assert all(f"│ {name} " in shown.stdout for name in _COMMANDS)
+    assert not any(f"│ {name} " in shown.stdout for name in _HIDDEN)

@@ -5,7 +5,6 @@ import json
 import pytest
 from support.endtoend import PADS, call, read_json
 
-from qlvbayes.cli.options import relaxation_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws import check_law
 from qlvbayes.laws.catalogue import LAWS, own_laws
@@ -84,36 +83,6 @@ def own(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(
-    ("relaxation", "modes", "wanted"),
-    [
-        (None, None, ("prony", 2)),
-        (None, 3, ("prony", 3)),
-        ("prony", 4, ("prony", 4)),
-        ("prony:3", None, ("prony", 3)),
-        ("prony:3", 3, ("prony", 3)),
-        ("fung", None, ("fung", 2)),
-    ],
-)
-def test_relaxation_and_modes_say_one_thing(relaxation, modes, wanted):
-    assert relaxation_of(relaxation, modes) == wanted
-
-
-@pytest.mark.parametrize(
-    ("relaxation", "modes", "problem"),
-    [
-        ("fung", 3, "--modes is of a Prony series, not of fung"),
-        ("prony:2", 3, "--relaxation prony:2 and --modes 3 differ"),
-        ("prony:0", None, "no relaxation 'prony:0'"),
-        ("prony:7", None, "no relaxation 'prony:7'"),
-        ("fung:2", None, "no relaxation 'fung:2'"),
-    ],
-)
-def test_a_clash_is_refused(relaxation, modes, problem):
-    with pytest.raises(InputError, match=problem):
-        relaxation_of(relaxation, modes)
-
-
 def test_an_unknown_law_is_refused_in_one_line(tmp_path):
     for option, word in (("--elastic", "cubic"), ("--relaxation", "pony")):
         status, _, err = call("fit", PADS, "-o", tmp_path, option, word)
@@ -123,7 +92,7 @@ def test_an_unknown_law_is_refused_in_one_line(tmp_path):
 
 
 def test_laws_are_listed(own):
-    status, out, _ = call("laws", "--json", "--laws-file", own)
+    status, out, _ = call("effects", "--laws", "--json", "--laws-file", own)
     assert status == 0
     listed = {(entry["option"], entry["name"]): entry for entry in json.loads(out)}
     for kind in LAWS.elastic:
@@ -131,7 +100,7 @@ def test_laws_are_listed(own):
     for kind in LAWS.relaxation:
         assert set(listed["--relaxation", kind.name]["parameters"]) == set(kind.units)
     assert listed["--elastic", "tangent"]["parameters"] == {"m": "N"}
-    status, out, _ = call("laws")
+    status, out, _ = call("effects", "--laws")
     assert status == 0
     assert "power-law" in out
     assert "alpha" in out
@@ -149,7 +118,7 @@ def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
     laws = own_laws(own)
     check_all(laws)
     assert own_laws(own).elastic[0] is laws.elastic[0]  # compiled once
-    choices = Choices(law="tangent", relaxation="maxwell", laws_file=str(own))
+    choices = Choices(elastic="tangent", relaxation="maxwell", laws_file=str(own))
     assert choices.relaxing == "maxwell"
 
 

@@ -25,6 +25,7 @@ from qlvbayes.diagnosis.nexttest.design import (
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
 from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
+from qlvbayes.diagnosis.nexttest.knowledge import probable_alternatives
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screen
@@ -37,7 +38,7 @@ from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.pipeline.designing import design_into, probable_alternatives
+from qlvbayes.pipeline.designing import design_into
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 ERRORS = ReadingErrors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
@@ -440,7 +441,7 @@ def test_the_command_leaves_a_plan_that_can_be_run(fitted):
         (("--for", "cause"), "no diagnosis of this pad; run qlvbayes diagnose"),
         (("--minutes", "0.2"), "no test fits into 0.2 minutes"),
         (("--minutes", "-1"), "--minutes is -1; give it above 0"),
-        (("--max-depth", "0"), "--max-depth is 0; give it above 0"),
+        (("--limits", "depth=0"), "--limits depth '0' are not numbers above 0"),
         (("--data", "nowhere.csv"), "nowhere.csv: no such file"),
     ],
 )
@@ -461,7 +462,7 @@ def test_a_folder_without_results_is_named(tmp_path):
 @pytest.mark.slow
 def test_a_posterior_made_elsewhere_says_what_it_lacks(tmp_path):
     """Its draws, its noise, and what its tests cover must be known."""
-    from qlvbayes.pipeline.designing import knowledge_from_fit
+    from qlvbayes.diagnosis.nexttest.knowledge import knowledge_from_fit
 
     with pytest.raises(InputError, match="does not say what its tests cover"):
         knowledge_from_fit(replace(saved(), covered=None))

@@ -133,7 +133,7 @@ def pretend(self, study):
 
 def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(Benchmark, "run", pretend)
-    words = ("benchmark", "--effects", "friction,inertia", "-o", tmp_path, "--pads")
+    words = ("benchmark", "--effects", "friction,inertia", "-o", tmp_path, "--each")
     status, out, err = call(*words, "1", "--json")
     assert (status, err) == (0, "")
     assert json.loads(out) == json.loads((tmp_path / "benchmark.json").read_text())

@@ -22,7 +22,7 @@ SHARE = 1e-3  # of its force: sd of the one good reading
 
 def posterior(elastic="exponential", relaxation="prony"):
     """Return the posterior of one test drowned in noise, but for the last reading of the hold."""
-    choices = Choices(law=elastic, relaxation=relaxation)
+    choices = Choices(elastic=elastic, relaxation=relaxation)
     built = build_posterior(experiment(), choices, experiment().with_role("fit"))
     blocks = built.record.blocks
     weight = np.asarray(blocks.weight).copy()

@@ -191,7 +191,7 @@ def test_a_chains_key_knows_all_that_it_depends_on():
     choices = [
         Choices(),
         Choices(bonded=True),
-        Choices(law="linear"),
+        Choices(elastic="linear"),
         Choices(modes=1),
         Choices(noise="white"),
         Choices(priors=("m=lognormal(0,1)",)),

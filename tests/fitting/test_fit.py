@@ -207,10 +207,10 @@ def test_white_noise_in_the_likelihood_makes_sds_too_small():
 @pytest.mark.slow
 def test_a_wrong_law_leaves_a_larger_residual():
     exact = fitted(method="least-squares").facts["residual_sd"]
-    for wrong in (Choices(law="linear"), Choices(modes=1)):
+    for wrong in (Choices(elastic="linear"), Choices(modes=1)):
         assert fitted(wrong, method="least-squares").facts["residual_sd"] > 1.5 * exact
     # a power of the depth comes near an exponential over one stroke
-    hertz = fitted(Choices(law="hertz"), method="least-squares").facts["residual_sd"]
+    hertz = fitted(Choices(elastic="hertz"), method="least-squares").facts["residual_sd"]
     assert hertz > 0.9 * exact
 
 

@@ -3,7 +3,7 @@
 import importlib
 import json
 import pkgutil
-from dataclasses import fields
+from dataclasses import asdict
 from enum import Enum
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -33,7 +33,7 @@ from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.priors import Normal
 from qlvbayes.report.firstlook import FirstLook
-from qlvbayes.report.methods import _THRESHOLDS
+from qlvbayes.report.settings import WORDS, flat
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 KINDS = {
@@ -102,7 +102,7 @@ PLAIN = {
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
     DiagnosisSettings: lambda rng: DiagnosisSettings(*rng.uniform(0.0, 0.5, 7)),
     Choices: lambda rng: Choices(
-        law=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
+        elastic=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
     ),
     Any: lambda rng: (None, True, 0.5, "x", 3)[rng.integers(5)],
 }
@@ -212,4 +212,4 @@ def test_a_record_is_not_changed_once_it_is_made():
 
 
 def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
-    assert set(_THRESHOLDS) == {field.name for field in fields(DiagnosisSettings)}
+    assert set(WORDS) == set(flat(asdict(DiagnosisSettings())))

@@ -183,7 +183,7 @@ def test_posterior_predictive_noise_is_the_models(tree):
     "choices",
     [
         Choices(),
-        Choices(law="hertz", modes=1, noise="white", priors=("m=lognormal(0,1)",)),
+        Choices(elastic="hertz", modes=1, noise="white", priors=("m=lognormal(0,1)",)),
         Choices(modes=3, bonded=True, fixed=("v[2]=0.5", "c[1]=0.2")),
     ],
 )

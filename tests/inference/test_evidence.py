@@ -59,9 +59,9 @@ def thetas(space, hypothesis, count):
     return found
 
 
-def unfollowed(point, kept=(0, 1, 2, 3, 4, 5)):
+def unfollowed(space, point, kept=(0, 1, 2, 3, 4, 5)):
     """1 - P over the blocks that count, P the projection on the rows of the Jacobian."""
-    real = np.asarray(point.own.posterior.record.blocks.real)
+    real = space.real
     slopes = np.concatenate([point.responses[:, k, real[k]] for k in kept], axis=1)
     slopes = slopes[np.any(slopes != 0.0, axis=1)]
     basis = np.linalg.qr((slopes / np.linalg.norm(slopes, axis=1)[:, None]).T)[0]
@@ -87,7 +87,7 @@ def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
         parts.append(left[k][real])
         shapes.append(features[:, k, real])
     shape, residual = np.concatenate(shapes, axis=1), np.concatenate(parts)
-    rest = unfollowed(point, kept)
+    rest = unfollowed(density.space, point, kept)
     smooth = rest @ (shape.T @ shape) @ rest
     followed = np.eye(len(rest)) - rest
     timing = np.diag(np.concatenate([np.asarray(blocks.timing)[k][blocks.real[k]] for k in kept]))
@@ -241,12 +241,10 @@ def quadratic(gradient, curvature, theta, lowest, highest):
     )
     separation = SimpleNamespace(scatter=NONE)
     point = SimpleNamespace(own=own, theta=np.asarray(theta), separation=separation)
-    stacked = Terms(np.zeros(1), terms.gradient[None], terms.curvature[None])
     density = SimpleNamespace(
         discrepancy=SimpleNamespace(log_prior=np.zeros(1), sizes=np.zeros(1)),
-        likeliest_size=lambda at: 0.0,
+        likeliest_size=lambda at, guess: 0.0,
         terms=lambda at, size: terms,
-        terms_by_size=lambda at: stacked,
     )
     return density, point, terms
 

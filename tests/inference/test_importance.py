@@ -23,7 +23,7 @@ class Pretended:
         self.lowest = np.array([lowest, -np.inf, -np.inf])
         self.normals = [multivariate_normal(np.array(c), COVARIANCE) for c in centres]
 
-    def log_density(self, own, thetas, tolerance, about):
+    def log_density(self, own, thetas, tolerance, about, sizes):
         logs = logsumexp([n.logpdf(thetas) for n in self.normals], axis=0)
         logs = logs.reshape(-1) - np.log(len(self.normals)) + LOG
         logs[(thetas < self.lowest).any(axis=1)] = -np.inf
@@ -81,7 +81,7 @@ def test_the_error_holds_where_many_numbers_lie_at_a_bound():
     lowest = np.append(np.zeros(4), np.full(size - 4, -np.inf))
     own = SimpleNamespace(size=size, lowest=lowest, highest=np.full(size, np.inf))
 
-    def log_density(own, thetas, tolerance, about):
+    def log_density(own, thetas, tolerance, about, sizes):
         inside = (thetas >= lowest).all(axis=1)
         return np.where(inside, normal.logpdf(thetas), -np.inf)[:, None]
 

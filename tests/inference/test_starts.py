@@ -52,8 +52,11 @@ def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_la
         plain.point.theta + 4.0 * np.sqrt(np.diag(plain.evidence.covariance))
     )
     low = search.density.at(search.baseline, away)
-    known = replace(plain, mode=Mode(low, 0.0, search.density.terms(low, 0.0).loss, False, 1))
-    exchanged = replace(search.candidates[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1))
+    terms = search.density.terms(low, 0.0)
+    known = replace(plain, mode=Mode(low, 0.0, terms.loss, False, 1, terms.curvature))
+    exchanged = replace(
+        search.candidates[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1, terms.curvature)
+    )
     some = {search.baseline: [replace(known, log_evidence=-1e9)], hypothesis: [exchanged]}
     monkeypatch.setattr(search, "modes", some)
     search.evaluate(search.baseline, hypothesis)

@@ -1,9 +1,9 @@
 """Every layout is known by its own format alone, read right, and damaged without a traceback."""
 
 import time
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,13 +12,13 @@ from support.machine_files import FIXTURES, LAG, Pressed, pressed
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import Answers, UnsureError
-from qlvbayes.io.formats.bluehill_3 import BluehillThree
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conformance import FormatError, check_format
 from qlvbayes.io.formats.contact import find_contact, find_signs
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.formats.format import HEAD, AbstractFormat
+from qlvbayes.io.formats.layouts import BLUEHILL_3
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.recognition import matching, recognised
 
@@ -366,16 +366,10 @@ def test_a_format_of_one_s_own(tmp_path):
 
 
 def test_a_format_that_claims_what_is_not_its_own_is_told(tmp_path):
-    class Greedy(BluehillThree):
-        name: ClassVar[str] = "greedy"
-
-        @staticmethod
-        def sniff(head):
-            return Sight.from_marks({"bytes": True})
-
+    greedy = replace(BLUEHILL_3, name="greedy", shows={"bytes": ""})
     files = [written(fixture, tmp_path) for fixture in FIXTURES[:2]]
     with pytest.raises(FormatError, match="bluehill-3 claims"):
-        check_format(Greedy, files)
+        check_format(greedy, files)
     with pytest.raises(FormatError, match="lacks read, sniff"):
         check_format(AbstractFormat, files)
 

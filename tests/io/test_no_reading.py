@@ -17,10 +17,10 @@ from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.formats import isolation
+from qlvbayes.io.formats import apart
 from qlvbayes.io.formats.answers import Answers
+from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.isolation import ApartError, read_apart
 from qlvbayes.io.reading.noreading import no_readings
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.freeknots import _merged
@@ -171,7 +171,7 @@ def refusal(read, file):
 @pytest.mark.skipif(not BROKEN.is_dir(), reason="the broken records are not here")
 @pytest.mark.parametrize("file", sorted(BROKEN.glob("*.*")), ids=lambda file: file.name)
 def test_broken_files_are_read_or_refused(file, monkeypatch):
-    monkeypatch.setattr(isolation, "TIME_S", 1.0 if file.stem == "hang" else 4.0)
+    monkeypatch.setattr(apart, "TIME_S", 1.0 if file.stem == "hang" else 4.0)
     if file.suffix == ".md":
         return
     for read in (read_measurements, lambda one: convert([one])):

@@ -13,11 +13,10 @@ from support.machine_files import (
 )
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats import namedarrays
+from qlvbayes.io.formats import binary
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.rosbag import RosBag
-from qlvbayes.io.formats.roschannels import RosChannel, meaning, recording_of
+from qlvbayes.io.formats.ros import RosChannel, meaning, recording_of
 
 TEST = pressed()
 MCAP = b"\x89MCAP0\r\n"
@@ -113,13 +112,10 @@ def test_a_wide_table_is_looked_at_without_being_converted_first(tmp_path):
 def test_a_bag_without_its_library_is_refused_with_the_command_that_installs_it(
     tmp_path, monkeypatch
 ):
-    def missing(module):
-        raise ImportError(module)
-
     (tmp_path / "a.mcap").write_bytes(MCAP + bytes(100))
-    monkeypatch.setattr(namedarrays, "import_module", missing)
+    monkeypatch.setattr(binary, "find_spec", lambda module: None)
     with pytest.raises(InputError, match=r"pip install 'qlvbayes\[ros\]'"):
-        RosBag.read(tmp_path / "a.mcap")
+        convert([tmp_path / "a.mcap"])
 
 
 ROS_1_AND_2 = pytest.mark.parametrize("made", [rosbag_1_joints, rosbag_joints])

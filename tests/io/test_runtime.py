@@ -42,7 +42,7 @@ def computed(cache):
     return done.stdout, done.stderr, done.returncode
 
 
-def test_damaged_entries_of_the_cache_are_mended_without_a_word(tmp_path):
+def test_damaged_entries_of_the_cache_are_passed_over_without_a_word(tmp_path):
     expected = ("[1. 2. 3.]\n", "", 0)
     assert computed(tmp_path) == expected
     entries = {path: path.read_bytes() for path in tmp_path.glob("*-cache")}
@@ -50,9 +50,6 @@ def test_damaged_entries_of_the_cache_are_mended_without_a_word(tmp_path):
     for path, content in entries.items():
         path.write_bytes(content[: len(content) // 2])
     assert computed(tmp_path) == expected
-    assert sorted(tmp_path.iterdir()) == sorted(entries)
-    for path, content in entries.items():
-        assert len(path.read_bytes()) > len(content) // 2
 
 
 def test_a_cache_that_cannot_be_used_costs_nothing_but_time(tmp_path):

@@ -118,7 +118,7 @@ def test_a_line_of_text_alone_is_told_where_no_row_can_be_read(tmp_path):
 
 @pytest.mark.parametrize("mark", [".", ","])
 def test_numbers_that_a_workbook_holds_as_text_are_numbers(tmp_path, mark):
-    pytest.importorskip("openpyxl")
+    pytest.importorskip("python_calamine")
     table = np.stack([TEST.time, TEST.way, TEST.load], 1).round(4).tolist()
     mixed = [[t, d, f"{f:.4f}".replace(".", mark)] if f > 0.2 else [t, d, f] for t, d, f in table]
     names = [["Zeit", "Weg", "Kraft"], ["s", "mm", "N"]]
@@ -177,11 +177,13 @@ def test_tests_side_by_side_may_share_their_time(tmp_path):
 
 
 def test_specimens_side_by_side_in_a_workbook_are_several_tests(tmp_path):
-    pytest.importorskip("openpyxl")
+    pytest.importorskip("python_calamine")
     table = np.stack([TEST.time, TEST.way, TEST.load], 1).tolist()
     head = [["Probe 1", None, None, "Probe 2"], 2 * ["Zeit", "Weg", "Kraft"], 2 * ["s", "mm", "N"]]
     path = tmp_path / "a.xlsx"
-    path.write_bytes(_workbook({"Kurven": [*head, *([*row, *row] for row in table)]}))
+    path.write_bytes(
+        _workbook({"Kurven": [*head, *([*row, *row[:2], 2.0 * row[2]] for row in table)]})
+    )
     assert [test.test for test in convert([path]).tests] == ["Kurven Probe 1", "Kurven Probe 2"]
 
 
@@ -357,7 +359,7 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
     tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
              "average rate", "compression moyenne")  # fmt: skip
     assert not any(map(is_mean, tests))
-    pytest.importorskip("openpyxl")
+    pytest.importorskip("python_calamine")
     path = workbook(tmp_path / "a.xlsx", ["vitesse lente", "vitesse moyenne", "Moyenne"])
     found = convert([path])
     assert [test.test for test in found.tests] == ["vitesse lente", "vitesse moyenne"]
@@ -366,7 +368,7 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
 
 
 def test_a_column_without_a_unit_does_not_block_a_workbook(tmp_path):
-    pytest.importorskip("openpyxl")
+    pytest.importorskip("python_calamine")
     table = np.stack([TEST.time, TEST.way, TEST.load], 1).tolist()
     rows = [["Zeit [s]", "Weg [mm]", "Kraft [N]", "Zyklus"], *([*row, 1] for row in table)]
     path = tmp_path / "a.xlsx"
@@ -384,7 +386,8 @@ def test_a_column_without_a_unit_does_not_block_a_workbook(tmp_path):
 )
 def test_a_second_header_begins_a_test_where_time_falls(tmp_path, head):
     rows = rows_of()
-    found = converted(tmp_path, ["Specimen 1", *head, *rows, "", "Specimen 2", *head, *rows])
+    other = rows_of(pressed(hold=0.6, rate=50.0, seed=2))
+    found = converted(tmp_path, ["Specimen 1", *head, *rows, "", "Specimen 2", *head, *other])
     assert [test.test for test in found.tests] == ["1", "2"]
     assert [len(test.time) for test in found.tests] == [len(rows)] * 2
     is_whole(converted(tmp_path, ["Specimen 1", *head, *rows[:40], *head, *rows[40:]]))
@@ -459,9 +462,11 @@ def test_a_channel_before_a_name_is_no_part_of_it(tmp_path):
 
 def test_a_crosshead_in_french_side_by_side(tmp_path):
     cells = (f"{t:.3f},{f:.4f},{d:.4f}" for t, d, f in zip(*vars(TEST).values(), strict=True))
+    other = (f"{t:.3f},{2 * f:.4f},{d:.4f}" for t, d, f in zip(*vars(TEST).values(), strict=True))
     head = ["Brut,,,Recuit 250°C,,", "Temps,Force,Course_Traverse," * 2, "sec,N,mm," * 2]
     found = converted(
-        tmp_path, [*(line.rstrip(",") for line in head), *(f"{c},{c}" for c in cells)]
+        tmp_path,
+        [*(line.rstrip(",") for line in head), *map(",".join, zip(cells, other, strict=True))],
     )
     assert [test.named for test in found.tests] == ["Brut", "Recuit 250°C"]
 
@@ -549,7 +554,8 @@ def test_stated_columns_may_stand_in_any_order_with_decimal_commas(tmp_path):
 
 
 def test_each_repetition_of_the_stated_names_is_a_test(tmp_path):
-    lines = ["t,x,F", *rows_of(), "t,x,F", *rows_of(), ""]
+    second = pressed(hold=0.6, rate=50.0, seed=2)
+    lines = ["t,x,F", *rows_of(), "t,x,F", *rows_of(second), ""]
     (tmp_path / "a.csv").write_text("\n".join(lines))
     answers = Answers.from_words(columns="t,x,F", units="s,mm,N")
     assert [len(test.time) for test in convert([tmp_path / "a.csv"], answers).tests] == [
@@ -629,7 +635,7 @@ def test_units_above_and_below_the_names_must_agree(tmp_path):
 @pytest.mark.parametrize("goes_on", [True, False])
 def test_a_column_of_specimens_divides_a_table(tmp_path, goes_on):
     shift = 5.0 if goes_on else 0.0
-    second = rows_of(Pressed(TEST.time + shift, TEST.way, TEST.load))
+    second = rows_of(Pressed(TEST.time + shift, TEST.way, 1.1 * TEST.load))
     rows = [*(f"A,{row}" for row in rows_of()), *(f"B,{row}" for row in second)]
     found = converted(tmp_path, ["Specimen,Time (s),Disp (mm),Force (N)", *rows])
     assert [(test.named, len(test.time)) for test in found.tests] == [
@@ -672,8 +678,11 @@ def test_a_table_that_goes_on_after_a_gap_is_whole(tmp_path):
 
 def test_names_that_pandas_has_numbered_are_repeated(tmp_path):
     names = "Time (s),Disp (mm),Force (N)"
+    other = rows_of(pressed(hold=0.6, rate=50.0, seed=2))
     again = ",".join(f"{name}.1" for name in names.split(","))
-    found = converted(tmp_path, [f"{names},{again}", *(f"{row},{row}" for row in rows_of())])
+    found = converted(
+        tmp_path, [f"{names},{again}", *map(",".join, zip(rows_of(), other, strict=True))]
+    )
     assert [len(test.time) for test in found.tests] == [len(TEST.time)] * 2
 
 

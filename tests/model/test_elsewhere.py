@@ -21,7 +21,7 @@ def test_scalars_named_by_index_are_read(tmp_path):
     assert set(saved.names) == set(flat)
     same_as(saved, flat)
     assert (saved.pad, saved.source, saved.fitted, saved.fluid) == ("B", "", (), None)
-    assert (saved.choices.law, saved.choices.modes, saved.choices.noise) == (
+    assert (saved.choices.elastic, saved.choices.modes, saved.choices.noise) == (
         "exponential", 2, "correlated"
     )  # fmt: skip
     assert saved.units == PAD
@@ -70,7 +70,7 @@ def test_attributes_of_our_names_are_heeded(tmp_path):
 )
 def test_the_model_follows_from_the_names(names, wanted):
     found = infer_choices(names)
-    assert (found.law, found.modes, found.noise, found.effects) == wanted
+    assert (found.elastic, found.modes, found.noise, found.effects) == wanted
 
 
 def changed(**changes):

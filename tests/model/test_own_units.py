@@ -60,7 +60,7 @@ def test_motion_roles_and_noise_do_not_depend_on_units(tmp_path, length, force):
 @given(st.sampled_from(SYSTEMS), st.sampled_from(SYSTEMS))
 def test_converted_constants_give_the_same_force(given_units, wanted_units):
     first, second = unit_system(*given_units), unit_system(*wanted_units)
-    choices = Choices(law="hertz", effects=("power_law_drag", "inertia", "frame_compliance"))
+    choices = Choices(elastic="hertz", effects=("power_law_drag", "inertia", "frame_compliance"))
     names = [name for field in described_fields(choices) for name in field.names]
     draws = {name: np.full(2, 0.7) for name in names}
     by = factors(choices, draws, first, second)
@@ -81,7 +81,7 @@ def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
     """Priors and likelihood: the same constants have, but for a factor of all, the same density."""
     # drag by a power of the speed has its prior at the unit's own speed
     kinds = {kind.name for kind in EFFECTS} - {"power_law_drag", "adhesion"}
-    choices = Choices(law=law, effects=tuple(sorted(kinds)))
+    choices = Choices(elastic=law, effects=tuple(sorted(kinds)))
     first, second = (
         prepare(read_measurements(written(tmp_path, *names)).pads[0], all_tests=True)
         for names in (("mm", "N"), (length, force))

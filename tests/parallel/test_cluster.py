@@ -75,7 +75,6 @@ def answers(outcomes):
 def test_outcomes_are_those_of_one_process(engine):
     alone = answers(run_all(squared, range(40)))
     assert answers(run_all(squared, range(40), engine)) == alone
-    assert engine.workers in (1, 2)  # as many as have come by now
 
 
 def test_a_worker_killed_in_the_middle_loses_nothing(engine, tmp_path):
@@ -128,7 +127,7 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
     own = Dask(tmp_path, 1)
     out = tmp_path / "out"
     listener = Killer(own.scheduler)
-    work = [Work(SlowStep(600.0), one, out / one.pads[0].name) for one in pads("A", "B", "slow")]
+    work = [Work((SlowStep(600.0),), one, out) for one in pads("A", "B", "slow")]
     try:
         with (
             opened_engine(cluster=own.address) as engine,
@@ -139,15 +138,18 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
             f"the Dask scheduler at {own.address} is lost; start it and give the same command "
             "again: what is finished is kept"
         )
-        assert listener.notices == ["pad A: done", "pad B: done"]
+        assert listener.notices == [
+            f"pad {x}" for x in ("A: done", "A: there", "B: done", "B: there")
+        ]
         assert not [path for path in out.iterdir() if path.name.startswith(".shared")]
         # a worker at work keeps its pad's folder locked until it has ended
         own.workers.terminate()
         own.workers.wait(120)
         again = Listener()  # as if the same command were given
-        work = [Work(SlowStep(0.0), one.study, one.folder) for one in work]
+        work = [Work((SlowStep(0.0),), one.study, out) for one in work]
         run_pads(out, work, size=3, watcher=again)
-        assert again.notices == ["pad A: there", "pad B: there", "pad slow: done"]
+        told = ("A: there", "B: there", "slow: done", "slow: there")
+        assert again.notices == [f"pad {x}" for x in told]
     finally:
         for process in (own.workers, own.scheduler):
             process.send_signal(signal.SIGKILL)
@@ -157,6 +159,9 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
 class Listener(Watcher):
     def __init__(self):
         self.notices = []
+
+    def starting(self, lines):
+        self.notices += lines
 
     def notice(self, text):
         self.notices.append(text)
@@ -171,7 +176,7 @@ class Killer(Listener):
 
     def notice(self, text):
         super().notice(text)
-        if len(self.notices) == 2:
+        if len(self.notices) == 4:
             self.scheduler.send_signal(signal.SIGKILL)
 
 

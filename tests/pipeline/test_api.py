@@ -96,6 +96,33 @@ def test_a_pad_fits_and_the_fit_says_all_that_the_readme_asks_of_it(study):
     assert str(summary).splitlines()[0].split()[:2] == ["m", f"{summary['m'].median:.4g}"]
     assert [one.trial.name for one in fit.predict()] == [t.name for t in fit.experiment.trials]
     assert {cell.test for cell in fit.check().cells} == {test.name for test in study["C"].pad.tests}
+    groups = fit.inference_data
+    assert groups["posterior"]["m"].shape == fit.constants.shape[:2]
+    assert {"log_likelihood", "posterior_predictive", "observed_data"} <= set(groups.children)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"effects": "magic"},
+        {"effects": ("friction", "sharp_friction")},
+        {"priors": "v[1]=banana(1,2)"},
+        {"priors": {"m": priors.Normal(1.0, 1.0)}},
+        {"priors": {"q": priors.LogNormal(1.0, 1.0)}},
+        {"fixed": {"v[7]": 1.0}},
+        {"elastic": "rubber"},
+    ],
+)
+def test_a_choice_that_cannot_be_used_is_refused_when_it_is_made(given):
+    with pytest.raises(q.InputError):
+        q.Choices(**given)
+
+
+def test_one_effect_may_be_a_text():
+    assert q.Choices(effects="friction") == q.Choices(effects=["friction"])
+    assert q.Choices(effects="friction", priors="friction.f=halfnormal(0.1)").effects == (
+        "friction",
+    )
 
 
 @pytest.mark.slow

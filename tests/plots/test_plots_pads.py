@@ -93,7 +93,7 @@ def posterior(modes=2, law="exponential", seed=1, effects=()):
     names |= {"noise.white": np.full(4000, 0.01)}
     return Saved(
         "B", tuple(names), np.stack(list(names.values()), axis=-1)[None],
-        Choices(modes=modes, law=law, noise="white", effects=tuple(effects)), "emcee", "", "",
+        Choices(modes=modes, elastic=law, noise="white", effects=tuple(effects)), "emcee", "", "",
         False, (),
     )  # fmt: skip
 
@@ -260,7 +260,7 @@ def test_pairs_hold_the_draws():
     found = posterior()
     axes = plot_pairs(found)
     draws = dict(zip(found.names, found.draws.T, strict=True))
-    assert len(axes) == 4 * 5 // 2 + 3 * 4 + 1
+    assert len(axes) == 7 * 8 // 2
     middle = lines(axes[0], "median")[0].get_xdata()[0]
     assert middle == pytest.approx(np.median(draws["m"]))
     outer, inner = (
@@ -275,34 +275,6 @@ def test_pairs_hold_the_draws():
                 quantile * np.hypot(1.0, 0.35) * draws[name].std(), rel=0.1
             )
     assert np.corrcoef(*outer.T)[0, 1] < -0.6
-
-
-def test_three_shares_stand_in_a_triangle_at_their_median():
-    found = posterior()
-    triangle = plot_pairs(found)[-1]
-    shares = found.draws[:, [found.names.index(f"c[{k}]") for k in range(3)]]
-    low, size = np.quantile(shares, 0.002, axis=0), None
-    x, y = points(triangle, "median")[0]
-    local = np.array([1.0 - x - y / np.sqrt(3.0), x - y / np.sqrt(3.0), 2.0 * y / np.sqrt(3.0)])
-    margin = 0.12 * (1.0 - low.sum())
-    size = 1.0 - low.sum() + 3.0 * margin
-    assert low - margin + size * local == pytest.approx(np.median(shares, axis=0), abs=2e-4)
-    for text in triangle.texts:
-        if (text.get_gid() or "").startswith("c["):
-            k, value = int(text.get_gid()[2]), float(text.get_text())
-            x, y = text.xy
-            root = np.sqrt(3.0)
-            parts = (1.0 - x - y / root, x - y / root, 2.0 * y / root)
-            assert low[k] - margin + size * parts[k] == pytest.approx(value, abs=1e-9)
-
-
-def test_other_numbers_of_shares_are_bars():
-    found = posterior(3)
-    bars = plot_pairs(found)[-1]
-    heights = [bar.get_height() for bar in bars.patches]
-    medians = np.median(found.draws[:, [found.names.index(f"c[{k}]") for k in range(4)]], axis=0)
-    assert heights == pytest.approx(medians, rel=1e-3)
-    assert bars.get_ylabel() == "share (no unit)"
 
 
 def test_contrasts_hold_ratios_answers_and_the_region():

@@ -5,6 +5,8 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 import qlvbayes
+from qlvbayes.pipeline.comparing import CompareStep
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 
 ROOT = Path(qlvbayes.__file__).parent
 TESTS = Path(__file__).parents[1]
@@ -117,7 +119,7 @@ def test_files_motion_and_simulator_need_no_jax():
             for alias in node.names
         ]
         jax = [name for name in names if name.split(".")[0] in ("jax", "equinox")]
-        assert not jax or path.name in ("runtime.py", "executables.py"), path
+        assert not jax or path.name == "runtime.py", path
 
 
 def test_no_module_imports_itself_in_a_circle():
@@ -132,3 +134,20 @@ def test_no_module_imports_itself_in_a_circle():
         graph[module] = found
     known = {name: {x for x in found if x in graph} - {name} for name, found in graph.items()}
     TopologicalSorter(known).prepare()
+
+
+def test_a_step_is_done_again_after_a_change_of_what_it_computes_with_and_of_nothing_else():
+    for step, folder in (
+        (FitStep, "fitting"),
+        (CheckStep, "fitting"),
+        (DiagnoseStep, "diagnosis"),
+        (DiagnoseStep, "use"),
+        (CompareStep, "comparison"),
+    ):
+        needed, new = {folder}, {folder}
+        while new:
+            new = {imported for importer, imported in IMPORTS if importer in new} - needed
+            needed |= new
+        alone = {path.stem for path in ROOT.glob("*.py")}  # count for every step
+        assert needed - alone <= set(step.code), step
+        assert not {"plots", "report", "pipeline", "app", "cli"} & set(step.code)

@@ -111,7 +111,7 @@ def test_a_shell_completes_commands(shell):
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_a_shell_completes_the_options_of_a_command(shell):
-    found = completed(shell, "laws", "--laws")
+    found = completed(shell, "effects", "--laws")
     assert "--laws-file" in found
     assert "--seed" not in found
 

@@ -78,7 +78,7 @@ def constants_of(choices):
     prony = {f"c[{k}]": x for k, x in enumerate(shares)} | {
         f"v[{k}]": float(x) for k, x in enumerate(rates, 1)
     }
-    found = ELASTIC[choices.law] | (RELAXATION | {"prony": prony})[choices.relaxation]
+    found = ELASTIC[choices.elastic] | (RELAXATION | {"prony": prony})[choices.relaxation]
     for name in choices.effects:
         kind = find(name, choices.kinds)
         numbers = EFFECTS.get(name, (0.05,) * len(kind.units))

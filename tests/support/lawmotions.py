@@ -1,21 +1,8 @@
 """Laws and motions that exports are compared on."""
 
-import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.laws.layered import Contact, Law
-from qlvbayes.laws.motion import Motion
-
 LAWS = ["exponential", "linear", "polynomial:2", "polynomial:3", "toe", "hertz"]
-
-
-def python_force(pad, time, depth):
-    """The Python model's force of the middle draw, in contact."""
-    time, depth = jnp.asarray(time), jnp.asarray(depth)
-    zero = jnp.zeros_like(time)
-    layers = () if pad.choices.bonded else (Contact(),)
-    law = Law(pad.elastic, pad.relaxation, layers)
-    return np.asarray(law.force(Motion(time, depth, zero, zero)))
 
 
 def retracting():

@@ -115,8 +115,8 @@ def wintest(test):
 def wintest_scans(test):
     """Two scans, the header before each, and a header left over."""
     names = '"Elapsed Time","Load","Disp",\n"Sec","N","mm",\n'
-    body = _lines(_columns(test)[:, [0, 2, 1]], "%.5f, %.6f, %.6f,")
-    return (names + body + names + body + names).encode()
+    bodies = [_lines(_columns(test)[::k, [0, 2, 1]], "%.5f, %.6f, %.6f,") for k in (1, 2)]
+    return (names + bodies[0] + names + bodies[1] + names).encode()
 
 
 def testsuite(test):
@@ -190,20 +190,20 @@ FRENCH = ("Temps d'essai", "Allongement", "Force standard")
 
 
 def workbook(path, titles, above=()):
-    table = np.stack([(t := pressed()).time, t.way, t.load], axis=1).tolist()
+    """A French workbook of testXpert: a sheet with a test for each title."""
     head = [list(FRENCH), ["s", "mm", "N"]]
-    """A French workbook of testXpert: a sheet with the same test for each title."""
-    path.write_bytes(
-        _workbook({title: [*([[title]] if not above else [[above]]), *head, *table]
-                   for title in titles})
-    )  # fmt: skip
+    sheets = {}
+    for seed, title in enumerate(titles):
+        table = np.stack([(t := pressed(seed=seed)).time, t.way, t.load], axis=1).tolist()
+        sheets[title] = [[above or title], *head, *table]
+    path.write_bytes(_workbook(sheets))
     return path
 
 
 def testxpert_excel_english(test):
     table = _columns(test, -1, -1).tolist()
     head = [["Test time [s]", "Standard travel [mm]", "Standard force [N]"]]
-    return _workbook({"Specimen 1": head + table, "Specimen 2": head + table})
+    return _workbook({"Specimen 1": head + table, "Specimen 2": head + table[::2]})
 
 
 def cellscale(test):
@@ -318,7 +318,8 @@ def matlab_structs(test):
 
     out = io.BytesIO()
     run = {"time_ms": 1e3 * test.time, "disp_um": -1e3 * test.way, "load_mN": 1e3 * test.load}
-    savemat(out, {"run1": run, "run2": run}, do_compression=True)
+    second = {name: values[::2] for name, values in run.items()}
+    savemat(out, {"run1": run, "run2": second}, do_compression=True)
     return out.getvalue()
 
 
@@ -353,11 +354,11 @@ def hdf5(test):
 
 def hdf5_groups(test):
     runs = {}
-    for run in ("a", "b"):
+    for k, run in enumerate(("a", "b"), 1):
         runs |= {
-            f"{run}/time_s": test.time[None],
-            f"{run}/displacement_um": -1e3 * test.way[None],
-            f"{run}/force_mN": 1e3 * test.load[None],
+            f"{run}/time_s": test.time[None, ::k],
+            f"{run}/displacement_um": -1e3 * test.way[None, ::k],
+            f"{run}/force_mN": 1e3 * test.load[None, ::k],
         }
     return _hdf5(runs)
 
@@ -444,6 +445,27 @@ def afm_table(test):
         for f, h, s, t in zip(force, height, segment, test.time, strict=True)
     )
     return (head + "# END METADATA\n#\n# " + "\t".join(names) + "\n" + rows).encode()
+
+
+_LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    "X_Columns\t{columns}\nDate\t2024/05/03\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
+    "Samples\t{size}\t{size}\t\nY_Unit_Label\tNewtons\tMillimeters\t\nX_Dimension\tTime\tTime\t\n"
+    "X0\t0.0E+0\t0.0E+0\t\nDelta_X\t{step:.6E}\t{step:.6E}\t\n***End_of_Header***\t\t\t\n"
+    "X_Value\tForce\tDisplacement\tComment\n"
+)
+
+
+def lvm(test):
+    """LabVIEW's text without a column of time, which its header gives."""
+    head = _LVM.format(columns="No", size=len(test.time), step=test.time[1] - test.time[0])
+    return (head + _lines(_columns(test)[:, [2, 1]], "\t%.6f\t%.6f")).encode()
+
+
+def lvm_times(test):
+    head = _LVM.format(columns="One", size=len(test.time), step=test.time[1] - test.time[0])
+    names = head.replace("Force\tDisplacement", "Untitled\tUntitled 1")
+    return (names + _lines(_columns(test)[:, [0, 2, 1]], "%.5f\t%.6f\t%.6f")).encode()
 
 
 LAG = 0.0042  # s, by which the force's clock is behind
@@ -600,14 +622,18 @@ FIXTURES = (
     Fixture("testsuite", "b.txt", testsuite_tabs, (-1, -1)),
     Fixture("testxpert", "a.txt", testxpert),
     Fixture("testxpert", "b.tra", testxpert_english),
-    Fixture("testxpert-excel", "a.xlsx", testxpert_excel, needs="openpyxl"),
-    Fixture("testxpert-excel", "b.xlsx", testxpert_excel_english, (-1, -1), 1e-5, 2, "openpyxl"),
+    Fixture("testxpert-excel", "a.xlsx", testxpert_excel, needs="python_calamine"),
+    Fixture(
+        "testxpert-excel", "b.xlsx", testxpert_excel_english, (-1, -1), 1e-5, 2, "python_calamine"
+    ),
     Fixture("cellscale", "a.csv", cellscale),
     Fixture("cellscale", "b.csv", cellscale_micro),
     Fixture("mach-1", "a.txt", mach_1, (1, -1)),
     Fixture("mach-1", "b.txt", mach_1_blocks, (1, -1), tests=2),
     Fixture("chiaro", "a.txt", chiaro),
     Fixture("chiaro", "b.txt", chiaro_windows),
+    Fixture("lvm", "a.lvm", lvm),
+    Fixture("lvm", "b.lvm", lvm_times),
     Fixture("afm", "a.jpk-force", afm_jpk, needs="afmformats"),
     Fixture("afm", "b.tab", afm_table, needs="afmformats"),
     Fixture("tdms", "a.tdms", tdms, (-1, -1), needs="nptdms"),

@@ -53,7 +53,10 @@ class MeanStep:
     """Leaves the mean force of a pad; refuses the pad called bad."""
 
     name: ClassVar[str] = "mean"
-    reads: ClassVar[tuple[str, ...]] = ("before.txt",)
+    needs: ClassVar[tuple[str, ...]] = ("before.txt",)
+    leaves: ClassVar[tuple[str, ...]] = ("mean.json",)
+    code: ClassVar[tuple[str, ...]] = ("io",)
+    within: ClassVar[str] = ""
 
     shift: float = 0.0
 
@@ -68,9 +71,9 @@ class MeanStep:
         (folder / "mean.json").write_text(json.dumps(content))
         (folder / "deep").mkdir(exist_ok=True)
         (folder / "deep" / "who.txt").write_text(pad.name)
-        watcher.notice(f"pad {pad.name}: done")
+        watcher.starting([f"pad {pad.name}: done"])
 
-    def report_saved(self, folder, watcher):
+    def report(self, folder, watcher):
         watcher.notice(f"pad {folder.name}: there")
 
 
@@ -87,7 +90,10 @@ class SlowStep:
     """Leaves a file, pads called slow only after a while."""
 
     name: ClassVar[str] = "slow"
-    reads: ClassVar[tuple[str, ...]] = ()
+    needs: ClassVar[tuple[str, ...]] = ()
+    leaves: ClassVar[tuple[str, ...]] = ("done.txt",)
+    code: ClassVar[tuple[str, ...]] = ("io",)
+    within: ClassVar[str] = ""
 
     seconds: float = field(repr=False)  # what is left does not depend on it
 
@@ -96,7 +102,7 @@ class SlowStep:
             time.sleep(self.seconds)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "done.txt").write_text(study.pads[0].name)
-        watcher.notice(f"pad {folder.name}: done")
+        watcher.starting([f"pad {folder.name}: done"])
 
-    def report_saved(self, folder, watcher):
+    def report(self, folder, watcher):
         watcher.notice(f"pad {folder.name}: there")

@@ -68,6 +68,7 @@ def check(pad, effects=(), worst=1.0):
             "coverage90": 0.9,
             "p_value": 0.5,
             "fails": (test, phase) == ("fast", "ramp") and worst > 2.0,
+            "limit_N": 2.0 * NOISE,
         }
         for test, rate in RATES.items()
         for phase, _, _ in PHASES
@@ -213,6 +214,7 @@ def comparison(first, second, answer="greater"):
         "answer": answer,
         "group": "constants",
         "extrapolated": False,
+        "ratio95": None,
     }
     contrasts = [contrast, contrast | {"quantity": "m", "ratio": interval, "extrapolated": True}]
     return {

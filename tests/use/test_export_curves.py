@@ -51,7 +51,7 @@ def test_relaxation_is_the_spectrums(pad):
 @pytest.mark.parametrize("law", ["spline", "toe", "polynomial:3"])
 def test_the_stiffness_is_the_law_s_own(tmp_path, pad, law):
     """Two pads of one relaxation differ in it alone, also where a law has a fixed field."""
-    other = exported(tmp_path, Choices(law=law), spread=0.0)
+    other = exported(tmp_path, Choices(elastic=law), spread=0.0)
     own, stiff = (tables(one)[1]["storage (N/mm)"] / one.stiffness(0.0) for one in (other, pad))
     assert own == pytest.approx(stiff, rel=0.1)  # the draws of the other pad are 2 % apart
 
@@ -142,4 +142,4 @@ def test_a_specimens_shape_makes_moduli_of_it(pad):
 
 def test_what_has_no_stiffness_at_first_contact_is_refused(tmp_path):
     with pytest.raises(InputError, match="hertz has no stiffness at first contact"):
-        ViscoelasticCurves().files(exported(tmp_path, Choices(law="hertz")), None)
+        ViscoelasticCurves().files(exported(tmp_path, Choices(elastic="hertz")), None)

@@ -65,7 +65,7 @@ def pads(tmp_path_factory):
     def build(law="exponential", relaxation="prony", **options):
         key = law, relaxation, *sorted(options.items())
         if key not in known:
-            choices = Choices(law=law, relaxation=relaxation, **options)
+            choices = Choices(elastic=law, relaxation=relaxation, **options)
             known[key] = exported(tmp_path_factory.mktemp("pad"), choices)
         return known[key]
 
@@ -73,25 +73,24 @@ def pads(tmp_path_factory):
 
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_every_target_says_units_date_range_intervals_and_limits(pads, target):
-    pad = pads(effects=("viscous_drag",))
-    files = target().files(pad, BLOCK)
-    assert files
-    said = text_of(files)
-    assert "displacement mm, force N, time s" in said
-    assert DATE in said
-    assert "depth to 1.6 mm, rate 0.1 to 40 mm/s" in said
-    assert "holds to 30 s, 6 tests; beyond that it extrapolates" in said
+def test_every_target_says_units_date_range_intervals_and_limits(tmp_path, target):
+    """And of the file that was fitted its name, not where it lies on this machine."""
+    source = "/home/me/secret/pads.csv"
+    pad = exported(tmp_path, Choices(effects=("viscous_drag",)), source=source)
+    said = text_of(target().files(pad, BLOCK))
+    for words in ("displacement mm", "force N", DATE, "1.6 mm", "0.1 to 40 mm/s", "30 s, 6 tests"):
+        assert words in said
+    assert "pads.csv" in said
+    assert "secret" not in said
     for x in pad.intervals:
         assert f"{x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g})" in said
         assert x.low < x.median < x.high
-    if target.steps:
-        assert "Effect viscous_drag: F += eta v" in said
-        assert "the added effect" not in said
-    else:
-        assert f"the added effect viscous_drag: {target.without_steps}" in said
-    for line in target.cannot:
+    lost = () if target.steps else (f"viscous_drag: {target.without_steps}",)
+    assert ("Effect viscous_drag: F += eta v" in said) == target.steps
+    for line in (*target.cannot, *lost):
         assert " ".join(line.split()) in said.replace("&#39;", "'").replace("&#x27;", "'")
+    one = "one draw only" in said
+    assert one != (target.name in {"c", "fmu", "mujoco", "json", "curves"})
 
 
 MATERIALS = [Abaqus, FEBio, PronyTable]
@@ -99,19 +98,11 @@ MATERIALS = [Abaqus, FEBio, PronyTable]
 
 @pytest.mark.parametrize("target", MATERIALS, ids=lambda target: target.name)
 def test_materials_say_that_a_pad_is_a_structure(pads, target):
-    said = text_of(target().files(pads(), BLOCK))
-    assert "only for a homogeneous specimen; a fluid-filled pad is a structure" in said
-    assert "loss of contact" in said
-    with pytest.raises(InputError, match="needs its shape; give --height MM and --area MM2"):
+    assert "a fluid-filled pad is a structure" in text_of(target().files(pads(), BLOCK))
+    with pytest.raises(InputError, match="--height MM and --area MM2"):
         target().files(pads(), None)
-    with pytest.raises(InputError, match="no stiffness at first contact"):
+    with pytest.raises(InputError, match="stiffness"):
         target().files(pads("hertz"), BLOCK)
-
-
-def test_targets_without_draws_say_so(pads):
-    for target in TARGETS:
-        one = "one draw only" in text_of(target().files(pads(), BLOCK))
-        assert one != (target.name in {"c", "fmu", "mujoco", "json", "curves"}), target.name
 
 
 @pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
@@ -185,7 +176,7 @@ def test_febio_has_continuous_spectra_of_its_own(pads, relaxation):
 
 @pytest.mark.parametrize("relaxation", ["stretched", "log-normal"])
 def test_febio_refuses_what_it_has_not(pads, relaxation):
-    with pytest.raises(InputError, match=r"FEBio has no relaxation like .* takes 6 modes at most"):
+    with pytest.raises(InputError, match="6 modes"):
         FEBio().files(pads(relaxation=relaxation), BLOCK)
 
 
@@ -221,13 +212,14 @@ def test_stress_over_strain_is_a_modulus_already(tmp_path, units):
     assert read["fast_limit"]["E_Pa"] == pytest.approx(size * float(pad.elastic.m), rel=EXACT)
     assert "structure" not in " ".join(read["card"])
     for target in ("drake", "mujoco"):
-        with pytest.raises(InputError, match="strain and stress, not displacement and force"):
+        with pytest.raises(InputError, match="strain and stress"):
             find(target)().files(pad, None)
 
 
 def test_other_units_of_a_stiffness_become_the_same_modulus(tmp_path):
-    mm = exported(tmp_path / "mm", Choices(law="linear"))
-    um = exported(tmp_path / "um", Choices(law="linear"), units=("um", "mN"))  # 1 mN/um = 1 N/mm
+    mm = exported(tmp_path / "mm", Choices(elastic="linear"))
+    # 1 mN/um = 1 N/mm
+    um = exported(tmp_path / "um", Choices(elastic="linear"), units=("um", "mN"))
     files = [PronyTable().files(pad, BLOCK)["pad_B_prony.json"] for pad in (mm, um)]
     young = [json.loads(x)["fast_limit"]["E_Pa"] for x in files]
     assert young[0] == pytest.approx(young[1], rel=EXACT)
@@ -250,7 +242,7 @@ def test_json_loses_nothing(pads):
 
 def test_drake_is_exact_for_a_pad_that_is_its_own_law(tmp_path):
     """A linear pad that hardly relaxes is a spring; the file's numbers are in SI units."""
-    pad = exported(tmp_path, Choices(law="linear"))
+    pad = exported(tmp_path, Choices(elastic="linear"))
     text = Drake().files(pad, None)["pad_B.sdf"].decode()
     root = ElementTree.fromstring(text)
     k, d = (float(child.text) for child in root)
@@ -263,22 +255,13 @@ def test_drake_is_exact_for_a_pad_that_is_its_own_law(tmp_path):
     assert float(pad.fractions[0]) * m < k < m
     assert d >= 0.0
     rms, largest, _ = missed(pressed, k * pressed.depth * (1 + d * pressed.speed))
-    assert f"misses the force by {rms:.0%} rms and {largest:.0%} at most" in text
-    better = [(k * f, d * g) for f in (0.97, 1.0, 1.03) for g in (0.97, 1.0, 1.03)]
-    errors = [
-        np.sum(
-            (a * pressed.depth * (1 + b * pressed.speed) - pressed.force) ** 2
-            / np.bincount(pressed.cell)[pressed.cell]
-        )
-        for a, b in better
-    ]
-    assert np.argmin(errors) == 4
+    assert f"{rms:.0%} rms and {largest:.0%} at most" in text
 
 
 def test_a_range_that_is_not_known_is_told_or_refused(tmp_path):
     pad = exported(tmp_path, covered=None)
-    assert "does not say which depths, rates and times" in text_of(find("c")().files(pad, None))
-    with pytest.raises(InputError, match="do not say which depths and rates were tested"):
+    assert "does not say which depths" in text_of(find("c")().files(pad, None))
+    with pytest.raises(InputError, match="tested"):
         find("drake")().files(pad, None)
 
 
@@ -298,47 +281,39 @@ def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
     words = ("export", tmp_path, "--pad", "B", "--to", "c,json", "--draws", "5", "--json")
     status, out, err = call(*words)
     assert (status, err) == (0, "")
-    found = json.loads(out)
     folder = tmp_path / "B" / "export"
-    assert found == {
+    assert json.loads(out) == {
         "c": [str(folder / "c" / "pad_B.h"), str(folder / "c" / "pad_B_draws.h")],
         "json": [str(folder / "json" / "pad_B.json")],
     }
     assert "#define PAD_B_DRAWS 5" in (folder / "c" / "pad_B_draws.h").read_text()
-    status, out, _ = call("export", tmp_path, "--pad", "B", "--to", "matlab")
-    assert status == 0
-    assert "pad_B.m" in out
 
 
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("--pad", "B", "--to", "patran"), "no export to 'patran'; use one of c, fmu, mujoco"),
-        (("--pad", "B", "--to", "abaqus"), "needs its shape; give --height MM and --area MM2"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3"), "give both, in mm and mm2"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3", "--area", "0"), "must be above 0"),
-        (("--pad", "X", "--to", "c"), "no pad 'X' in"),
-        (("--pad", "B", "--to", ","), "no target; give --to c|fmu"),
+        (("--pad", "B", "--to", "patran"), "'patran'; use one of c, fmu, mujoco"),
+        (("--pad", "B", "--to", "abaqus"), "give --height MM and --area MM2"),
+        (("--pad", "B", "--to", "abaqus", "--height", "3"), "give both"),
+        (("--pad", "B", "--to", "abaqus", "--height", "3", "--area", "0"), "above 0"),
+        (("--pad", "X", "--to", "c"), "'X'"),
+        (("--pad", "B", "--to", ","), "--to c|fmu"),
+        (("--pad", "B", "--to", "c", "broken"), "summary.json"),
+        (("--pad", "B", "--to", "c", "none"), "run qlvbayes fit first"),
     ],
 )
 def test_what_cannot_be_exported_is_one_line(tmp_path, words, problem):
-    write_fit(tmp_path)
+    *words, last = words
+    if last != "none":
+        write_fit(tmp_path)
+    if last == "broken":
+        (tmp_path / "B" / "summary.json").write_text('{"parameters": {"m": {}}}')
+    words += [last] * (last not in ("broken", "none"))
     status, out, err = call("export", tmp_path, *words)
     assert (status, out) == (2, "")
     assert problem in err
     assert err.count("\n") == 1
-    assert not list(tmp_path.rglob("*.inp"))
-
-
-def test_a_folder_without_fits_and_a_broken_summary(tmp_path):
-    status, _, err = call("export", tmp_path, "--pad", "B", "--to", "c")
-    assert status == 2
-    assert "no fit in this folder; run qlvbayes fit first" in err
-    write_fit(tmp_path)
-    (tmp_path / "B" / "summary.json").write_text('{"parameters": {"m": {}}}')
-    status, _, err = call("export", tmp_path, "--pad", "B", "--to", "c")
-    assert status == 2
-    assert "summary.json: cannot be read (KeyError); run qlvbayes fit again" in err
+    assert not list(tmp_path.rglob("export"))
 
 
 def test_the_intervals_are_the_summarys(tmp_path):

@@ -56,27 +56,28 @@ def test_units_are_those_of_the_fit():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "words"),
     [
-        ("raamp 1 mm at 3 mm/s", "'raamp' is not understood in 'raamp 1 mm at 3 mm/s'; begin with"),
-        ("ramp 1 furlong in 2 s", "'furlong' .* use mm, um, nm, m, N, mN, uN or nN"),
-        ("ramp 1 mm at 2 mm", "'mm' .* give a speed in mm/s, um/s, nm/s or m/s"),
-        ("ramp 1 mm on 2 s", "'on' .* go on with at or in"),
-        ("hold long", "'long' .* give a time as a number"),
-        ("hold 3", "'hold 3' breaks off; write 'ramp 1.6 mm at 20 mm/s'"),
-        ("force 1 mm in 1 s", "'mm' .* use N, mN, uN or nN"),
-        ("ramp 1 mm in 1 s, force 1 N in 1 s", "prescribes the force, .* before it the displ"),
-        ("ramp 1 mm in 1 s hold 3 s", "'hold' .* put a comma before"),
-        ("ramp 0 mm in 1 s", "goes nowhere; write a hold"),
-        ("ramp 1 mm at -1 mm/s", "a speed of -1 .* above 0"),
-        ("sine 1 mm 1 Hz 1e6 cycles", "96000000 points; use 50000 or fewer"),
-        ("hold 3 s", "only holds"),
-        (" , ", "is empty"),
+        ("raamp 1 mm at 3 mm/s", ("'raamp'", "ramp")),
+        ("ramp 1 furlong in 2 s", ("'furlong'", "use mm, um, nm, m, N, mN, uN or nN")),
+        ("ramp 1 mm at 2 mm", ("'mm'", "mm/s, um/s, nm/s or m/s")),
+        ("ramp 1 mm on 2 s", ("'on'", "at or in")),
+        ("hold long", ("'long'", "number")),
+        ("hold 3", ("'hold 3'", "'ramp 1.6 mm at 20 mm/s'")),
+        ("force 1 mm in 1 s", ("'mm'", "use N, mN, uN or nN")),
+        ("ramp 1 mm in 1 s, force 1 N in 1 s", ("the force", "the displacement")),
+        ("ramp 1 mm in 1 s hold 3 s", ("'hold'", "comma")),
+        ("ramp 0 mm in 1 s", ("'ramp 0 mm in 1 s'", "hold")),
+        ("ramp 1 mm at -1 mm/s", ("a speed of -1", "above 0")),
+        ("sine 1 mm 1 Hz 1e6 cycles", ("96000000", "50000")),
+        ("hold 3 s", ("write",)),
+        (" , ", ("write",)),
     ],
 )
-def test_what_is_not_understood_is_named(text, message):
-    with pytest.raises(InputError, match=message):
+def test_what_is_not_understood_is_named_with_the_remedy(text, words):
+    with pytest.raises(InputError) as refused:
         parse(text, PAD)
+    assert all(word in str(refused.value) for word in words)
 
 
 def test_a_table_is_read_in_its_own_units(tmp_path):
@@ -91,23 +92,25 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "line"),
     [
-        ("time_s,displacement_mm\n0,0\n1,x\n", "line 3: displacement_mm is not a number"),
-        ("time_s,displacement_mm\n0,0\n1\n", "line 3: displacement_mm is not a number"),
-        ("time_s,displacement_mm\n0,0\n1,1\n0.9,2\n", "line 4: time runs back"),
-        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", "three rows have one time"),
-        ("time_s,displacement_mm,force_N\n0,0,0\n", "give time_s and one of displacement_mm and f"),
-        ("time_s,weight_kg\n0,0\n", "the columns are time_s, weight_kg; give time_s and one of"),
-        ("time_s,force_N\n0,0\n", "1 rows; give 2 to"),
-        ("", "empty"),
+        ("time_s,displacement_mm\n0,0\n1,x\n", 3),
+        ("time_s,displacement_mm\n0,0\n1\n", 3),
+        ("time_s,displacement_mm\n0,0\n1,1\n0.9,2\n", 4),
+        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", 4),
+        ("time_s,displacement_mm,force_N\n0,0,0\n", 1),
+        ("time_s,weight_kg\n0,0\n", 1),
+        ("time_s,force_N\n0,0\n", None),
+        ("", None),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused(text, message, tmp_path):
+def test_a_table_that_cannot_be_used_is_refused_with_its_line(text, line, tmp_path):
     path = tmp_path / "my.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=f"my.csv.*{message}"):
+    with pytest.raises(InputError) as refused:
         read_table(path, PAD)
+    assert (refused.value.file, refused.value.line) == (str(path), line)
+    assert refused.value.remedy
 
 
 def one_model(given, place):
@@ -216,7 +219,7 @@ def test_a_free_curve_of_stiffness_stands_over_the_depth_of_its_tests():
         saved(),
         names=(*names, *(f"k{j}" for j in range(7))),
         constants=np.stack(columns, axis=-1)[None],
-        choices=Choices(law="spline", noise="white"),
+        choices=Choices(elastic="spline", noise="white"),
     )
     found = predict_program(fit, "ramp 1.6 mm in 1e-6 s", draws=2)
     # at once to the full depth: the area under the stiffness

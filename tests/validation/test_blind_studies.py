@@ -103,7 +103,9 @@ def test_a_registered_run_makes_its_old_studies_again():
         assert [*item.names] == case["names"], "what is hidden is drawn from the lists of that time"
         assert item.levels == case["strata"]
     quickest = min(cases, key=lambda case: case["seconds"]["simulate"])
-    assert make_study(registered.population, quickest["index"]).peak == quickest["peak_N"]
+    # to the last digits, in which libraries of mathematics differ
+    peak = make_study(registered.population, quickest["index"]).peak
+    assert peak == pytest.approx(quickest["peak_N"], rel=1e-14)
 
 
 def test_a_new_registration_has_disturbed_records_and_an_old_one_none():

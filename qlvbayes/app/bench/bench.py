@@ -35,6 +35,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
 
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
+_DRAWN = 200  # draws that make a band
+_BAND = (0.05, 0.95)  # quantiles of a band's ends
 _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 
@@ -66,8 +68,6 @@ class Signature:
 @dataclass(frozen=True, eq=False)
 class Bench:
     """Bench on which any model of the package is compared with one pad's tests.
-
-    It is compiled once for all models.
 
     experiment: The tests of the pad; choices: Laws, effects and priors; samples: The samples at
     which forces and errors are computed; density: The posterior density under independent noise, by
@@ -110,7 +110,7 @@ class Bench:
 
     def baseline(self) -> ByHand:
         """Return the model of the choices, its constants at their priors' medians."""
-        return ByHand(self.choices.law, self.choices.relaxing, self.choices.effects)
+        return ByHand(self.choices.elastic, self.choices.relaxing, self.choices.effects)
 
     def sliders(self, model: ByHand) -> list[Slider]:
         """Return a model's constants, each with range, unit and meaning."""
@@ -119,7 +119,7 @@ class Bench:
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
-        """Return a model's force and errors, in some milliseconds, as nothing is compiled anew."""
+        """Return a model's force and errors, in some milliseconds."""
         checked(model, self.space)
         constants = constants_of(model, self.space)
         forces = [force[0] for force in self.samples.predict(model.hypothesis, constants[None])]
@@ -130,14 +130,6 @@ class Bench:
                 values_of(own, constants), tuple(forces), rmse(left),
                 tuple(cell_errors(self.samples, left)),
             )  # fmt: skip
-
-    def warm(self) -> None:
-        """Compile what most effects need; costly effects are compiled when they are first used."""
-        baseline = self.baseline()
-        cheap = [e.name for e in self.effects.values() if not e.costly and e.generalises is None]
-        new = [name for name in cheap if name not in baseline.effects]
-        for name in new[:1]:
-            self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
         """Return the model of the choices, fitted from its priors, if a draw can be used."""
@@ -244,6 +236,29 @@ class Bench:
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
         yield rmse(residuals) if residuals else float("nan")
+
+    def bands(
+        self, model: ByHand, names: Sequence[str], draws: Array
+    ) -> list[tuple[Array, Array, Array]]:
+        """Return the low end, mean and high end (n,) of the forces of each test.
+
+        They belong to draws (S, Q) of the constants that are named, of which some are used. Between
+        the ends a reading, with the noise at rest, lies with 90 % probability.
+        """
+        checked(model, self.space)
+        order = list(self.space.parameters(model.hypothesis).names)
+        some = draws[:: max(1, len(draws) // _DRAWN)][:_DRAWN]
+        constants = np.tile(constants_of(model, self.space), (len(some), 1))
+        for name, column in zip(names, some.T, strict=True):
+            if name in order:
+                constants[:, order.index(name)] = column
+        rng = np.random.default_rng(0)
+        found = []
+        for k, forces in enumerate(self.samples.predict(model.hypothesis, constants)):
+            read = forces + self.samples.floor(k) * rng.standard_normal(forces.shape)
+            low, high = np.quantile(read, _BAND, axis=0)
+            found.append((low, forces.mean(axis=0), high))
+        return found
 
     def _free(self, model: ByHand, effect: str) -> None:
         if effect in model.effects:

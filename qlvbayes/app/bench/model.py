@@ -143,7 +143,7 @@ def sliders(
     own: Parameters, space: Space, units: UnitSystem, constants: NDArray[np.float64]
 ) -> list[Slider]:
     """Return the slider of every constant but the noise's, in the order of their names."""
-    kinds = unit_kinds(own.posterior)
+    kinds = unit_kinds(own)
     all_sliders = []
     for leaf in own.leaves:
         ends = _quantiles(leaf)

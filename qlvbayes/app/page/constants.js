@@ -1,51 +1,51 @@
-// A slider a constant, with its number, unit and prior; every move is redrawn at once.
+// A slider a constant, with its number, unit, and prior or sampled interval; every move is redrawn at once.
 import { at, el, refill } from "./element.js";
 import { running } from "./jobs.js";
 import { digits, withUnit } from "./numbers.js";
 
 const STEPS = 1000; // of a slider
 const DIGITS = 4;
+const DECADES = 20; // ratio of a slider's ends beyond which it is logarithmic
 
 export class Constants {
   /** does: { move(model), fit(), keep(), undo(), sample() }. */
   constructor(store, does) {
     Object.assign(this, { store, does, rows: new Map() });
     store.on(["parameters"], () => this.build());
+    store.on(["entry"], ({ entry }) => this.sampled !== sampledOf(entry) && this.build());
     store.on(["shown", "hand"], () => this.follow());
     store.on(["moved", "busy", "jobs"], () => this.offer());
   }
 
   build() {
-    const { parameters, hand } = this.store.now;
-    if (!parameters) return;
+    const { parameters, hand, entry } = this.store.now;
+    if (!parameters || !hand) return;
+    this.sampled = sampledOf(entry);
     this.rows.clear();
-    const rows = parameters.map((parameter) => this.row(parameter, hand.values[parameter.name] ?? parameter.value));
-    at("#sliders").replaceChildren(...rows);
+    at("#sliders").replaceChildren(...parameters.map((parameter) => {
+      const value = hand.values[parameter.name] ?? parameter.value;
+      return this.row(spanned(parameter, value, this.sampled?.[parameter.name]), value);
+    }));
     this.offer();
   }
 
   row(parameter, value) {
-    const { name, unit, meaning, prior, low, high, derived, owner } = parameter;
-    const id = `constant-${name}`, about = `${id}-about`, text = withUnit(value, unit, DIGITS);
-    const box = el("input", { type: "text", inputmode: "decimal", class: "number", id: `${id}-number`, value: digits(value, DIGITS), readonly: derived, "aria-label": `${name} in ${unit}`, "aria-describedby": about, onchange: (event) => this.typed(parameter, event.target), "data-act": "number" });
-    const slider = derived ? null : el("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: toSlider(parameter, value), "aria-label": `${name}, ${meaning}`, "aria-valuetext": text, "data-act": "slide", oninput: (event) => this.slid(parameter, event.target) });
+    const { name, unit, meaning, low, high, derived, owner, likely, about } = parameter;
+    const id = `constant-${name}`, range = `${id}-about`;
+    const box = el("input", { type: "text", inputmode: "decimal", class: "number", id: `${id}-number`, value: digits(value, DIGITS), readonly: derived, "aria-label": `${name} in ${unit}`, "aria-describedby": range, onchange: (event) => this.typed(parameter, event.target), "data-act": "number" });
+    const slider = derived ? null : el("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: toSlider(parameter, value), "aria-label": `${name}, ${meaning}`, "aria-valuetext": withUnit(value, unit, DIGITS), "data-act": "slide", oninput: (event) => this.move(parameter, fromSlider(parameter, +event.target.value)) });
     const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
     this.rows.set(name, { parameter, box, slider, wrong });
     const share = (edge) => `${(100 * toSlider(parameter, edge)) / STEPS}%`;
-    const range = derived ? "follows from the others" : `prior ${digits(prior[0], 2)} to ${digits(prior[1], 2)}`;
     return el("div", { class: "constant", "data-key": name },
-      el("label", { for: derived ? box.id : id, class: name.includes(".") ? "long" : null, title: `${meaning} (${owner})` }, el("b", {}, breakable(name)), " ", el("small", {}, meaning)),
+      el("label", { for: derived ? box.id : id, title: `${meaning} (${owner})` }, el("b", {}, breakable(name))),
       el("span", { class: "entry" }, box, " ", el("span", { class: "unit" }, unit === "1" ? "" : unit)),
-      slider ? el("span", { class: "track", "--from": share(prior[0]), "--to": share(prior[1]), title: `slider: ${digits(low, 3)} to ${withUnit(high, unit)}` }, slider) : el("span"),
-      el("small", { id: about, title: derived ? null : `90 % of the prior, in ${unit === "1" ? "parts of one" : unit}` }, range), wrong);
-  }
-
-  slid(parameter, slider) {
-    this.move(parameter, fromSlider(parameter, +slider.value));
+      slider ? el("span", { class: "track", "--from": share(likely[0]), "--to": share(likely[1]), title: `slider: ${digits(low, 3)} to ${withUnit(high, unit)}` }, slider) : null,
+      el("small", {}, name.includes(".") ? "" : meaning), el("small", { id: range, class: "range" }, about), wrong);
   }
 
   typed(parameter, box) {
-    const { wrong } = this.rows.get(parameter.name), { name, unit, low, high } = parameter;
+    const { wrong } = this.rows.get(parameter.name), { name, unit, widest: [low, high] } = parameter;
     const value = Number(box.value.trim().replace("−", "-").replace(",", "."));
     const bad = box.value.trim() === "" || !Number.isFinite(value) ? `${name}: write a number.`
       : value < low || value > high ? `${name} goes from ${digits(low, 3)} to ${withUnit(high, unit)}.` : "";
@@ -87,6 +87,22 @@ export class Constants {
       act("undo", "Put back", () => this.does.undo(), !moved, "The constants as they were before the sliders moved"),
       act("sample", "Sample", () => this.does.sample(), running("sample", this.store.now), "All constants with their uncertainty, by emcee; the band appears when it is good")]);
   }
+}
+
+/** The posterior of the constants, if the state that is shown is the one that was sampled well. */
+function sampledOf(entry) {
+  const bands = entry?.bands;
+  return bands?.converged && bands.state === entry.current ? bands.summary.parameters : null;
+}
+
+/** The slider's ends and what is likely on it: the prior, or once sampled the interval with its own width on either side. */
+function spanned(parameter, value, posterior) {
+  const { low, high, prior, derived } = parameter, widest = [low, high];
+  const text = (ends, many) => ends.map((end) => digits(end, many)).join(" to ");
+  if (!posterior) return { ...parameter, widest, likely: prior, about: derived ? "follows from the others" : `prior ${text(prior, 2)}` };
+  const [from, to] = posterior.hdi90, room = to - from || Math.abs(to) || 1;
+  const ends = [Math.min(value, Math.max(low, from - room)), Math.max(value, Math.min(high, to + room))];
+  return { ...parameter, widest, low: ends[0], high: ends[1], log: parameter.log && ends[0] > 0 && ends[1] / ends[0] > DECADES, likely: [from, to], about: `90 %: ${text([from, to], DIGITS)}` };
 }
 
 /** A long name may go on in the next line after its dots and underscores. */

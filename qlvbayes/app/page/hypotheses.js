@@ -13,16 +13,16 @@ export class Hypotheses {
     this.hosts = ["search", "laws", "effects"].map((name) => el("div", { class: `part-${name}` }));
     this.drawn = {};
     at("#hypotheses").replaceChildren(...this.hosts);
-    store.on(["catalogue", "entry", "hand", "signatures", "guess", "busy", "jobs"], () => this.show());
+    store.on(["catalogue", "entry", "hand", "signatures", "busy", "jobs"], () => this.show());
   }
 
   show() {
-    const { catalogue, hand, entry, busy, guess, signatures, pad } = this.store.now;
+    const { catalogue, hand, entry, busy, signatures, pad } = this.store.now;
     if (!catalogue || !hand || !entry) return;
-    const open = !(guess && !guess.given);
-    this.part(0, [pad, open, this.searching(), entry.diagnosis, Boolean(entry.ranking), busy], () => this.search(open));
+    const searching = running("diagnose", this.store.now);
+    this.part(0, [pad, searching, entry.diagnosis, busy], () => this.search(searching));
     this.part(1, [pad, hand.elastic, hand.relaxation, busy, JSON.stringify(lawChances(entry))], () => this.laws());
-    this.part(2, [pad, hand.elastic, hand.relaxation, hand.effects, entry.ranking, entry.history, open, signatures, busy, this.all], () => this.effects());
+    this.part(2, [pad, hand.elastic, hand.relaxation, hand.effects, entry.ranking, entry.history, signatures, busy, this.all], () => this.effects());
     if (this.had !== hand.effects.join()) at(".effects", this.hosts[2]).scrollTop = 0; // what was added stands first
     this.had = hand.effects.join();
   }
@@ -34,13 +34,10 @@ export class Hypotheses {
     refill(this.hosts[k], [draw()].filter(Boolean));
   }
 
-  searching() { return running("diagnose", this.store.now); }
-
   /** Whether the probabilities are there, and how to get them. */
-  search(open) {
+  search(searching) {
     const { entry, busy } = this.store.now;
-    if (!open) return null;
-    if (this.searching()) return el("p", { class: "hint" }, "Probabilities follow as the search goes on.");
+    if (searching) return el("p", { class: "hint" }, "Probabilities follow as the search goes on.");
     if (entry.diagnosis) return this.verdict(entry.diagnosis);
     return el("p", { class: "hint", "data-key": "search" }, "No probabilities yet. ",
       el("button", { type: "button", "data-act": "diagnose", disabled: Boolean(busy), onclick: () => this.does.diagnose() }, "Search all hypotheses"));
@@ -48,7 +45,7 @@ export class Hypotheses {
 
   verdict(diagnosis) {
     const words = diagnosis.text || [];
-    return el("details", { class: "words", "data-key": "verdict" }, el("summary", {}, el("b", {}, `Verdict: ${plain(diagnosis.verdict)}`), diagnosis.effects?.length ? ` (${diagnosis.effects.map(plain).join(", ")})` : ""),
+    return el("details", { class: "words", "data-key": "verdict", open: true }, el("summary", {}, el("b", {}, `Verdict: ${plain(diagnosis.verdict)}`), diagnosis.effects?.length ? ` (${diagnosis.effects.map(plain).join(", ")})` : ""),
       words.map((text) => el("p", { class: "small" }, text)));
   }
 
@@ -67,7 +64,8 @@ export class Hypotheses {
   }
 
   effects() {
-    const { catalogue, hand } = this.store.now, ranking = this.ranking();
+    const { catalogue, hand, entry } = this.store.now;
+    const ranking = new Map((entry.ranking || []).map((ranked) => [ranked.effect, ranked]));
     const shown = catalogue.effects.filter((effect) => effect.listed || this.all || hand.effects.includes(effect.name));
     const order = (effect) => [hand.effects.includes(effect.name) ? 1 : 0, effect.blind ? -1 : 0, ranking.get(effect.name)?.probability ?? 0];
     const sorted = shown.toSorted((a, b) => compare(order(b), order(a)));
@@ -78,16 +76,10 @@ export class Hypotheses {
       el("button", { type: "button", class: "quiet", "data-key": "forms", "aria-pressed": String(this.all), onclick: () => { this.all = !this.all; this.show(); } }, this.all ? "Only the list" : "Other forms too"));
   }
 
-  ranking() {
-    const { entry, guess } = this.store.now;
-    if (guess && !guess.given) return new Map();
-    return new Map((entry.ranking || []).map((ranked) => [ranked.effect, ranked]));
-  }
-
   effect(effect, ranked) {
     const { hand, signatures, busy, entry } = this.store.now;
     const has = hand.effects.includes(effect.name), drawn = signatures.find((one) => one.effect === effect.name);
-    const heldout = ranked?.heldout ?? tried(effect.name, hand, entry.history), name = plain(effect.name);
+    const heldout = tried(effect.name, hand, entry.history), name = plain(effect.name);
     const act = (label, does, more) => el("button", { type: "button", "data-act": label, "aria-label": `${label} ${name}`, disabled: Boolean(busy), onclick: does, ...more }, label);
     return el("li", { "data-key": effect.name, class: [has && "has", effect.blind && "blind"].filter(Boolean).join(" ") },
       el("div", { class: "head" },
@@ -117,7 +109,7 @@ function compare(a, b) {
 
 /** Probabilities of base laws: as reported, or summed over the hypotheses that a diagnosis lists. */
 function lawChances({ laws, diagnosis }) {
-  if (laws) return Object.fromEntries(Object.entries(laws).map(([kind, all]) => [kind, Object.fromEntries(all.map((law) => [law.name, law.probability]))]));
+  if (laws) return laws;
   const summed = { elastic: {}, relaxation: {} };
   for (const { base, probability } of diagnosis?.alternatives || []) {
     for (const kind of Object.keys(summed)) if (base?.[kind]) summed[kind][base[kind]] = (summed[kind][base[kind]] || 0) + probability;

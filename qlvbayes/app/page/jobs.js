@@ -9,24 +9,20 @@ const live = (job) => ["waiting", "running"].includes(job.state);
 /** Whether a job of this kind is on its way for a pad. */
 export const running = (kind, { jobs, pad }) => jobs.some((job) => job.kind === kind && live(job) && (!job.pad || job.pad === pad));
 
-const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report: "Report" };
+const NAMES = { sample: "Sample", diagnose: "Search" };
 
 export class Jobs {
   constructor(session) {
-    Object.assign(this, { session, store: session.store, states: new Map(), stages: new Map() });
-    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => { this.announce(job); this.note(job); }));
+    Object.assign(this, { session, store: session.store, states: new Map() });
+    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => this.announce(job)));
     this.store.on(["jobs", "entry"], () => this.show());
   }
 
-  async start(kind, more = {}) {
-    const job = await trying(() => post(`${this.session.path}/jobs`, { kind, ...more }));
+  async start(kind) {
+    const { pad, hand: model } = this.store.now;
+    const job = await trying(() => post(`${this.session.path}/jobs`, { kind, pad, model }));
     if (job) this.session.heardJob(job);
-    return job;
   }
-
-  sample() { const { pad, hand } = this.store.now; return this.start("sample", { pad, model: hand, all_tests: true }); }
-
-  diagnose() { return this.start("diagnose", { pad: this.store.now.pad }); }
 
   async stop(id) {
     const job = this.store.now.jobs.find((one) => one.id === id);
@@ -54,10 +50,10 @@ export class Jobs {
     const known = job.total ? job.done / job.total : null;
     const bar = live(job) ? el("progress", known == null ? { "aria-label": NAMES[job.kind] } : { max: "1", value: known, "aria-label": NAMES[job.kind] }) : null;
     return el("div", { class: `job ${job.state}`, "data-key": job.id },
-      el("div", { class: "head" }, el("b", {}, NAMES[job.kind] || job.kind), el("span", { class: "small" }, ` ${progressOf(job)}`),
+      el("div", { class: "head" }, el("b", {}, NAMES[job.kind]), el("span", { class: "small" }, ` ${progressOf(job)}`),
         this.enoughButton(job),
-        el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
-      bar, this.passed(job), job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
+        el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind]}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
+      bar, job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
   }
 
   /** Offered once something is known; then it says that it was heard. */
@@ -67,23 +63,11 @@ export class Jobs {
       job.enough ? "Summing up …" : "That is enough");
   }
 
-  /** The stages that a search went through, oldest first. */
-  passed(job) {
-    const stages = (this.stages.get(job.id) || []).slice(0, live(job) ? -1 : undefined);
-    if (job.kind !== "diagnose" || !stages.length) return null;
-    return el("details", { class: "small" }, el("summary", {}, `Stages${live(job) ? " so far" : ""}: ${stages.length}`), el("ol", {}, stages.map((text) => el("li", {}, text))));
-  }
-
-  note(job) {
-    const stages = this.stages.get(job.id) || [], text = stageOf(job);
-    if (text && stages[stages.length - 1] !== text) this.stages.set(job.id, [...stages, text]);
-  }
-
   /** Says once when a job begins, ends or fails, not at every step. */
   announce(job) {
     const before = this.states.get(job.id);
     this.states.set(job.id, job.state);
-    if (before !== job.state && (before || live(job))) say(`${NAMES[job.kind] || job.kind}: ${progressOf(job)}`);
+    if (before !== job.state && (before || live(job))) say(`${NAMES[job.kind]}: ${progressOf(job)}`);
   }
 }
 
@@ -104,7 +88,7 @@ function bandsLine(entry) {
   const bands = entry?.bands;
   if (!bands) return null;
   if (!bands.converged) return el("p", { class: "warning small" }, `The sampling has not converged, so no band is drawn. ${(bands.summary?.troubles || []).join("; ")}`);
-  if (bands.state == null) return el("p", { class: "hint" }, "These constants were sampled by a command. Sample here to see the band.");
+  if (bands.state == null) return el("p", { class: "hint" }, "A command sampled another model of this pad. Sample here to see the band.");
   if (bands.state !== entry.current) return el("p", { class: "hint" }, "The sampled band belongs to an earlier model; go back to it to see it.");
   return el("p", { class: "hint" }, "Blue band: 90 % of what the sampled model predicts.");
 }

@@ -6,16 +6,15 @@ const NEAR = 24; // pixels from a sample, within which the pointer means it
 const FAINT = 0.18; // of the ink of samples that are not marked
 
 export class Loops {
-  /** hooks: { zoomed(low, high) of displacement, or (null) for all; pointed(index or null) }. */
-  constructor(host, height, hooks) {
-    Object.assign(this, { host, height, hooks, plot: null, marked: null, spot: null });
+  /** `pointed` is called with the index of the sample that the pointer means, or null. */
+  constructor(host, height, pointed) {
+    Object.assign(this, { host, height, pointed, plot: null, marked: null, spot: null });
     new ResizeObserver(() => this.fit()).observe(host);
   }
 
   /** columns: { depth, observed, mean, before } a sample, null between tests; labels: [displacement, force]. */
   show(columns, labels) {
     this.columns = columns;
-    this.span = null;
     this.plot?.destroy();
     const [along, across] = axes(labels[1], null);
     this.plot = new Plot({
@@ -27,19 +26,15 @@ export class Loops {
         y: { range: () => this.reach() },
       },
       legend: { show: false },
-      cursor: { drag: { x: true, y: false }, points: { show: false }, x: false, y: false },
-      hooks: {
-        setScale: [(chart, key) => key === "x" && this.scaled(chart)],
-        draw: [(chart) => this.draw(chart)],
-      },
+      cursor: { drag: { x: false, y: false }, points: { show: false }, x: false, y: false },
+      hooks: { draw: [(chart) => this.draw(chart)] },
     }, [this.ends(), [null, null]], this.host);
     this.plot.over.addEventListener("mousemove", (event) => this.hover(event));
-    this.plot.over.addEventListener("mouseleave", () => this.hooks.pointed(null));
-    this.plot.over.addEventListener("dblclick", () => this.plot.setScale("x", this.wide()));
+    this.plot.over.addEventListener("mouseleave", () => this.pointed(null));
     this.plot.setScale("x", this.wide());
   }
 
-  update(columns) { this.columns = columns; this.plot.setScale("x", this.span ? { min: this.span[0], max: this.span[1] } : this.wide()); }
+  update(columns) { this.columns = columns; this.plot.setScale("x", this.wide()); }
 
   /** Which samples are marked: a test of their index, or null for all. */
   mark(marked) { this.marked = marked; this.plot?.redraw(false); }
@@ -60,14 +55,6 @@ export class Loops {
     return [low - room, high + room];
   }
 
-  scaled(chart) {
-    const { min, max } = chart.scales.x, whole = this.wide();
-    if (min == null || chart !== this.plot || (this.span && this.span[0] === min && this.span[1] === max)) return;
-    this.span = [min, max];
-    const all = min <= whole.min + 1e-9 && max >= whole.max - 1e-9;
-    this.hooks.zoomed(all ? null : [min, max]);
-  }
-
   hover(event) {
     const { depth, observed } = this.columns, box = this.plot.over.getBoundingClientRect();
     const [x, y] = [event.clientX - box.left, event.clientY - box.top];
@@ -77,7 +64,7 @@ export class Loops {
       const away = (this.plot.valToPos(d, "x") - x) ** 2 + (this.plot.valToPos(observed[k], "y") - y) ** 2;
       if (away < least) { least = away; best = k; }
     });
-    this.hooks.pointed(best);
+    this.pointed(best);
   }
 
   draw(chart) {

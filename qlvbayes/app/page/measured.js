@@ -19,7 +19,7 @@ export class Measured {
     const hooks = { zoomed: (...span) => this.zoomed(...span), pointed: (k, chart) => this.pointed(k, chart) };
     this.force = new TimeChart(at("#force"), 250, hooks);
     this.residual = new TimeChart(at("#residual"), 200, hooks);
-    this.loops = new Loops(at("#loops"), 230, { zoomed: (range) => this.deep(range), pointed: (k) => this.pointed(k, this.loops) });
+    this.loops = new Loops(at("#loops"), 230, (k) => this.pointed(k, this.loops));
     for (const chart of [this.force, this.residual]) {
       chartKeys(chart.host, {
         view: () => this.view, spot: () => this.spot, span: () => this.force.span,
@@ -119,13 +119,6 @@ export class Measured {
     const near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
     const spans = [this.view.whole(), ...(this.view.many ? [] : phasesOf(this.view.tests[0]).map(({ span }) => this.roomy(...span)))];
     [...this.buttons.children].forEach((button, k) => button.setAttribute("aria-pressed", String(near(spans[k][0], min) && near(spans[k][1], max))));
-  }
-
-  /** Displacement was zoomed in the loops: time charts mark the samples that lie within. */
-  deep(range) {
-    const { depth } = this.columns;
-    const marked = range && ((k) => depth[k] >= range[0] && depth[k] <= range[1]);
-    for (const chart of [this.force, this.residual]) chart.mark(marked);
   }
 
   /** A sample is meant: the same one is marked everywhere and read out. */

@@ -20,8 +20,8 @@ export class Session {
   /** Asks for the whole state, and loads the pad if it has become ready. */
   async refresh() {
     const state = await get(this.path);
-    const { name, stage, error, questions, pads, notices, guess, jobs, pad, upload_limit_bytes: limit } = state;
-    this.store.set({ name, error, questions, pads, notices, guess, jobs, entries: pad, limit, stage });
+    const { name, stage, error, questions, pads, notices, found, jobs, pad, upload_limit_bytes: limit } = state;
+    this.store.set({ name, error, questions, pads, notices, found, jobs, entries: pad, limit, stage });
     if (stage === "preparing" && pads.length) this.sketch(this.first(pads));
     if (stage !== "ready") return;
     const wanted = this.store.now.pad;
@@ -156,7 +156,7 @@ function joined(history, state) {
 function bySpeed(tests) {
   const rate = (test) => test.rate ?? Infinity;
   return tests
-    .map((test) => ({ ...test, t: test.time, d: test.displacement, observed: test.force, phases: test.phases.map(({ kind, start, stop }) => [kind, start, stop]) }))
+    .map((test) => ({ ...test, t: test.time, d: test.displacement, observed: test.force }))
     .sort((a, b) => (rate(a) === rate(b) ? 0 : rate(a) - rate(b)));
 }
 

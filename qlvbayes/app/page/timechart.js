@@ -3,12 +3,11 @@ import { report } from "./report.js";
 
 const { Plot, axes, short } = report;
 const KEY = "bench"; // one cursor in all charts against time
-const MARK = "rgba(230, 159, 0, 0.22)";
 
 export class TimeChart {
   /** hooks: { zoomed(min, max, chart), pointed(index or null, chart) }. */
   constructor(host, height, hooks) {
-    Object.assign(this, { host, height, hooks, plot: null, marked: null });
+    Object.assign(this, { host, height, hooks, plot: null });
     new ResizeObserver(() => this.fit()).observe(host);
   }
 
@@ -29,7 +28,6 @@ export class TimeChart {
       hooks: {
         setScale: [(chart, key) => key === "x" && this.scaled(chart)],
         setCursor: [(chart) => this.hooks.pointed(chart.cursor.left >= 0 ? chart.cursor.idx : null, this)],
-        drawClear: [(chart) => this.drawMarked(chart)],
         draw: [(chart) => view.drawBorders(chart)],
       },
     }, lines.values, this.host);
@@ -59,28 +57,6 @@ export class TimeChart {
     if (!this.plot) return;
     const left = index == null ? -10 : this.plot.valToPos(this.view.x[index], "x");
     this.plot.setCursor({ left, top: index == null ? -10 : 0.5 * this.plot.over.clientHeight });
-  }
-
-  /** Which samples are marked by a stretch of colour: a test of their index, or null. */
-  mark(marked) { this.marked = marked; this.plot?.redraw(false); }
-
-  drawMarked(chart) {
-    if (!this.marked) return;
-    const { ctx, bbox } = chart, { x, samples } = this.view;
-    ctx.save();
-    ctx.fillStyle = MARK;
-    const fill = (first, last) => {
-      const [left, right] = [first, last].map((k) => Math.min(Math.max(chart.valToPos(x[k], "x", true), bbox.left), bbox.left + bbox.width));
-      ctx.fillRect(left, bbox.top, Math.max(right - left, 1), bbox.height);
-    };
-    let first = null;
-    samples.forEach((sample, k) => {
-      const inside = sample && this.marked(k);
-      if (inside && first == null) first = k;
-      if (!inside && first != null) { fill(first, k - 1); first = null; }
-    });
-    if (first != null) fill(first, samples.length - 1);
-    ctx.restore();
   }
 
   width() { return Math.max(240, Math.floor(this.host.clientWidth)); }

@@ -56,7 +56,7 @@ export class View {
     const { firsts, times } = this.time;
     const middle = (n) => firsts[n] + 0.5 * times[n].parts.length;
     return {
-      ...along, label: "tests side by side; in each phase time is logarithmic",
+      ...along, label: "tests side by side, time logarithmic",
       splits: (chart) => this.named(chart.bbox.width / (devicePixelRatio || 1)).map(middle),
       values: (chart) => this.named(chart.bbox.width / (devicePixelRatio || 1)).map((n) => this.tests[n].name),
       grid: { show: false },

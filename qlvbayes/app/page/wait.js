@@ -10,7 +10,7 @@ import { View } from "./view.js";
 const DOING = {
   reading: ["Reading the measurements", "Columns, units and tests are found."],
   preparing: ["Preparing the pad", "Motion, phases and the noise floor are found."],
-  fitting: ["Fitting the baseline model", "These are your measurements. The model is compiled and fitted to them; the first time on a machine this takes some seconds more."],
+  fitting: ["Fitting the baseline model", "These are your measurements. The model is fitted to them."],
 };
 
 export function waitFor({ stage, error, name, worker, sketch, limit }) {
@@ -35,5 +35,5 @@ export function drawSketch({ units, tests }) {
   const label = axisLabel(units, "force"), names = { names: units.names, name: units.names.force, unit: units.force, model: "model" };
   const { series, values } = report.forceChart(names, { t: view.x, low: none, high: none, observed, mean: none });
   new TimeChart(at("#sketch-force"), 250, idle).show(view, { series: series.slice(0, 4), values: values.slice(0, 4), bands: [], label });
-  new Loops(at("#sketch-loops"), 230, idle).show({ depth, observed, mean: none }, [axisLabel(units, "displacement"), label]);
+  new Loops(at("#sketch-loops"), 230, idle.pointed).show({ depth, observed, mean: none }, [axisLabel(units, "displacement"), label]);
 }

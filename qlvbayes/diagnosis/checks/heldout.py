@@ -103,7 +103,8 @@ def predictions(
 
 def _predicted(samples: Samples, part: HeldOutPart, candidate: Candidate) -> Predicted:
     """Return what a candidate predicts of one part."""
-    mode = find_mode(part.density, candidate.hypothesis, candidate.point.theta)
+    theta, size = candidate.point.theta, candidate.mode.size
+    mode = find_mode(part.density, candidate.hypothesis, theta, guess=size)
     point = mode.point if mode is not None else candidate.point
     force = samples.predict(candidate.hypothesis, point.constants[None])[part.test][0][part.rows]
     return Predicted(force, part.density, point)

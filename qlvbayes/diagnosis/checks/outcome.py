@@ -203,7 +203,7 @@ class SearchOutcome:
 
     def estimates(self, candidate: Candidate, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
         """Return the wanted constants of a candidate by name, by Laplace's approximation."""
-        point, kinds = candidate.point, unit_kinds(candidate.point.own.posterior)
+        point, kinds = candidate.point, unit_kinds(candidate.point.own)
         covariance = candidate.evidence.covariance + candidate.evidence.spread
         spread = point.slopes @ covariance @ point.slopes.T
         sds = np.sqrt(np.maximum(np.diag(spread), 0.0))

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import jax
 import numpy as np
-from jaxtyping import Array as JaxArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
-from qlvbayes.inference.forward.hypothesis import filled_up
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.drawn import described_model, drawn_models
-from qlvbayes.model.model import Model
+from qlvbayes.model.drawn import described_model
 from qlvbayes.model.parameters import fields_of
+from qlvbayes.model.posterior import filled
 from qlvbayes.motion.record import Record
 
 _CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
-_TOGETHER = 4  # draws that are run at once; their number is filled up to a multiple
 _FRACTIONS = "c["  # prefix of the constants that sum to one
 
 
@@ -43,15 +40,14 @@ def explanation_of_draws(
             rows[:, shares] /= rows[:, shares].sum(axis=1, keepdims=True)
         return rows
 
-    def run(rows: Array, record: Record) -> Array:
-        full = filled_up(rows, _TOGETHER)
-        parts = [drawn_models(model, own, full[k : k + _TOGETHER])
-                 for k in range(0, len(full), _TOGETHER)]  # fmt: skip
-        return np.concatenate([np.asarray(_forces(part, record)) for part in parts])[: len(rows)]
+    forces = Forces()
 
-    whole = drawn_models(model, own, constants(np.zeros((1, root.shape[1]))))
-    fractions, rates = jax.vmap(lambda one: one.relaxation.spectrum())(whole)
-    words = " + ".join((choices.law, choices.relaxing, *choices.effects))
+    def run(rows: Array, record: Record) -> Array:
+        return forces.over(filled(model, rows.T), len(rows), record)
+
+    whole = filled(model, constants(np.zeros((1, root.shape[1])))[0])
+    fractions, rates = whole.relaxation.spectrum()
+    words = " + ".join((choices.elastic, choices.relaxing, *choices.effects))
     return Explanation(
         words,
         1.0,
@@ -60,8 +56,8 @@ def explanation_of_draws(
         tuple(field.unit for field in fields for _ in field.names),
         constants,
         run,
-        np.asarray(fractions)[0, 1:],
-        np.asarray(rates)[0],
+        np.asarray(fractions)[1:],
+        np.asarray(rates),
     )
 
 
@@ -70,13 +66,3 @@ def _root(covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _CONSTANT * max(float(values.max(initial=0.0)), 1e-300)
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
-
-
-@jax.jit
-def _forces(models: Model, record: Record) -> JaxArray:
-    """Return the block means (K, T, B) of the force (N) of K models in T tests."""
-
-    def one(model: Model) -> JaxArray:
-        return jax.vmap(lambda test: test.average(model.force(test.motion)))(record)
-
-    return jax.vmap(one)(models)

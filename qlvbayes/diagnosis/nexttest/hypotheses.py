@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
@@ -32,7 +31,7 @@ def explanation_of_mode(
     """Return the explanation from a hypothesis about one of its modes."""
     space, own = density.space, point.own
     mean, root = _moments(density, hypothesis, point, covariance, size)
-    kept = len(own.names) - len(own.posterior.noise.units)  # the noise's come last and are fixed
+    kept = len(own.names) - len(own.noise.units)  # the noise's come last and are fixed
 
     def constants(z: Array) -> Array:
         return own.constants(own.within(mean + z @ root.T))[:, :kept]
@@ -42,14 +41,14 @@ def explanation_of_mode(
         return space.forces(hypothesis, np.concatenate([rows, noise], axis=1), record)
 
     centre = own.constants(own.within(mean)[None])[0]
-    model = own.posterior.with_constants(jnp.asarray(centre))[0]
+    model = own.model_at(centre)
     fractions, rates = model.relaxation.spectrum()
     return Explanation(
         words,
         probability,
         root.shape[1],
         tuple(own.names[:kept]),
-        tuple(unit_kinds(own.posterior)[:kept]),
+        tuple(unit_kinds(own)[:kept]),
         constants,
         run,
         np.asarray(fractions)[1:],

@@ -46,7 +46,7 @@ class Rig:
         given = {"depth": depth, "speed": speed, "acceleration": acceleration}
         for name, value in given.items():
             if value is not None and not (value > 0.0 and math.isfinite(value)):
-                raise InputError(f"--max-{name} is {value:g}", remedy="give it above 0")
+                raise InputError(f"--limits {name}={value:g}", remedy="give it above 0")
         return replace(
             self,
             depth=depth or self.depth,

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import jax.numpy as jnp
-
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.contact import contact_notices, is_gap
 from qlvbayes.diagnosis.checks.naming import final_decision
@@ -246,7 +244,7 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
 
     carryover = carryover_notices(experiment, experiment.trials, space.record, predict)
     clock = () if experiment.rested else clock_notices(experiment)
-    model = selected.point.own.posterior.with_constants(jnp.asarray(constants))[0]
+    model = selected.point.own.model_at(constants)
     times = unresolved_times(model.relaxation, experiment.scales)
     notices = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
     if search.ended_early:

@@ -6,10 +6,11 @@ import math
 from functools import partial
 
 from qlvbayes.diagnosis.certainty import calibration
-from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
+from qlvbayes.diagnosis.phrases import LIKELY, pad_title, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
+from qlvbayes.effects.catalogue import FORMS
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import capitalized, joined, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
@@ -35,7 +36,7 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
     }[d.verdict]
     pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
     text = [
-        f"Pad {d.pad}: {paragraph_lead(d, partial(_seen, d, work))}",
+        f"{capitalized(pad_title(d.pad))}: {paragraph_lead(d, partial(_seen, d, work))}",
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
@@ -112,7 +113,7 @@ def _command(d: DiagnosisResult) -> str:
     """Return the command that fits the selected hypothesis to all tests."""
     default, base = Choices(), d.base
     words = ["qlvbayes fit FILE -o OUT --all-tests"]
-    words += [f"--elastic {base.elastic}"] * (base.elastic != default.law)
+    words += [f"--elastic {base.elastic}"] * (base.elastic != default.elastic)
     words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
     added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
     return " ".join([*words, *(f"--add {name}" for name in added)])
@@ -265,11 +266,13 @@ def _base(d: DiagnosisResult) -> list[str]:
     others = [base for base in d.bases if base.pair != d.base.pair]
     if d.base.pair == chosen.pair and d.base.probability >= _SURE:
         return []
-    text = f"The likeliest laws are {d.base} ({percent(d.base.probability)})"
+    likelier = any(base.probability > d.base.probability for base in others)
+    head = "The likeliest hypothesis has the laws" if likelier else "The likeliest laws are"
+    text = f"{head} {d.base} ({percent(d.base.probability)} over all sets of effects)"
     if d.base.pair != chosen.pair:
         text += f" instead of {chosen}"
     rest = [f"{base} ({percent(base.probability)})" for base in others[:2]]
-    return [f"{text}; next come {joined(rest)}." if rest else f"{text}."]
+    return [f"{text}; of the others {joined(rest)} are likeliest." if rest else f"{text}."]
 
 
 def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
@@ -392,6 +395,7 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
     taken = {*d.tried, *d.effects, *d.group, "none", *(one.effect for one in d.not_identifiable)}
+    taken |= {kind.family() for kind in FORMS if kind.name in taken}  # named through a form
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []

@@ -208,11 +208,19 @@ class Discrepancy:
         loss = 0.5 * (float(discrepancy.squares(residual[None])[0]) + discrepancy.log_volume)
         return loss - float(self.log_prior[index])
 
-    def log_likelihoods(self, residuals: Array, separation: Separation | None = None) -> Array:
-        """Return log likelihoods (K, S) of whitened residuals (K, n), plus log priors of sizes."""
-        logs = np.empty((len(residuals), self.sizes.size))
-        for k, size in enumerate(self.sizes.tolist()):
-            discrepancy = self.at(size, separation)
+    def log_likelihoods(
+        self,
+        residuals: Array,
+        separation: Separation | None = None,
+        sizes: Sequence[int] | None = None,
+    ) -> Array:
+        """Return log likelihoods (K, S) of whitened residuals (K, n), plus log priors of sizes.
+
+        Only sizes of the indices ``sizes`` are computed, if given; the others have none.
+        """
+        logs = np.full((len(residuals), self.sizes.size), -np.inf)
+        for k in range(self.sizes.size) if sizes is None else sizes:
+            discrepancy = self.at(float(self.sizes[k]), separation)
             logs[:, k] = self.log_prior[k] - 0.5 * (
                 discrepancy.squares(residuals) + discrepancy.log_volume
             )

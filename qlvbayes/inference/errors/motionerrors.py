@@ -11,20 +11,23 @@ variance: the block means have the additional covariance :math:`\sum_e v_e v_e^T
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.pieces import piece_of, plan_of
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.arrays import Array
-from qlvbayes.model.posterior import is_prior
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.relaxation.spectrum import Spectrum
+from qlvbayes.model.posterior import filled
 
 _NOTICED = 0.2
 """Sds of the noise: an error that stays below that in every combination of block means is left
@@ -33,7 +36,7 @@ out, as it would add 4 % to one variance."""
 
 def rated(space: Space, hypothesis: Hypothesis) -> list[AbstractEffect]:
     """Return the effects of a hypothesis whose force is computed from speed or acceleration."""
-    effects = space.parameters(hypothesis).posterior.model.effects
+    effects = space.parameters(hypothesis).model.effects
     return [effect for effect in effects if effect.needs != "displacement"]
 
 
@@ -46,60 +49,55 @@ def motion_columns(
     if errors is None or not effects:
         return np.zeros((0, *real.shape))
     own = space.parameters(hypothesis)
-    elastic = jax.tree.structure(own.posterior.model.elastic, is_leaf=is_prior)
-    forces = sum(
-        _forces(space, elastic, effect, constants[own.columns[effect.name]]) for effect in effects
-    )  # (T, 1 + E, N)
+    added = [_forces(space, filled(one, constants[own.columns[one.name]])) for one in effects]
+    forces = np.sum(added, axis=0)
     nodes = np.asarray(space.record.nodes)
     found = []
-    for k, force in enumerate(np.asarray(forces)):
-        change = force[1:] - force[0]
-        means = np.where(
-            real[k], 0.5 * (change[:, nodes[k, :, 0]] + change[:, nodes[k, :, 1]]), 0.0
-        )
-        of_test = np.zeros((len(means), *real.shape))
-        of_test[:, k] = means
-        found.append(_noticed(of_test[np.any(means != 0.0, axis=1)], whitener))
-    sizes = np.concatenate([size for _, size in found])
-    return np.concatenate([some for some, _ in found])[np.argsort(-sizes)]
+    for k, force in enumerate(np.moveaxis(forces, 1, 0)):  # (N, 1 + E)
+        kept = whitener.blocks[k]
+        change = (force[:, 1:] - force[:, :1])[nodes[k, kept]].mean(axis=1).T
+        moved = change[np.any(change != 0.0, axis=1)]
+        seen, sizes = _noticed(moved, partial(whitener.whiten_test, k))
+        columns = np.zeros((len(seen), *real.shape))
+        columns[:, k, kept] = seen
+        found.append((columns, sizes))
+    order = np.argsort(-np.concatenate([sizes for _, sizes in found]))
+    return np.concatenate([columns for columns, _ in found])[order]
 
 
-def _forces(space: Space, elastic: Any, effect: AbstractEffect, constants: Array) -> Any:
-    """Return what an effect adds (T, 1 + E, N) to no force: as recorded, then with each error."""
-    record, errors = space.record, space.record.errors
-    assert errors is not None
-    layer, motion = jax.tree.structure(effect, is_leaf=is_prior), record.motion
-    tests, points = motion.time.shape
-    shape = (tests, 1 + errors.velocity.shape[1], points)
-    leaves, structure = jax.tree.flatten(motion)
-    plan = plan_of(layer, elastic, structure)
-    if plan is None or plan.uses_laws:
-        return np.zeros(shape)
+def _forces(space: Space, effect: AbstractEffect) -> Array:
+    """Return what an effect adds (N, T, 1 + E) to no force: as recorded, then with each error."""
+    record = space.record
+    assert record.errors is not None
+    motion = jax.tree.map(_by_time, record.motion)
     loose = effect.level < Level.CONTACT and not space.bonded
-    touches = (motion.displacement[:, None] > 0.0) | (not loose)
+    touches = (motion.displacement > 0.0) | (not loose)
     every = replace(
         motion,
-        velocity=_with_errors(motion.velocity, errors.velocity, touches),
-        acceleration=_with_errors(motion.acceleration, errors.acceleration, touches),
+        velocity=_with_errors(motion.velocity, record.errors.velocity, touches),
+        acceleration=_with_errors(motion.acceleration, record.errors.acceleration, touches),
     )
-    moved = tuple(jax.tree.leaves(every))
-    shared = tuple(new is old for new, old in zip(moved, leaves, strict=True))
-    piece = piece_of(layer, None, structure, len(plan.requests), shared)
-    answers = [jnp.zeros(shape)] * len(plan.requests)
-    return piece(np.tile(constants, (shape[1], 1)), (), moved, answers)
+    with np.errstate(all="ignore"):
+        force = Law(Linear(0.0), Spectrum(np.ones(1), np.zeros(0)), (effect,)).force(every)
+    return np.asarray(np.broadcast_to(force, every.velocity.shape))
 
 
-def _with_errors(rate: Any, errors: Any, touches: Any) -> Any:
-    """Return a rate (T, N) and, below it, the rate with each error (T, E, N): (T, 1 + E, N)."""
-    every = jnp.concatenate([rate[:, None], rate[:, None] + errors], axis=1)
-    return jnp.where(touches, every, 0.0)
+def _by_time(leaf: Any) -> Array:
+    """Return values (T, N) as (N, T, 1), and values of whole tests (T,) as (T, 1)."""
+    return np.asarray(leaf).T[..., None]
 
 
-def _noticed(columns: Array, whitener: Whitener) -> tuple[Array, Array]:
-    """Return combinations of columns (K, T, B) that the noise does not hide, and their sizes."""
+def _with_errors(rate: Array, errors: Any, touches: Array) -> Array:
+    """Return a rate (N, T, 1) and, after it, the rate with each error (T, E, N): (N, T, 1 + E)."""
+    every = np.concatenate([rate, rate + np.asarray(errors).transpose(2, 0, 1)], axis=2)
+    return np.where(touches, every, 0.0)
+
+
+def _noticed(columns: Array, whiten: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return combinations of columns (K, n) that the noise does not hide, and their sizes."""
     if not len(columns):
         return columns, np.zeros(0)
-    white = whitener(columns)
+    white = whiten(columns)
     values, vectors = np.linalg.eigh(white @ white.T)
     seen = values > _NOTICED**2
-    return np.einsum("ke,ktb->etb", vectors[:, seen], columns), np.sqrt(values[seen])
+    return vectors[:, seen].T @ columns, np.sqrt(values[seen])

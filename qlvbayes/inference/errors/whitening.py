@@ -84,9 +84,13 @@ class Whitener:
 
     @cached_property
     def _bases(self) -> list[tuple[Array, Array]]:
-        """Return for each test 1/sqrt(lambda) and the rows of lambda^{-1/2} V^T."""
+        """Return for each test 1/sqrt(lambda), and rows of lambda^{-1/2} V^T or their diagonal."""
         bases = []
         for one in self.covariances:
+            if np.count_nonzero(one) == len(one):  # independent noise
+                roots = np.diag(one) ** -0.5
+                bases.append((roots, roots))
+                continue
             values, vectors = np.linalg.eigh(one)
             roots = np.maximum(values, _SINGULAR * values.max(initial=0.0)) ** -0.5
             bases.append((roots, roots[:, None] * vectors.T))
@@ -100,7 +104,7 @@ class Whitener:
     @property
     def matrix(self) -> Array:
         """Return the matrix (n, n) that whitens the block means of all tests, joined."""
-        return np.asarray(block_diag(*(rows for _, rows in self._bases)))
+        return np.asarray(block_diag(*(np.diag(x) if x.ndim == 1 else x for _, x in self._bases)))
 
     def flattened(self, vectors: Array) -> Array:
         """Return (M, T, B) as (M, n): the block means that count, one test after another."""
@@ -110,8 +114,13 @@ class Whitener:
         """Return (M, n) whitened."""
         ends = np.cumsum([len(one) for one in self.covariances])[:-1]
         parts = np.split(vectors, ends, axis=1)
-        whitened = [part @ rows.T for part, (_, rows) in zip(parts, self._bases, strict=True)]
+        whitened = [self.whiten_test(k, part) for k, part in enumerate(parts)]
         return np.concatenate(whitened, axis=1)
+
+    def whiten_test(self, test: int, vectors: Array) -> Array:
+        """Return the block means (M, n_t) of one test whitened."""
+        rows = self._bases[test][1]
+        return vectors * rows if rows.ndim == 1 else vectors @ rows.T
 
     def __call__(self, vectors: Array) -> Array:
         """Return (M, T, B) whitened, as (M, n)."""

@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import jax
 import numpy as np
 from jax.tree_util import PyTreeDef
-from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior, is_prior, value_shape
+from qlvbayes.model.posterior import is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect, Natural
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
-_LEAST = 16  # smallest number of rows that is compiled: so few take no time
 
 
 @dataclass(frozen=True)
@@ -54,16 +54,10 @@ class Leaf:
     theta: range
     constants: range
 
-    @cached_property
-    def flat(self) -> tuple[PyTreeDef, tuple[Array, ...]]:
-        """Return the prior's structure and values, which JAX takes faster than the prior itself."""
-        values, structure = jax.tree.flatten(self.prior)
-        return structure, tuple(np.asarray(number, dtype=float) for number in values)
-
-    def values(self, thetas: Array) -> Array:
-        """Return values (K, ...) of the field at thetas (K, F)."""
-        theta = thetas[:, self.theta.start : self.theta.stop]
-        return np.asarray(_value(*self.flat, few_sizes(theta)))[: len(thetas)]
+    def constrain(self, thetas: Array) -> tuple[Array, Array]:
+        """Return values (..., K) of the field and log prior densities (K,) at thetas (K, F)."""
+        value, log = self.prior.constrain(thetas[:, self.theta.start : self.theta.stop].T)
+        return np.asarray(value), np.asarray(log)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +101,8 @@ class Parameters:
     """The free parameters theta (F,) of a hypothesis, and its constants (P,)."""
 
     hypothesis: Hypothesis
-    posterior: Posterior
+    model: Model  # with priors where its fields are free
+    noise: AbstractNoise  # with fixed constants
     leaves: tuple[Leaf, ...]  # all free fields
     # lowest, highest, length (F,): bounds and natural length of each parameter
     lowest: Array
@@ -118,12 +113,12 @@ class Parameters:
     joint: tuple[Leaf, ...]  # the other fields
 
     @classmethod
-    def from_posterior(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
-        """Return the parameters of a posterior whose noise is fixed."""
+    def from_model(cls, hypothesis: Hypothesis, model: Model, noise: AbstractNoise) -> Parameters:
+        """Return the parameters of a model, under noise whose constants are fixed."""
         leaves: list[Leaf] = []
         fixed, bounds = [np.zeros(0)], [np.zeros((0, 3))]
         theta = constants = 0
-        for leaf in jax.tree.leaves((posterior.model, posterior.noise), is_leaf=is_prior):
+        for leaf in jax.tree.leaves((model, noise), is_leaf=is_prior):
             if not is_prior(leaf):
                 fixed.append(np.ravel(leaf))
                 constants += fixed[-1].size
@@ -137,7 +132,7 @@ class Parameters:
         low, high, length = np.concatenate(bounds).T.copy()
         joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractDirect))
         rest = np.concatenate(fixed), Direct.from_leaves(leaves), joint
-        return cls(hypothesis, posterior, tuple(leaves), low, high, length, *rest)
+        return cls(hypothesis, model, noise, tuple(leaves), low, high, length, *rest)
 
     def within(self, thetas: Array) -> Array:
         """Return thetas (..., F) clipped to the bounds."""
@@ -151,7 +146,7 @@ class Parameters:
     @cached_property
     def names(self) -> list[str]:
         """Return the names of the P constants."""
-        return names(self.posterior)
+        return names(self)
 
     @cached_property
     def by_name(self) -> dict[str, Leaf]:
@@ -166,7 +161,7 @@ class Parameters:
     @cached_property
     def columns(self) -> dict[str, slice]:
         """Return the slice of the P constants that each law and effect takes, by name."""
-        model = self.posterior.model
+        model = self.model
         parts = {ELASTIC: model.elastic, RELAXATION: model.relaxation}
         parts |= {effect.name: effect for effect in model.effects}
         columns, start = {}, 0
@@ -187,8 +182,34 @@ class Parameters:
         values[:, self.direct.constants] = self.direct.values(thetas)
         for leaf in self.joint:
             columns = slice(leaf.constants.start, leaf.constants.stop)
-            values[:, columns] = leaf.values(thetas).reshape(len(thetas), -1)
+            with np.errstate(all="ignore"):  # what is not finite is refused with its force
+                values[:, columns] = leaf.constrain(thetas)[0].reshape(-1, len(thetas)).T
         return values
+
+    def model_at(self, constants: Array) -> Model:
+        """Return the model whose fields are the constants (P,)."""
+        fields = [
+            constants[columns].reshape(shape + constants.shape[1:])
+            for columns, shape in self._fields
+        ]
+        model: Model = jax.tree.unflatten(self._structure, fields)
+        return model
+
+    @cached_property
+    def _structure(self) -> PyTreeDef:
+        """Return the structure of the model."""
+        return jax.tree.structure(self.model, is_leaf=is_prior)
+
+    @cached_property
+    def _fields(self) -> list[tuple[slice, tuple[int, ...]]]:
+        """Return the columns of the constants and the shape of each field of the model."""
+        found, start = [], 0
+        for leaf in jax.tree.leaves(self.model, is_leaf=is_prior):
+            shape = value_shape(leaf)
+            stop = start + math.prod(shape)
+            found.append((slice(start, stop), shape))
+            start = stop
+        return found
 
 
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
@@ -196,23 +217,3 @@ def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
     if isinstance(prior, AbstractDirect):
         return prior.density()[:3]
     return -math.inf, math.inf, 1.0
-
-
-def few_sizes(rows: Array) -> Array:
-    """Return rows (K, ...) filled up with the first one to 16, 64, 256 ..., to compile rarely."""
-    size = _LEAST
-    while size < len(rows):
-        size *= 4
-    return filled_up(rows, size)
-
-
-def filled_up(rows: Array, multiple: int) -> Array:
-    """Return rows (K, ...) filled up with the first one to a multiple of some number of rows."""
-    return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % multiple, axis=0)])
-
-
-@partial(jax.jit, static_argnums=0)
-def _value(structure: PyTreeDef, prior: tuple[Array, ...], theta: JaxArray) -> JaxArray:
-    """Return values (K, ...) at theta (K, size), by a flattened prior."""
-    distribution: AbstractPrior = jax.tree.unflatten(structure, prior)
-    return jax.vmap(lambda x: distribution.constrain(x)[0])(theta)

@@ -1,42 +1,37 @@
 """Hold what all hypotheses about one record are made of, and compute what they predict.
 
-Every hypothesis has a posterior of its own, under the noise floor as measured. One `ForceEngine`
-computes the forces of all.
+Every hypothesis has parameters of its own, under the noise floor as measured.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.forward.engine import ConstantSets, ForceEngine, LayerChain
 from qlvbayes.inference.forward.fixedrates import FixedRates, relaxation_of
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.inference.forward.hypothesis import (
     ELASTIC,
     RELAXATION,
     Hypothesis,
     Parameters,
-    few_sizes,
 )
 from qlvbayes.io.arrays import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.posterior import Posterior, is_prior, value_shape
+from qlvbayes.model.posterior import filled, is_prior, unconstrained
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural, natural
 
 FEW = 4
@@ -56,16 +51,15 @@ class Space:
     effects: dict[str, AbstractEffect]  # candidates by name, with `Natural` amplitudes
     noise: AbstractNoise  # the floor, with fixed parameters
     bonded: bool  # whether the specimen is fixed to the indenter
-    _engine: ForceEngine = field(default_factory=ForceEngine)
+    _forces: Forces = field(default_factory=Forces)
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
-    _chains: dict[Hypothesis, tuple[LayerChain, list[slice]]] = field(default_factory=dict)
     _draws: dict[tuple[str, str, int], Array] = field(default_factory=dict)
     _rates: dict[int, tuple[Record, FixedRates]] = field(default_factory=dict)
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
         """Return the space with other priors of its effects."""
         laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
-        return replace(self, effects=effects, _cache={}, _chains={}, _draws=laws)
+        return replace(self, effects=effects, _cache={}, _draws=laws)
 
     @cached_property
     def real(self) -> NDArray[np.bool_]:
@@ -83,8 +77,7 @@ class Space:
             for name in self.effects:
                 if name in hypothesis.effects:
                     model = model + self.effects[name]
-            posterior = Posterior(model, self.noise, self.record)
-            self._cache[hypothesis] = Parameters.from_posterior(hypothesis, posterior)
+            self._cache[hypothesis] = Parameters.from_model(hypothesis, model, self.noise)
         return self._cache[hypothesis]
 
     def forces(
@@ -92,8 +85,8 @@ class Space:
     ) -> Array:
         """Return block means (K, T, B) of the force (N) at constants (K, P)."""
         record = record or self.record
-        sets = self._sets(hypothesis, constants, self._fixed(record))
-        return self._engine.forces(self._chain(hypothesis)[0], sets, record)
+        model = self._model(hypothesis, constants, self._fixed(record))
+        return self._forces.over(model, len(constants), record)
 
     def _fixed(self, record: Record) -> FixedRates:
         """Return the rates by which long spectra are represented over a record."""
@@ -140,10 +133,11 @@ class Space:
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
         """Return the curves (K, 40) of a law at constants (K, P)."""
         if part == "elastic":
-            law = _emptied(self.elastic[hypothesis.elastic])
-            columns = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
-            forces = _elastic_curves(jax.tree.structure(law), self.curve_grids[0], columns)
-            return np.asarray(forces)[: len(constants)]
+            rows = constants[:, self.parameters(hypothesis).columns[ELASTIC]].T
+            law = filled(self.elastic[hypothesis.elastic], rows)
+            with np.errstate(all="ignore"):
+                forces = law.force(self.curve_grids[0][:, None])
+            return np.broadcast_to(forces, (_GRID, len(constants))).T
         return relaxation_of(*self.spectra(hypothesis, constants), self.curve_grids[1])
 
     @cached_property
@@ -152,37 +146,37 @@ class Space:
         every = {name: type(effect) for name, effect in self.effects.items()}
         return frozenset(n for n, k in every.items() if k.spectrum is not AbstractEffect.spectrum)
 
-    def _chain(self, hypothesis: Hypothesis) -> tuple[LayerChain, list[slice]]:
-        """Return the chain of layers, and the columns of the constants that each layer takes."""
-        if hypothesis not in self._chains:
-            parameters = self.parameters(hypothesis)
-            model: Model = _emptied(parameters.posterior.model)
-            for name in hypothesis.effects & self.relaxing:
-                model = model.without(name)
-            law, none = model.law, slice(0, 0)
-            names = [getattr(layer, "name", None) for layer in law.layers]
-            columns = [parameters.columns.get(name, none) if name else none for name in names]
-            self._chains[hypothesis] = LayerChain.from_law(law), columns
-        return self._chains[hypothesis]
-
-    def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> ConstantSets:
-        """Return constants (K, P) by law and layer; long spectra are represented by fixed rates."""
+    def _model(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Model:
+        """Return the model of constants (K, P); long spectra are represented by fixed rates."""
+        parameters = self.parameters(hypothesis)
         fractions, rates = self.spectra(hypothesis, constants)
         if rates.shape[1] > FEW:
-            fractions, rates = fixed.fractions(fractions, rates), fixed.rates
-        elastic = self.parameters(hypothesis).columns[ELASTIC]
-        layers = tuple(constants[:, columns] for columns in self._chain(hypothesis)[1])
-        return ConstantSets(constants[:, elastic], fractions, rates, layers)
+            fractions = fixed.fractions(fractions, rates)
+            rates = np.broadcast_to(fixed.rates, (len(constants), fixed.rates.size))
+        model = parameters.model_at(constants.T)
+        for name in hypothesis.effects & self.relaxing:
+            model = model.without(name)
+        return replace(model, relaxation=Spectrum(fractions.T, rates.T))
 
     def spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
         """Return fractions (K, L + 1) and rates (K, L), changed by the effects that act on them."""
-        parameters, rows = self.parameters(hypothesis), few_sizes(constants)
-        model: Model = parameters.posterior.model
-        effects = [effect for effect in model.effects if effect.name in self.relaxing]
-        columns = [rows[:, parameters.columns[RELAXATION]]]
-        columns += [rows[:, parameters.columns[effect.name]] for effect in effects]
-        fractions, rates = _spectrum(_filling(model.relaxation, *effects), tuple(columns))
-        return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
+        parameters = self.parameters(hypothesis)
+        index = which = np.arange(len(constants))
+        if not isinstance(parameters.model.relaxation, Prony):
+            # sets that differ elsewhere share a spectrum: a continuous one costs more than a force
+            acting = [RELAXATION, *(hypothesis.effects & self.relaxing)]
+            columns = np.concatenate([constants[:, parameters.columns[x]] for x in acting], axis=1)
+            _, index, which = np.unique(columns, axis=0, return_index=True, return_inverse=True)
+        model = parameters.model_at(constants[index].T)
+        with np.errstate(all="ignore"):
+            spectrum = _spectrum(model.relaxation, len(index))
+            for effect in model.effects:
+                if effect.name in self.relaxing:
+                    changed = effect.spectrum(*spectrum)
+                    assert changed is not None
+                    spectrum = changed
+        fractions, rates = (np.broadcast_to(x.T, (len(index), len(x))) for x in spectrum)
+        return fractions[which], rates[which]
 
     def draws(self, part: str, name: str, seed: int = 0) -> Array:
         """Return draws (25, size) from the priors of a law or effect, which depend on the seed."""
@@ -192,7 +186,7 @@ class Space:
             for leaf in jax.tree.leaves(getattr(self, part)[name], is_leaf=is_prior):
                 if is_prior(leaf):
                     values = np.stack([leaf.draw(rng) for _ in range(_DRAWS)])
-                    columns.append(np.asarray(_unconstrained(leaf, values)).reshape(_DRAWS, -1))
+                    columns.append(unconstrained(leaf, values))
             self._draws[(part, name, seed)] = np.concatenate(
                 [np.zeros((_DRAWS, 0)), *columns], axis=1
             )
@@ -206,8 +200,7 @@ class Space:
 
     def _nested(self, hypothesis: Hypothesis) -> list[str]:
         """Return the names of a hypothesis's effects, in the order in which they nest."""
-        model = self.parameters(hypothesis).posterior.model
-        return [effect.name for effect in model.effects]
+        return [effect.name for effect in self.parameters(hypothesis).model.effects]
 
 
 def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
@@ -222,60 +215,15 @@ def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> Abstrac
     return changed
 
 
-def _emptied(part: Any) -> Any:
-    """Return a law or effect with zeros in place of its priors."""
-    return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
-
-
-def _filling(*parts: Any) -> tuple[tuple[Any, tuple[tuple[int, ...], ...]], ...]:
-    """Return the structure and the shapes of the fields of some laws and effects."""
-    shapes = []
-    for part in parts:
-        leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
-        shapes.append((structure, tuple(value_shape(leaf) for leaf in leaves)))
-    return tuple(shapes)
-
-
-def _filled(structure: Any, shapes: tuple[tuple[int, ...], ...], constants: JaxArray) -> Any:
-    """Return a law or effect with constants (P,) in its fields."""
-    ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1].tolist()
-    parts = jnp.split(constants, ends)
-    values = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
-    return jax.tree.unflatten(structure, values)
-
-
-@partial(jax.jit, static_argnums=0)
-def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> JaxArray:
-    """Return the elastic forces (K, D) at depths (D,) of constants (K, count)."""
-
-    def one(row: JaxArray) -> JaxArray:
-        law: AbstractElastic = jax.tree.unflatten(structure, list(row))
-        return law.force(depths)
-
-    return jax.vmap(one)(constants)
-
-
-@partial(jax.jit, static_argnums=0)
-def _spectrum(filling: Any, columns: tuple[JaxArray | Array, ...]) -> tuple[JaxArray, JaxArray]:
-    """Return fractions (K, L + 1) and rates (K, L) of a relaxation and the effects on it."""
-
-    def one(columns: tuple[Any, ...]) -> tuple[JaxArray, JaxArray]:
-        pairs = zip(filling, columns, strict=True)
-        relaxation, *effects = [
-            _filled(structure, shapes, values) for (structure, shapes), values in pairs
-        ]
-        spectrum: tuple[JaxArray, JaxArray] = relaxation.spectrum()
-        for effect in effects:
-            spectrum = effect.spectrum(*spectrum)
-        return spectrum
-
-    return jax.vmap(one)(columns)
-
-
-@jax.jit
-def _unconstrained(prior: AbstractPrior, values: JaxArray) -> JaxArray:
-    """Return the free parameters (K, size) of a prior at values (K, ...)."""
-    return jax.vmap(prior.unconstrain)(values)
+def _spectrum(relaxation: AbstractRelaxation, count: int) -> tuple[Array, Array]:
+    """Return fractions (L + 1, K) and rates (L, K) of a relaxation of K = ``count`` sets."""
+    if type(relaxation).__module__.startswith("qlvbayes."):
+        return relaxation.spectrum()
+    # a user's own law may know of one set only
+    sets = [jax.tree.map(lambda x, k=k: x[..., k], relaxation) for k in range(count)]
+    pairs = zip(*(one.spectrum() for one in sets), strict=True)
+    fractions, rates = (np.stack(list(map(np.asarray, some)), axis=-1) for some in pairs)
+    return fractions, rates
 
 
 def median(draws: Iterable[Array]) -> Array:

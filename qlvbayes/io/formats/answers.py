@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.formats.format import UnsureError
+from qlvbayes.io.formats.layouts import named_columns
 from qlvbayes.io.formats.machineunits import named_units
 from qlvbayes.io.formats.naming import pattern_of
-from qlvbayes.io.formats.stated_columns import named_columns
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
 """Choices of the columns that change sign, with the factors of displacement and force."""
+__all__ = ["FILE", "SIGNS", "Answers", "UnsureError"]
 FILE = "file"  # value of --contact that stands for the file's own zero
 
 
@@ -56,24 +57,6 @@ class Answers:
         pattern = None if pad_from is None else pattern_of(pad_from)
         chosen = None if columns is None else named_columns(columns)
         return cls(sign, position, named, area, pads, tests, pattern, chosen)
-
-
-class UnsureError(InputError):
-    """Exception for something that the file does not state.
-
-    ``option`` states it, ``question`` asks for it.
-    """
-
-    def __init__(self, message: str, *, file: Path, option: str, question: str, say: str) -> None:
-        super().__init__(message, file=file, remedy=f"say it with --{option} {say}")
-        self.option = option
-        self.question = question
-        self._parts = message, file, say
-
-    def elsewhere(self, command: str) -> InputError:
-        """Return the same error for a command that lacks the option, naming one that has it."""
-        message, file, say = self._parts
-        return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
 
 
 def _position(text: str) -> float | str:

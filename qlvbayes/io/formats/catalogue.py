@@ -1,58 +1,46 @@
-"""List all formats, in the order in which they are tried, and read a user's own."""
+"""List all layouts, in the order in which they are tried, and read a user's own."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.afm import Afm
-from qlvbayes.io.formats.bluehill_3 import BluehillThree
-from qlvbayes.io.formats.bluehill_universal import BluehillUniversal
-from qlvbayes.io.formats.cellscale import CellScale
-from qlvbayes.io.formats.chiaro import Chiaro
-from qlvbayes.io.formats.format import AbstractFormat
-from qlvbayes.io.formats.hdf5 import Hdf5
-from qlvbayes.io.formats.mach_1 import MachOne
-from qlvbayes.io.formats.matlab import Matlab
-from qlvbayes.io.formats.named_table import NamedTable
-from qlvbayes.io.formats.ros_table import RosTable
-from qlvbayes.io.formats.rosbag import RosBag
-from qlvbayes.io.formats.tdms import Tdms
-from qlvbayes.io.formats.testsuite import TestSuite
-from qlvbayes.io.formats.testxpert import TestXpert
-from qlvbayes.io.formats.testxpert_excel import TestXpertExcel
-from qlvbayes.io.formats.two_clocks import TwoClocks
-from qlvbayes.io.formats.wintest import WinTest
-from qlvbayes.io.usermodule import check_own, own_classes
+from qlvbayes.io.formats import layouts
+from qlvbayes.io.formats.binary import BINARY
+from qlvbayes.io.formats.format import AbstractFormat, Format
+from qlvbayes.io.formats.ros import RosTable
+from qlvbayes.io.usermodule import check_own, own_classes, own_values
 
-FORMATS: tuple[type[AbstractFormat], ...] = (
-    BluehillThree,
-    BluehillUniversal,
-    WinTest,
-    TestSuite,
-    TestXpert,
-    TestXpertExcel,
-    CellScale,
-    MachOne,
-    Chiaro,
-    Afm,
-    Tdms,
-    Matlab,
-    Hdf5,
-    RosBag,
+FORMATS: tuple[Format, ...] = (
+    layouts.BLUEHILL_3,
+    layouts.BLUEHILL_UNIVERSAL,
+    layouts.WINTEST,
+    layouts.TESTSUITE,
+    layouts.TESTXPERT,
+    layouts.CELLSCALE,
+    layouts.MACH_1,
+    layouts.CHIARO,
+    layouts.LVM,
+    *BINARY,
     RosTable,
-    TwoClocks,
-    NamedTable,
+    layouts.TWO_CLOCKS,
+    layouts.TABLE,
 )
 """Every known layout, in the order in which they are tried."""
 
 
-def own_formats(path: Path) -> tuple[type[AbstractFormat], ...]:
-    """Return the formats that a Python file defines, in its order; imported ones do not count."""
+def own_formats(path: Path) -> tuple[Format, ...]:
+    """Return the layouts that a Python file defines: classes first, then rows as those here."""
     kinds = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
-    if not kinds:
-        raise InputError(
-            "defines no format", file=path, remedy="write a class that extends AbstractFormat"
-        )
-    check_own(path, kinds, AbstractFormat, "format", [kind.name for kind in FORMATS])
-    return kinds
+    rows: Sequence[layouts.Layout] = own_values(path, layouts.Layout)
+    if not kinds and not rows:
+        remedy = "write a Layout, or a class that extends AbstractFormat"
+        raise InputError("defines no format", file=path, remedy=remedy)
+    known = [kind.name for kind in FORMATS]
+    check_own(path, kinds, AbstractFormat, "format", known)
+    for row in rows:
+        if row.name in (*known, *(kind.name for kind in kinds)):
+            what = f"the format {row.name} comes with the package, or is in this file already"
+            raise InputError(what, file=path, remedy="choose another name")
+    return (*kinds, *rows)

@@ -88,10 +88,13 @@ _WITH_UNIT = (
     r"(.+)\s+in\s+(\S+)",
 )
 """Ways to write a column's unit after its name."""
+_COPY = re.compile(r"\.\d+$")  # by which pandas numbers equal names
 _EITHER = re.compile(r"[^A-Z]MN[)\]_]?$")
 _TIMES_TEN = re.compile(r"[x×*] ?\d")  # Force x10: its values are not in its unit
 _CLEARLY = 3.0  # times the other strain, from which one of two motions is the test's
 _LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
+_SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
+"""Names of what has no side that presses: its signs are kept."""
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
 # Words of a strain that testing machines also write above a length: the unit decides.
 _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
@@ -117,6 +120,22 @@ def split_header(cell: str) -> tuple[str, str]:
             if _is_unit(unit) and not ("/" in pattern and _is_unit(name.rpartition(" ")[2])):
                 return name, unit
     return cell.strip(), ""
+
+
+def in_cells(cells: Sequence[str]) -> list[NamedColumn]:
+    """Return columns whose units follow their names, in one row."""
+    names = [_COPY.sub("", cell) for cell in cells]
+    plain = [name if name in cells else cell for name, cell in zip(names, cells, strict=True)]
+    return [NamedColumn(index, *split_header(cell)) for index, cell in enumerate(plain)]
+
+
+def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]:
+    """Return columns whose units are in the row below their names, or above them."""
+    padded = [*units, *[""] * len(names)]
+    return [
+        NamedColumn(index, name, padded[index].strip(" ()[]'\"").removeprefix("in "))
+        for index, name in enumerate(names)
+    ]
 
 
 def _is_unit(text: str) -> bool:
@@ -317,5 +336,7 @@ def recording(
     taken = {named.index for named in picked.values()}
     unused = tuple(c.name for c in columns if c.index not in taken and c.name)
     time, way, load = channels
-    pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load))
+    pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load)) or any(
+        _SHEAR.search(plain_name(one.name)) for one in (way, load)
+    )
     return Recording(time, way, load, name, began, None, dropped, unused, pressing)

@@ -13,7 +13,7 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.format import HEAD, AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.format import HEAD, Format, Recording, Sight
 from qlvbayes.io.formats.machineunits import QUANTITIES
 
 _WORDS = ("name", "machine", "marks", "reads", "reference")
@@ -26,7 +26,7 @@ class FormatError(AssertionError):
     """Exception for a format that breaks a rule; the text says which rule."""
 
 
-def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:
+def check_format(kind: Format, files: Sequence[str | Path]) -> None:
     """Check that a format keeps the rules, on files of its own (two or more different ones).
 
     The format declares itself. It recognises its own files and no tidy file, and no other format
@@ -43,7 +43,7 @@ def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Non
     run_checks(format_checks(kind, files), FormatError)
 
 
-def format_checks(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Iterator[Check]:
+def format_checks(kind: Format, files: Sequence[str | Path]) -> Iterator[Check]:
     """Yield name and function of each check of `check_format`, so that each is its own test.
 
     Parameters
@@ -58,19 +58,20 @@ def format_checks(kind: type[AbstractFormat], files: Sequence[str | Path]) -> It
     yield "tidy file", partial(_check_tidy, kind)
 
 
-def _check_tidy(kind: type[AbstractFormat]) -> None:
+def _check_tidy(kind: Format) -> None:
     if kind.sniff(_TIDY).whole:
         raise FormatError(f"{kind.name} claims a tidy file")
 
 
-def _check_declarations(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:
+def _check_declarations(kind: Format, files: Sequence[str | Path]) -> None:
+    called = getattr(kind, "__name__", None) or kind.name
     if inspect.isabstract(kind):
-        missing = ", ".join(sorted(kind.__abstractmethods__))
-        raise FormatError(f"{kind.__name__} lacks {missing}")
+        missing = ", ".join(sorted(getattr(kind, "__abstractmethods__", ())))
+        raise FormatError(f"{called} lacks {missing}")
     for word in _WORDS:
         text = getattr(kind, word, "")
         if not text.strip() or "\n" in text:
-            raise FormatError(f"{kind.__name__}: {word} must be one line of text")
+            raise FormatError(f"{called}: {word} must be one line of text")
     if len(files) < 2:
         raise FormatError(f"{kind.name}: give two files or more, of different tests or machines")
 
@@ -80,14 +81,14 @@ def _head(file: Path) -> bytes:
         return opened.read(HEAD)
 
 
-def _check_known(kind: type[AbstractFormat], file: Path) -> None:
+def _check_known(kind: Format, file: Path) -> None:
     sight = kind.sniff(_head(file))
     if not sight.whole:
         missing = ", ".join(sight.missing)
         raise FormatError(f"{kind.name} does not know its own file {file.name}: no {missing}")
 
 
-def _check_alone(kind: type[AbstractFormat], file: Path) -> None:
+def _check_alone(kind: Format, file: Path) -> None:
     head = _head(file)
     others = [o for o in FORMATS if o is not kind and (kind.general or not o.general)]
     claim = [other.name for other in others if other.sniff(head).whole]
@@ -95,7 +96,7 @@ def _check_alone(kind: type[AbstractFormat], file: Path) -> None:
         raise FormatError(f"{kind.name}: {', '.join(claim)} claims {file.name} too")
 
 
-def _check_sniff(kind: type[AbstractFormat], file: Path) -> None:
+def _check_sniff(kind: Format, file: Path) -> None:
     head = _head(file)
     noise = np.random.default_rng(0).bytes(HEAD)
     odd = [head[:size] for size in _HEADS] + [noise, bytes(HEAD), b"\n" * 99, head[::2], head[::-1]]
@@ -109,12 +110,12 @@ def _check_sniff(kind: type[AbstractFormat], file: Path) -> None:
             raise FormatError(f"{kind.name}: sniff must return a Sight")
 
 
-def _check_recordings(kind: type[AbstractFormat], file: Path) -> None:
+def _check_recordings(kind: Format, file: Path) -> None:
     for recording in kind.read(file):
         _check_recording(kind, file, recording)
 
 
-def _check_recording(kind: type[AbstractFormat], file: Path, recording: Recording) -> None:
+def _check_recording(kind: Format, file: Path, recording: Recording) -> None:
     channels = (recording.time, recording.way, recording.load)
     for channel, quantities in zip(channels, QUANTITIES, strict=True):
         if channel.quantity not in quantities:
@@ -127,7 +128,7 @@ def _check_recording(kind: type[AbstractFormat], file: Path, recording: Recordin
             raise FormatError(f"{kind.name}, {file.name}: '{channel.name}' is not finite")
 
 
-def _check_damage(kind: type[AbstractFormat], file: Path) -> None:
+def _check_damage(kind: Format, file: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         hurt = Path(folder) / file.name
         for what, data in _damaged(file.read_bytes()):
@@ -153,7 +154,7 @@ def _damaged(data: bytes) -> Iterator[tuple[str, bytes]]:
     yield "with nothing in it", b""
 
 
-_RULES: dict[str, Callable[[type[AbstractFormat], Path], None]] = {
+_RULES: dict[str, Callable[[Format, Path], None]] = {
     "known": _check_known,
     "alone": _check_alone,
     "any bytes": _check_sniff,

@@ -11,7 +11,9 @@ from qlvbayes.io.formats.format import Floats
 
 _PLAIN = 2.0  # ratio of the force's larger swing to the other one, above which its sign is clear
 _TRAVEL = 0.2  # share of the whole travel that must lie between the start and the peak force
+_REST = 0.2  # share of the largest force up to which a test begins without force
 _MOVED = 0.01  # share of the whole travel above which the platen has left its start
+_AWAY = 2.0  # standard errors of contact that an approach is longer
 _NOTHING = 2.0  # in sds of the noise: a smaller change of force is no response
 _LEVELS = (0.05, 0.15, 0.3)  # shares of the peak force up to which the rise is fitted, in turn
 _HIGHER = (0.5, 0.8)  # further shares, for a press with too few rows below those
@@ -33,7 +35,9 @@ class Signs:
     """Factors of displacement and force, -1 where the sign changes, and any doubt.
 
     ``swing`` is the larger excursion of the force from its start over the other one; ``travel`` is
-    the displacement at the peak force, from the start, as a share of the whole travel.
+    the displacement at the peak force, from the start, as a share of the whole travel. ``rank`` is
+    how much it decides on others of its file: 2 where it begins at rest, 1 where it begins loaded
+    and the force grows, 0 where it is in doubt, as one that begins at its largest force.
     """
 
     way: int
@@ -41,25 +45,37 @@ class Signs:
     swing: float
     travel: float
     doubt: str = ""
+    rank: int = 2
 
 
 def find_signs(way: Floats, load: Floats) -> Signs:
     """Return the signs from the data alone: the force moves mostly to the pressed side."""
     start = force_at_start(way, load)
     up, down = float(load.max()) - start, start - float(load.min())
+    if up == down == 0.0:  # a force that never changes presses, and what creeps goes with it
+        return Signs(1 if way[-1] >= way[0] else -1, 1 if start >= 0.0 else -1, 1.0, 1.0)
     sign = 1 if up >= down else -1
     swing = max(up, down) / max(min(up, down), 1e-3 * max(up, down))
     peak = int(np.argmax(sign * load))
     span = float(way.max() - way.min())
     travel = float(way[peak] - way[0]) / span if span else 0.0
     signs = (1 if travel >= 0.0 else -1), sign
+    loaded = abs(start) > _REST * float(np.abs(load).max())
     if swing < _PLAIN:
         doubt = f"the force swings to both sides ({up:.3g} up, {down:.3g} down)"
     elif abs(travel) < _TRAVEL:
         doubt = f"the peak force lies {abs(travel):.0%} of the travel from the start"
+    elif loaded and sign * start < 0.0 and not _begins_in_air(signs[0] * way, sign * load):
+        doubt = f"the force is largest where the test begins ({start:.3g}), as in a retraction"
     else:
         doubt = ""
-    return Signs(*signs, swing, abs(travel), doubt)
+    return Signs(*signs, swing, abs(travel), doubt, 0 if doubt else 1 if loaded else 2)
+
+
+def _begins_in_air(way: Floats, load: Floats) -> bool:
+    """Return whether the force stays at first while the platen moves, whatever its zero is."""
+    contact = find_contact(way, load)
+    return contact is not None and contact.position - float(way[0]) > _AWAY * contact.sd
 
 
 def force_at_start(way: Floats, load: Floats) -> float:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.checks import InputError
 
+_SHOWN = 200  # characters of a file's own names that an error shows
 HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
 
 
@@ -66,6 +68,59 @@ class Recording:
     # whether this layout fixes the signs of both, so that the user is not asked: pressing is
     # positive, and shear has the sign of its force
     pressing: bool = False
+
+
+class UnsureError(InputError):
+    """Exception for something that the file does not state.
+
+    ``option`` states it, ``question`` asks for it.
+    """
+
+    def __init__(self, message: str, *, file: Path, option: str, question: str, say: str) -> None:
+        super().__init__(message, file=file, remedy=f"say it with --{option} {say}")
+        self.option = option
+        self.question = question
+        self._parts = message, file, say
+
+    def elsewhere(self, command: str) -> InputError:
+        """Return the same error for a command that lacks the option, naming one that has it."""
+        message, file, say = self._parts
+        return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
+
+
+def unsure_of_columns(names: Sequence[str], file: Path) -> UnsureError:
+    """Return the question which columns are time, displacement and force."""
+    shown = ", ".join(names)[:_SHOWN]
+    return UnsureError(
+        "the names and units do not show which columns are time, displacement and force (the file "
+        f"has: {shown})",
+        file=file,
+        option="columns",
+        question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
+        say="1,2,3 (their numbers or names in this order, and with --units s,mm,N their units)",
+    )
+
+
+class Format(Protocol):
+    """Reader of files of one layout: a class under `AbstractFormat`, or a row of a table."""
+
+    @property
+    def name(self) -> str:
+        """Return the name in messages."""
+
+    @property
+    def machine(self) -> str:
+        """Return whose files these are."""
+
+    @property
+    def general(self) -> bool:
+        """Return whether every other layout that fits takes precedence."""
+
+    def sniff(self, head: bytes) -> Sight:
+        """Return which marks of the layout the first bytes of a file show."""
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """Return the tests of one file."""
 
 
 class AbstractFormat(ABC):

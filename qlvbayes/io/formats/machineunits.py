@@ -18,99 +18,55 @@ class Unit:
     factor: float = 1.0
 
 
+QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))
+CLOCKS = ("hh:mm:ss", "h:mm:ss", "h:m:s", "hms")
+"""Units of time that say how it is written; its values are then in s."""
 STANDARD_GRAVITY = 9.80665  # m/s2, exact by definition (CGPM 1901): N in one kgf
 _POUND = 4.4482216152605  # N, exact: 0.45359237 kg under standard gravity
 _INCH = 25.4  # mm, exact
-
-_SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
-    "time": {
-        "s": (
-            "sec",
-            "secs",
-            "second",
-            "seconds",
-            "sek",
-            "sekunde",
-            "sekunden",
-            "seconde",
-            "secondes",
-            "secondo",
-            "secondi",
-            "segundo",
-            "segundos",
-            "hh:mm:ss",
-            "h:mm:ss",
-            "h:m:s",
-            "hms",
-        ),
-        "ms": ("msec", "millisecond", "milliseconds", "millisekunden", "millisecondes"),
-        "min": (
-            "mins",
-            "minute",
-            "minutes",
-            "minuten",
-            "minuto",
-            "minuti",
-            "minutos",
-        ),
-    },
-    "displacement": {
-        "mm": ("millimeter", "millimetre", "millimeters", "millimetres"),
-        "um": ("micron", "microns", "micrometer", "micrometers", "micrometres"),
-        "nm": (),
-        "m": ("meter", "metre", "meters", "metres"),
-    },
-    "force": {"N": ("newton", "newtons"), "mN": (), "uN": (), "nN": ()},
-    "strain": {"": ("mm/mm", "m/m", "1", "-", "strain")},
-    "stress": {"kPa": (), "MPa": ("n/mm2", "n/mm^2"), "Pa": ("n/m2", "n/m^2")},
+_UNITS = (
+    ("time", "s", 1.0, "s sec secs second seconds sek sekunde sekunden seconde secondes secondo"
+     " secondi segundo segundos " + " ".join(CLOCKS)),
+    ("time", "ms", 1.0, "ms msec millisecond milliseconds millisekunden millisecondes"),
+    ("time", "min", 1.0, "min mins minute minutes minuten minuto minuti minutos"),
+    ("time", "s", 3600.0, "h hour hours stunden heures"),
+    ("time", "s", 1e-6, "us"),
+    ("displacement", "mm", 1.0, "mm millimeter millimetre millimeters millimetres"),
+    ("displacement", "um", 1.0, "um micron microns micrometer micrometers micrometres"),
+    ("displacement", "nm", 1.0, "nm nanometer nanometers nanometres"),
+    ("displacement", "m", 1.0, "m meter metre meters metres"),
+    ("displacement", "mm", 10.0, "cm"),
+    ("displacement", "mm", 100.0, "dm"),
+    ("displacement", "mm", _INCH, "in inch inches"),
+    ("displacement", "mm", 1e-3 * _INCH, "mil mils"),
+    ("force", "N", 1.0, "N newton newtons"),
+    ("force", "mN", 1.0, "mN millinewton millinewtons"),
+    ("force", "uN", 1.0, "uN"),
+    ("force", "nN", 1.0, "nN"),
+    ("force", "N", 1e3, "kN kilonewton kilonewtons"),
+    ("force", "N", 1e6, "MN"),
+    ("force", "N", 0.01, "cN"),
+    ("force", "N", 0.1, "dN"),
+    ("force", "N", 10.0, "daN"),
+    ("force", "nN", 1e-3, "pN"),
+    ("force", "N", 1e-3 * STANDARD_GRAVITY, "gf g gram grams"),
+    ("force", "N", STANDARD_GRAVITY, "kgf kg kp"),
+    ("force", "N", _POUND, "lbf lb lbs"),
+    ("force", "N", _POUND / 16.0, "ozf"),
+    ("strain", "", 1.0, "mm/mm m/m 1 - strain"),
+    ("strain", "", 0.01, "%"),
+    ("stress", "kPa", 1.0, "kPa"),
+    ("stress", "MPa", 1.0, "MPa n/mm2 n/mm^2"),
+    ("stress", "Pa", 1.0, "Pa n/m2 n/m^2"),
+    ("stress", "MPa", 1e3, "GPa"),
+    ("stress", "Pa", 1e-3, "mPa"),
+    ("stress", "kPa", 1e-3 * _POUND / (_INCH * 1e-3) ** 2, "psi"),
+)  # fmt: skip
+_KNOWN = {
+    name: Unit(quantity, tidy, factor)
+    for quantity, tidy, factor, names in _UNITS
+    for name in names.split()
 }
-_FURTHER = {
-    "h": Unit("time", "s", 3600.0),
-    "us": Unit("time", "s", 1e-6),
-    "hour": Unit("time", "s", 3600.0),
-    "hours": Unit("time", "s", 3600.0),
-    "stunden": Unit("time", "s", 3600.0),
-    "heures": Unit("time", "s", 3600.0),
-    "cm": Unit("displacement", "mm", 10.0),
-    "dm": Unit("displacement", "mm", 100.0),
-    "in": Unit("displacement", "mm", _INCH),
-    "inch": Unit("displacement", "mm", _INCH),
-    "inches": Unit("displacement", "mm", _INCH),
-    "mil": Unit("displacement", "mm", 1e-3 * _INCH),
-    "mils": Unit("displacement", "mm", 1e-3 * _INCH),
-    "kN": Unit("force", "N", 1e3),
-    "MN": Unit("force", "N", 1e6),
-    "cN": Unit("force", "N", 0.01),
-    "dN": Unit("force", "N", 0.1),
-    "daN": Unit("force", "N", 10.0),
-    "pN": Unit("force", "nN", 1e-3),
-    "gf": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
-    "g": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
-    "gram": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
-    "grams": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
-    "kgf": Unit("force", "N", STANDARD_GRAVITY),
-    "kg": Unit("force", "N", STANDARD_GRAVITY),
-    "kp": Unit("force", "N", STANDARD_GRAVITY),
-    "lbf": Unit("force", "N", _POUND),
-    "lb": Unit("force", "N", _POUND),
-    "lbs": Unit("force", "N", _POUND),
-    "ozf": Unit("force", "N", _POUND / 16.0),
-    "%": Unit("strain", "", 0.01),
-    "GPa": Unit("stress", "MPa", 1e3),
-    "mPa": Unit("stress", "Pa", 1e-3),
-    "psi": Unit("stress", "kPa", 1e-3 * _POUND / (_INCH * 1e-3) ** 2),
-}
-
-
-def _table() -> dict[str, Unit]:
-    table = dict(_FURTHER)
-    for quantity, units in _SPELLED.items():
-        for tidy, others in units.items():
-            table |= dict.fromkeys((tidy, *others) if tidy else others, Unit(quantity, tidy))
-    return table
-
-
-_KNOWN = _table()
 _PREFIXED = {"mm", "ms", "mN", "MN", "mPa", "MPa"}  # m is a thousandth and M a million
 _BY_LOWER: dict[str, list[str]] = {}
 for _name in _KNOWN:
@@ -138,10 +94,6 @@ def _may_mean(written: str, name: str) -> bool:
     return not several or (written.isupper() and written[:1] == name[:1])
 
 
-CLOCKS = ("hh:mm:ss", "h:mm:ss", "h:m:s", "hms")
-"""Units of time that say how it is written; its values are then in s."""
-
-
 def named_units(text: str) -> tuple[str, str, str]:
     """Return ``s,mm,N`` as units of time, displacement (or strain) and force (or stress)."""
     parts = [part.strip() for part in text.split(",")]
@@ -156,6 +108,3 @@ def named_units(text: str) -> tuple[str, str, str]:
                 remedy=f"{remedy}; known are {known} and others",
             )
     return parts[0], parts[1], parts[2]
-
-
-QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))

@@ -8,20 +8,37 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.answers import UnsureError
-from qlvbayes.io.formats.columns import measured, plain_name, quantities, refuse_unknown_unit
-from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
-from qlvbayes.io.formats.stated_columns import columns_in
-from qlvbayes.io.formats.textfile import Lines, decoded, refuse_cells, with_tabs
-from qlvbayes.io.formats.texttable import in_cells, in_two_rows
-from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
+from qlvbayes.io.formats.columns import (
+    in_cells,
+    measured,
+    plain_name,
+    quantities,
+)
+from qlvbayes.io.formats.format import HEAD, Format, Sight, unsure_of_columns
+from qlvbayes.io.formats.layouts import columns_in
+from qlvbayes.io.formats.machineunits import unit_of
+from qlvbayes.io.formats.textfile import (
+    Lines,
+    content,
+    decoded,
+    is_like_number,
+    is_text,
+    refuse_cells,
+    separator_of,
+    with_tabs,
+)
+from qlvbayes.io.formats.texttable import refuse_unknown_units
+from qlvbayes.io.reading.csvtext import cut_gzip, unreadable
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.reading.header import is_tidy_name
 from qlvbayes.io.wording import joined
 
 _SHOWN = 200  # characters of a file's own names that an error shows
 _COUNTER = re.compile(r"(index|nr|no|s no|row|sample|point|punkt|zeile)?")
+_LEAST = 10  # rows that show whether a column rises
 _NEAR = 0.5  # share of its marks that a layout must show to be reported as the nearest
 
 
@@ -36,22 +53,12 @@ def head_of(path: Path) -> bytes:
         with gzip.open(path, "rb") as stream:
             return stream.read(HEAD)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        remedy = "copy or compress it again"
-        raise InputError(
-            "the gzip data are cut off or damaged", file=path, remedy=remedy
-        ) from error
-    except IsADirectoryError as error:
-        raise InputError("this is a folder", file=path, remedy="name the files in it") from error
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=path, remedy="check the path") from error
+        raise cut_gzip(path) from error
     except OSError as error:
-        remedy = "check its permissions"
-        raise InputError(f"cannot be read ({error.strerror})", file=path, remedy=remedy) from error
+        raise unreadable(path, error) from error
 
 
-def matching(
-    head: bytes, kinds: Sequence[type[AbstractFormat]]
-) -> tuple[list[type[AbstractFormat]], type[AbstractFormat] | None, Sight]:
+def matching(head: bytes, kinds: Sequence[Format]) -> tuple[list[Format], Format | None, Sight]:
     """Return the formats whose marks are all there, the nearest other one, and what it shows."""
     sights = {kind: kind.sniff(head) for kind in kinds}
     fitting = [kind for kind, sight in sights.items() if sight.whole]
@@ -61,7 +68,7 @@ def matching(
     return whole, nearest, Sight((), ()) if nearest is None else sights[nearest]
 
 
-def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[AbstractFormat]:
+def recognised(path: Path, kinds: Sequence[Format]) -> Format:
     """Return the one format of a file."""
     head = head_of(path)
     if not head.strip(b"\0 \t\r\n"):
@@ -98,10 +105,10 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
 
 def _refuse_by_content(head: bytes, path: Path) -> None:
     """Raise the error, or the question, of what an unknown layout shows that it holds."""
-    if head.startswith(OLD_OFFICE):
-        raise OldWorkbookError(path)
+    if not is_text(head):
+        return
     refuse_results(head, path)
-    refuse_unknown_units(head, path)
+    refuse_unknown_units(Lines.from_bytes(decoded(head).encode()), path)
     if any(map(is_tidy_name, _first_names(head))):
         sniff(path)  # its error says which column is to be renamed
     lines = Lines.from_bytes(with_tabs(decoded(head).encode())[0])
@@ -114,23 +121,58 @@ def _refuse_by_content(head: bytes, path: Path) -> None:
             what = f"there is no column of time (the file has: {', '.join(cells)[:_SHOWN]})"
             remedy = "export the time of every sample"
             raise InputError(what, file=path, line=number + 1, remedy=remedy)
-    if names := columns_in(head):
-        raise _unsure_of_columns(names, path)
+    if names := columns_in(lines):
+        refuse_timeless(with_tabs(content(path))[0], path)
+        raise unsure_of_columns(names, path)
     for _, _, by_quantity in headers:
         if all(by_quantity.values()):
             refuse_cells(lines, [named.index for named in by_quantity.values() if named], path)
 
 
-def _unsure_of_columns(names: Sequence[str], path: Path) -> UnsureError:
-    shown = ", ".join(names)[:_SHOWN]
-    return UnsureError(
-        "the names and units do not show which columns are time, displacement and force (the file "
-        f"has: {shown})",
-        file=path,
-        option="columns",
-        question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
-        say="1,2,3 (their numbers or names in this order, and with --units s,mm,N their units)",
-    )
+_RISES = 0.8  # share of a column's rows that rise from the row before, at least, where it is a time
+_LOOKED_AT = 20_000  # rows
+
+
+def refuse_timeless(data: bytes, path: Path) -> None:
+    """Raise InputError where no column of a table rises from row to row, as a time does."""
+    lines = Lines.from_bytes(data)
+    table = [(n, cells) for n, cells in lines.cells() if len(cells) > 2]
+    first = next((n for n, cells in table if all(map(is_like_number, cells))), None)
+    if first is None:
+        return
+    separator = separator_of(lines.texts[first])
+    rows = data[lines.starts[first] :].decode("utf-8", "replace").split("\n", _LOOKED_AT)
+    cells = [row.split(separator) for row in rows[:_LOOKED_AT] if row.strip()]
+    width = len(cells[0])
+    numbers = np.array([[_number(cell) for cell in row] for row in cells if len(row) == width])
+    steps = np.diff(numbers, axis=0)
+    rising = np.count_nonzero(steps > 0.0, axis=0) >= _RISES * len(steps)
+    named = columns_in(lines)
+    other = np.array([_has_other_unit(name) for name in named][:width])
+    if len(other) == width:
+        rising &= ~other
+    if len(steps) > _LEAST and np.isfinite(numbers).all() and not rising.any():
+        raise InputError(
+            "there is no time: no column rises from row to row as one does (the file has: "
+            f"{', '.join(named)[:_SHOWN]})",
+            file=path,
+            line=first + 1,
+            remedy="export the time of every sample",
+        )
+
+
+def _has_other_unit(name: str) -> bool:
+    """Return whether a name has a unit of displacement or force as one of its words."""
+    words = re.split(r"[\s_,/()\[\]]+", name)
+    kinds = ("displacement", "force", "stress")
+    return any(unit_of(word, kind) for word in words if word for kind in kinds)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text.strip(' "').replace(",", "."))
+    except ValueError:
+        return 0.0 if ":" not in text else float("nan")  # a time of hh:mm:ss may be one
 
 
 _RESULTS = {
@@ -177,19 +219,6 @@ def refuse_results(head: bytes, path: Path) -> None:
                     )
 
 
-def refuse_unknown_units(head: bytes, path: Path) -> None:
-    """Raise InputError where a row names time, displacement and force, one in an unknown unit."""
-    rows = list(Lines.from_bytes(decoded(head).encode()).cells())[:_HEADER]
-    for (number, names), below in zip(rows, [*(cells for _, cells in rows[1:]), []], strict=True):
-        bare = [_BRACKETED.sub("", name) for name in names]
-        if len(names) < 3 or not all(measured(in_two_rows(bare, [])).values()):
-            continue
-        refuse_unknown_unit(in_cells(names), path, number + 1)
-        if not any(character.isdigit() for cell in below for character in cell):
-            refuse_unknown_unit(in_two_rows(names, below), path, number + 2)
-
-
-_BRACKETED = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
 _MEASURED = (("displacement", "force"), ("strain", "stress"))
 
 

@@ -1,4 +1,4 @@
-"""Read the text of a machine's file: bytes to lines, and lines to cells and headers."""
+"""Read the text of a machine's file: bytes to lines, and lines to cells."""
 
 from __future__ import annotations
 
@@ -6,47 +6,64 @@ import csv
 import gzip
 import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.textcells import is_like_number
+from qlvbayes.io.reading.csvtext import cut_gzip, unreadable
 
-Header = TypeVar("Header")
-
-_UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
-_HEADER_LINES = 400  # more lines than any header has
 MOST_CELLS = 2000  # cells of a line: more than a machine has channels
+SHOWN = 60  # characters of a line that an error shows
+_HEADER_LINES = 400  # more lines than any header has
 _MARKS = "\t;|,"
 _LEAST_MARKS = 2  # separators of a row of time, displacement and force
+_CODES = ("utf-8", "cp932", "cp1252")
+"""Codes of letters that are tried in turn; the last one takes any bytes."""
+_KANA = re.compile("[\u3041-\u30ff].*[\u3041-\u30ff\u4e00-\u9fff]|[\u4e00-\u9fff]{2}")
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
-_NAME = re.compile(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]")  # with its unit
-SHOWN = 60  # characters of a line that an error shows
+_NAME = re.compile(  # a quoted name, or one with its unit
+    r"\"[^\"]*\"|[^\s(\[\"]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]"
+)
+
+_MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
+_BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
+_CLOCK = re.compile(  # ISO 8601, or the date as in German, French or English
+    r"(\d{4}-\d\d-\d\d[T ]|\d\d?[./]\d\d?[./]\d{4} )?(\d+):(\d\d):(\d\d([.,]\d+)?)"
+    r"(Z|[+-]\d\d:?\d\d)?"
+)
+_LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
 
 
 def decoded(data: bytes) -> str:
-    """Return bytes as text: UTF-8, UTF-16 or cp1252, without marks and NULs; it never fails."""
+    """Return bytes as text: UTF-8, UTF-16, Shift-JIS or Windows, without NULs; it never fails."""
     start = data[:64]
-    if data.startswith(_LITTLE):
-        text = data[2:].decode("utf-16-le", "replace")
-    elif data.startswith(_BIG):
-        text = data[2:].decode("utf-16-be", "replace")
-    elif len(start) > 16 and not any(start[1::2]):
-        text = data.decode("utf-16-le", "replace")
-    elif len(start) > 16 and not any(start[::2]):
-        text = data.decode("utf-16-be", "replace")
+    if data.startswith(b"\xff\xfe") or (len(start) > 16 and not any(start[1::2])):
+        text = data.removeprefix(b"\xff\xfe").decode("utf-16-le", "replace")
+    elif data.startswith(b"\xfe\xff") or (len(start) > 16 and not any(start[::2])):
+        text = data.removeprefix(b"\xfe\xff").decode("utf-16-be", "replace")
     else:
-        data = data.removeprefix(_UTF8)
-        try:
-            text = data.decode("utf-8")
-        except UnicodeDecodeError as error:
-            cut = error.start > len(data) - 4  # the last letter of a head may be cut
-            text = data.decode("utf-8" if cut else "cp1252", "replace")
+        text = _of_bytes(data.removeprefix(b"\xef\xbb\xbf"))
     return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _of_bytes(data: bytes) -> str:
+    for code in _CODES[:-1]:
+        try:
+            text = data.decode(code)
+        except UnicodeDecodeError as error:
+            if error.start > len(data) - 4 and code == "utf-8":  # the last letter of a head is cut
+                return data.decode(code, "replace")
+            continue
+        if code == "utf-8" or _KANA.search(text):
+            return text
+    return data.decode(_CODES[-1], "replace")
 
 
 def content(path: Path) -> bytes:
@@ -56,16 +73,17 @@ def content(path: Path) -> bytes:
         if data.startswith(b"\x1f\x8b"):
             data = gzip.decompress(data)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        remedy = "copy or compress it again"
-        raise InputError(
-            "the gzip data are cut off or damaged", file=path, remedy=remedy
-        ) from error
+        raise cut_gzip(path) from error
     except OSError as error:
-        remedy = "check the path and its rights"
-        raise InputError(f"cannot be read ({error.strerror})", file=path, remedy=remedy) from error
+        raise unreadable(path, error) from error
     if data.isascii() and b"\0" not in data:
         return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     return decoded(data).encode()
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the first bytes of a file are text: without signs that none has."""
+    return _BINARY.search(decoded(head)) is None
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -84,20 +102,24 @@ def with_tabs(data: bytes) -> tuple[bytes, bool]:
     data = _COMMENT.sub(b"", data)
     lines = Lines.from_bytes(data)
     for number, line in enumerate(lines.texts):
-        cells = line.split()
-        if len(cells) < _LEAST_MARKS + 1 or not all(map(is_like_number, cells)):
+        cells = [cell.strip('"') for cell in line.split()]
+        if len(cells) < _LEAST_MARKS + 1 or not all(map(_stands_alone, cells)):
             continue
         if "\t" in line:
             return data, False
         names = map(_NAME.findall, lines.texts[:number])
         head = [
-            "\t".join(some) if len(some) == len(cells) else text
+            "\t".join(some) if len(some) in (len(cells), len(cells) - 1) else text
             for some, text in zip(names, lines.texts, strict=False)
         ]
         rows = re.sub(rb"[ \t]+", b"\t", data[lines.starts[number] :])
         rows = re.sub(rb"(?m)^\t|\t$", b"", rows)
         return "".join(f"{line}\n" for line in head).encode() + rows, True
     return data, False
+
+
+def _stands_alone(cell: str) -> bool:
+    return is_like_number(cell) and cell[-1] not in ",;"
 
 
 def separator_of(line: str) -> str:
@@ -108,7 +130,7 @@ def separator_of(line: str) -> str:
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines at the beginning of a file, and the offset in bytes at which each starts."""
+    """Lines at the beginning of a text, and the offset in bytes at which each starts."""
 
     texts: tuple[str, ...]
     starts: tuple[int, ...]
@@ -131,8 +153,7 @@ class Lines:
 
 def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
     """Return rows in parts, cut where the line of names is repeated, each with its first line."""
-    mark = b"\n" + names.encode() + b"\n"
-    *before, last = (b"\n" + rows).split(mark)
+    *before, last = (b"\n" + rows).split(b"\n" + names.encode() + b"\n")
     parts = [*(part + b"\n" for part in before), last]
     parts[0] = parts[0][1:]
     numbered = []
@@ -142,16 +163,76 @@ def sections(rows: bytes, names: str, first: int) -> list[tuple[int, bytes]]:
     return numbered
 
 
-def with_header(
-    path: Path, find: Callable[[Lines], Header | None], lacking: str, remedy: str
-) -> tuple[bytes, Lines, Header]:
-    """Return a file's text, its first lines, and what ``find`` sees of the header in them."""
-    data = content(path)
-    lines = Lines.from_bytes(data)
-    header = find(lines)
-    if header is None:
-        raise InputError(lacking, file=path, remedy=remedy)
-    return data, lines, header
+def plain_number(text: str) -> str:
+    """Return numbers with ASCII's minus and without spaces at thousands: '1 234,5' -> '1234,5'."""
+    return _BETWEEN_THOUSANDS.sub("", _MINUS.sub("-", text))
+
+
+def is_like_number(cell: str) -> bool:
+    """Return whether a cell may be a number, with whatever decimal mark, or a time of hh:mm:ss."""
+    return _LIKE_NUMBER.fullmatch(cell) is not None
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number with a decimal point."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Return whether a cell is empty, or has a mark for no number."""
+    return cell.lower() in _MISSING
+
+
+def are_numbers(cells: Sequence[str], indices: Sequence[int]) -> bool:
+    """Return whether there are numbers in all the cells at these indices."""
+    return len(cells) > max(indices) and all(is_like_number(cells[index]) for index in indices)
+
+
+def with_point(cell: str, decimal: str) -> str:
+    """Return a cell with a decimal point; a date, hours, minutes and seconds become seconds."""
+    if clock := _CLOCK.fullmatch(cell):
+        days = _days(clock[1].strip(" T")) if clock[1] else 0
+        minutes = 1440 * days + 60 * int(clock[2]) + int(clock[3])
+        return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
+    if len(decimal) == 2:
+        cell = cell.replace(decimal[1], "")
+    return cell.replace(decimal[0], ".")
+
+
+def _days(date: str) -> int:
+    """Return the days since 1970 of a date: the year first, or the day (the month if it must)."""
+    if "-" not in date:
+        day, month, year = map(int, re.split("[./]", date))
+        day, month = (month, day) if month > 12 else (day, month)
+        date = f"{year:04}-{month:02}-{day:02}"
+    try:
+        return int(np.datetime64(date).astype(int))
+    except ValueError:  # no such day
+        return 0
+
+
+def decimal_mark(cells: Iterable[str], file: Path) -> str:
+    """Return the decimal mark; '.,' for points with commas at thousands, ',.' for the reverse."""
+    marked = [cell for cell in cells if "." in cell or "," in cell]
+    last = {max(".,", key=cell.rfind) for cell in marked if "." in cell and "," in cell}
+    if len(last) == 1:
+        return ".," if last == {"."} else ",."
+    points = sum("." in cell for cell in marked)
+    if points == len(marked):
+        return "."
+    grouped = all("." in cell or _THOUSANDS.fullmatch(cell) for cell in marked)
+    if points and grouped:
+        return ".,"
+    if points:
+        what, marks = (
+            "some numbers have a decimal point and some a decimal comma",
+            "one decimal mark",
+        )
+    elif grouped:
+        what, marks = f"'{marked[0]}' may be a decimal comma or a thousand", "decimal points"
+    else:
+        return ","
+    raise InputError(what, file=file, remedy=f"export with {marks}")
 
 
 def refuse_cells(lines: Lines, indices: Sequence[int], file: Path) -> None:

@@ -13,7 +13,10 @@ import pandas as pd
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Floats
-from qlvbayes.io.formats.textcells import (
+from qlvbayes.io.formats.textfile import (
+    MOST_CELLS,
+    SHOWN,
+    cells_of,
     decimal_mark,
     is_like_number,
     is_missing,
@@ -21,7 +24,6 @@ from qlvbayes.io.formats.textcells import (
     plain_number,
     with_point,
 )
-from qlvbayes.io.formats.textfile import MOST_CELLS, SHOWN, cells_of
 from qlvbayes.io.reading.clock import LARGEST_SHARE
 
 _LONG = re.compile(rb"[^\n]{%d}" % MOST_CELLS)

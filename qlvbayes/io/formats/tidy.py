@@ -35,6 +35,8 @@ def tidy_text(conversion: Conversion) -> bytes:
     measured = any(test.zero_sd is not None for test in conversion.tests)
     errors = [_error_of(units), "contact_stage"] if measured else []
     extra = [*(["start_s"] if clocked else []), *errors]
+    creep = any(test.prescribed_force for test in conversion.tests)
+    extra += ["control"] if creep else []
     names = ["pad", "test", *extra, "time_s", way]
     names.append(column_name(units.force_name, units.force))
     out = io.BytesIO()
@@ -45,6 +47,7 @@ def tidy_text(conversion: Conversion) -> bytes:
         start = "" if test.start_s is None else f"{test.start_s:.9g}"
         sd = "" if test.zero_sd is None else f"{test.zero_sd:.3g}"
         more = [*([start] if clocked else []), *([sd, test.contact_stage] if measured else [])]
+        more += ["force" if test.prescribed_force else ""] if creep else []
         labels = ",".join([test.pad, test.test, *more])
         out.write(_rows(labels, [test.time, test.displacement, test.force]))
     return out.getvalue()

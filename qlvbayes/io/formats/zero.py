@@ -4,85 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
-from qlvbayes.io.formats.contact import FirstContact, Signs, force_at_start, scatter
-from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.formats.contact import FirstContact, force_at_start
+from qlvbayes.io.formats.loading import Loaded
 from qlvbayes.io.formats.stage import APART, Approach, StageContact, stage_contacts
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 
-_REST = 0.01  # share of the peak force below which a test begins without force
-_NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
-_STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
+_NEAR = 0.01  # share of the travel before its start in which a stated contact may lie
 _AGREES = 2.0  # standard errors within which the file's own zero is kept
 _ENOUGH = 2  # files whose contacts have to agree for others to take theirs
-_RISEN = 0.3  # share of the peak force at which the speed of the approach is read
-
-
-@dataclass(frozen=True, eq=False)
-class OrientedRecording:
-    """A recording in which pressing is positive in ``way`` and ``load`` (n,), at ``time`` (s).
-
-    ``stage`` is equal for recordings whose displacement may have one zero: those of one pad and
-    layout. ``contact`` is None where the recording shows none.
-    """
-
-    file: Path
-    stage: tuple[object, ...]
-    units: UnitSystem
-    time: Floats
-    way: Floats
-    load: Floats
-    signs: Signs
-    contact: FirstContact | None
-
-    @property
-    def peak(self) -> float:
-        """Return the largest force."""
-        return float(self.load.max())
-
-    @property
-    def approached(self) -> bool:
-        """Return whether it moved before the force began to rise, or rests without a force."""
-        if self.contact is None:
-            return False
-        travelled = self.contact.position - float(self.way[0]) > _AGREES * self.contact.sd
-        return travelled or abs(self.contact.force) <= _REST * self.peak
-
-    @property
-    def speed(self) -> float:
-        """Return the speed from before contact until the force has risen, 0 where it shows none."""
-        before = max(self.contact.rows - 1, 0) if self.contact is not None else 0
-        start = force_at_start(self.way, self.load)
-        risen = self.load[before + 1 :] >= start + _RISEN * (self.peak - start)
-        after = before + 1 + int(np.argmax(risen))
-        moved = float(self.way[after] - self.way[before])
-        return abs(moved) / float(self.time[after] - self.time[before])
-
-    @property
-    def force_at_first(self) -> float:
-        """Return the force at the first position alone: in a test that moves at once it rises."""
-        moved = np.abs(self.way - self.way[0]) > _STILL * float(np.ptp(self.way))
-        return float(np.median(self.load[: max(int(np.argmax(moved)), 1)]))
-
-    @property
-    def begins_without_force(self) -> bool:
-        """Return whether the force at the first position is none, within the noise."""
-        return abs(self.force_at_first) <= max(_REST * self.peak, _AGREES * scatter(self.load))
-
-    @property
-    def begins_at_zero(self) -> bool:
-        """Return whether the first position is the file's own zero."""
-        return abs(float(self.way[0])) <= _NEAR * float(np.ptp(self.way))
-
-    def written(self, displacement: float) -> str:
-        """Return a displacement as text with its sign in the file."""
-        return f"{self.signs.way * displacement:.6g}"
 
 
 @dataclass(frozen=True)
@@ -102,7 +36,7 @@ class Zero:
     stage: str = ""
 
 
-def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | UnsureError]:
+def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]:
     """Return the zero of each recording, or the question that has to be asked for it."""
     results: list[Zero | UnsureError] = []
     before: dict[tuple[object, ...], Zero] = {}
@@ -116,7 +50,7 @@ def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | U
     return results
 
 
-def _contacts(shown: Sequence[OrientedRecording], stage: tuple[object, ...]) -> list[StageContact]:
+def _contacts(shown: Sequence[Loaded], stage: tuple[object, ...]) -> list[StageContact]:
     """Return the contacts on which recordings of a stage agree, that of the most first."""
     own = [
         (k, Approach(one.way, one.load, one.contact, one.speed))
@@ -128,7 +62,7 @@ def _contacts(shown: Sequence[OrientedRecording], stage: tuple[object, ...]) -> 
 
 
 def _zero(
-    one: OrientedRecording,
+    one: Loaded,
     index: int,
     contacts: Sequence[StageContact],
     before: Zero | None,
@@ -140,6 +74,8 @@ def _zero(
         )
     if answers.contact is not None:
         return _stated(one, float(answers.contact))
+    if np.ptp(one.load) == 0.0:
+        return Zero(0.0, 0.0, "contact at the file's own zero: the force never changes")
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
         return Zero(0.0, 0.0, finding)
@@ -165,7 +101,7 @@ def _zero(
     return zero
 
 
-def _stated(one: OrientedRecording, written: float) -> Zero:
+def _stated(one: Loaded, written: float) -> Zero:
     """Return the zero that the user states, with the sign that it has in the file."""
     position, length = one.signs.way * written, one.units.displacement
     low, high = float(one.way.min()), float(one.way.max())
@@ -186,7 +122,7 @@ def _kept(stage: StageContact) -> bool:
     return abs(stage.position) <= _AGREES * stage.sd
 
 
-def _label(one: OrientedRecording, stage: StageContact) -> str:
+def _label(one: Loaded, stage: StageContact) -> str:
     return "0" if _kept(stage) else one.written(stage.position)
 
 
@@ -198,14 +134,13 @@ def _agreed(contacts: Sequence[StageContact]) -> StageContact | None:
     return contacts[0]
 
 
-def _may_take(one: OrientedRecording, agreed: StageContact) -> bool:
-    """Return whether a test without an approach of its own may have the contact of others."""
-    if not one.begins_without_force:
-        return True
-    return float(one.way[0]) - APART * agreed.sd <= agreed.position < float(one.way.max())
+def _may_take(one: Loaded, agreed: StageContact) -> bool:
+    """Return whether a test begins beyond the others' contact and carries force there."""
+    beyond = float(one.way[0]) > agreed.position - APART * agreed.sd
+    return beyond and not one.begins_without_force
 
 
-def _from_others(one: OrientedRecording, agreed: StageContact) -> Zero:
+def _from_others(one: Loaded, agreed: StageContact) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
@@ -218,7 +153,7 @@ def _from_others(one: OrientedRecording, agreed: StageContact) -> Zero:
     return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=stage)
 
 
-def _doubt(one: OrientedRecording, others: StageContact) -> str:
+def _doubt(one: Loaded, others: StageContact) -> str:
     """Return the words on other files whose contact lies elsewhere, and the option that joins."""
     count, position = len(others.members), one.written(others.position)
     have = f"{count} other files have" if count > 1 else "other file has"
@@ -230,7 +165,7 @@ def _doubt(one: OrientedRecording, others: StageContact) -> str:
 
 
 def _at_contact(
-    one: OrientedRecording, contact: FirstContact, stage: StageContact, most: StageContact
+    one: Loaded, contact: FirstContact, stage: StageContact, most: StageContact
 ) -> Zero:
     """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
     length, force = one.units.displacement, one.units.force
@@ -264,15 +199,15 @@ def _at_contact(
     return Zero(stage.position, offset, finding, stage.sd, contact, label)
 
 
-def _at_start(one: OrientedRecording) -> Zero | UnsureError:
+def _at_start(one: Loaded) -> Zero | UnsureError:
     """Return the first row as zero, if the force is none there: the test begins in contact."""
     length, force = one.units.displacement, one.units.force
-    first, peak = one.force_at_first, one.peak
+    first, peak = one.force_at_first, float(np.abs(one.load).max())
     share = abs(first) / peak if peak > 0.0 else 1.0
     if not one.begins_without_force:
         return UnsureError(
             f"the test begins in contact, with {plain(one.signs.load * first)} {force} "
-            f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
+            f"({share:.1%} of the largest force): where the specimen is first touched is not in it",
             file=one.file,
             option="contact",
             question=f"displacement at first contact in {length}, before it is set to "

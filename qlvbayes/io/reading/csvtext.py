@@ -39,7 +39,7 @@ def digest(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
 
 
 @contextmanager
@@ -95,14 +95,10 @@ def head(path: Path) -> bytes:
 
 
 def _open(path: Path) -> BinaryIO:
-    if path.is_dir():
-        raise InputError("this is a folder", file=path, remedy="name the CSV file in it")
     try:
         raw = path.open("rb")
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=path, remedy="check the path") from error
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
     zipped = raw.read(2) == _GZIP
     raw.seek(0)
     named = path.suffix.lower() == ".gz"
@@ -125,7 +121,18 @@ def _misnamed(path: Path, zipped: bool) -> InputError:
     return InputError(text, file=path, remedy=f"rename it to {name}")
 
 
-def _unreadable(path: Path, error: OSError) -> InputError:
+def cut_gzip(path: Path) -> InputError:
+    """Return the error of a zipped file that does not end as it should."""
+    remedy = "copy or compress it again"
+    return InputError("the gzip data are cut off or damaged", file=path, remedy=remedy)
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error of a file that the system does not let read."""
+    if path.is_dir():
+        return InputError("this is a folder", file=path, remedy="name the files in it")
+    if isinstance(error, FileNotFoundError):
+        return InputError("no such file", file=path, remedy="check the path")
     return InputError(
         f"cannot be read ({error.strerror or error})", file=path, remedy="check its permissions"
     )
@@ -135,12 +142,9 @@ def _read(path: Path, stream: BinaryIO, size: int) -> bytes:
     try:
         return stream.read(size)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        remedy = "copy or compress it again"
-        raise InputError(
-            "the gzip data are cut off or damaged", file=path, remedy=remedy
-        ) from error
+        raise cut_gzip(path) from error
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
 
 
 def _check_head(path: Path, data: bytes) -> None:

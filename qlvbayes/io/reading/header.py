@@ -23,6 +23,7 @@ LABELS = ("pad", "fluid", "test", "role", "control", "use", "contact_stage")
 _OTHER_NAMES = {"group": "fluid"}
 # The longer name first: force_sd_N is not force in 'sd_N'.
 _QUANTITIES = sorted(SUFFIXES, key=len, reverse=True)
+_MEASURED = ("displacement", "force")
 _COUNTERPART = {
     "strain": "displacement",
     "displacement": "strain",
@@ -55,7 +56,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns that are read; `numeric` are time, displacement, force and force_sd."""
+    """Columns that are read; `numeric` are time, displacement, force and force_sd.
+
+    ``force 2`` is a second column of force, in another unit; so is ``displacement 2``.
+    """
 
     units: UnitSystem
     numeric: dict[str, Column]
@@ -78,6 +82,11 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
     }
     if (measured := f"{units.force_name}_sd") in by_quantity:
         numeric["force_sd"] = by_quantity[measured]
+    numeric |= {
+        f"{key} 2": by_quantity[f"{key} 2"]
+        for key in ("displacement", "force")
+        if f"{key} 2" in by_quantity and not units.dimensionless
+    }
     labels = {
         key: by_quantity[key]
         for key in (*LABELS, "rate", "start", "contact_sd")
@@ -105,8 +114,10 @@ class _Own:
 
     def scaled(self, columns: dict[str, Column]) -> dict[str, Column]:
         """Return the columns with the ratio of each one's unit to the file's own."""
-        own = dict.fromkeys(("displacement", "rate", "contact_sd"), self.displacement)
-        own |= dict.fromkeys(("force", "force_sd"), self.force)
+        own = dict.fromkeys(
+            ("displacement", "displacement 2", "rate", "contact_sd"), self.displacement
+        )
+        own |= dict.fromkeys(("force", "force_sd", "force 2"), self.force)
         return {
             key: replace(column, scale=column.scale.over(own.get(key, SAME)))
             for key, column in columns.items()
@@ -149,6 +160,7 @@ class _Header:
     def find(self) -> dict[str, Column]:
         by_quantity: dict[str, Column] = {}
         unknown: list[tuple[str, str, str]] = []
+        twins: dict[str, Column] = {}  # of a quantity that stands there in two units
         for index, name in enumerate(self.names):
             if (parts := split_name(name)) is None:
                 continue
@@ -157,13 +169,18 @@ class _Header:
             if suffix not in scales:
                 unknown.append((quantity, suffix, name))
                 continue
+            known = by_quantity.get(quantity)
+            second = f"{quantity} 2" not in twins and quantity in _MEASURED
+            if known is not None and second and known.suffix != suffix:
+                twins[f"{quantity} 2"] = Column(index, name, suffix, scales[suffix])
+                continue
             if quantity in by_quantity:
                 both = f"'{by_quantity[quantity].name}' and '{name}'"
                 self.fail(f"two columns for {quantity}: {both}", "delete one of them")
             by_quantity[quantity] = Column(index, name, suffix, scales[suffix])
         for quantity, suffix, name in unknown:
             self.refuse_unit(quantity, suffix, name, by_quantity)
-        return by_quantity
+        return by_quantity | twins
 
     def refuse_unit(
         self, quantity: str, suffix: str, name: str, by_quantity: dict[str, Column]

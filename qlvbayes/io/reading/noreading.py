@@ -16,6 +16,7 @@ SMALLEST = 1e-30
 """Smallest share of a channel's largest reading: squares of smaller readings underflow."""
 SHORTEST = 1e-9
 """Shortest duration (s) of a whole test: no channel is sampled as fast as that."""
+_DIGITS = 1e-5  # of the largest value, in which readings may differ that are the same
 _CODE = re.compile(r"-?(99+(\.9+)?|999\.25|32768|2147483648)")
 """Nines alone (-999, 9999.9), the code of well logs, and the last numbers of two and four bytes."""
 _SHOWN = 12  # digits that are compared; rounding of a unit's factor is beyond
@@ -76,3 +77,17 @@ def out_of_range(time: Floats, channels: dict[str, Floats]) -> str | None:
         if (largest := float(np.abs(values).max())) < SMALLEST:
             return f"{name} is {largest:.3g} at most"
     return None
+
+
+def same_readings(one: Floats, other: Floats, *, rounded: bool) -> bool:
+    """Return whether values are equal, or round to each other where they had different units."""
+    size = max(float(np.abs(one).max()), float(np.abs(other).max()))
+    digits = sum(_resolution(values, size) for values in (one, other)) if rounded else 0.0
+    return bool(np.abs(one - other).max() <= 0.51 * digits + _DIGITS * size)
+
+
+def _resolution(values: Floats, size: float) -> float:
+    """Return the smallest step between different values, 0 where they are all equal."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > _DIGITS * size]
+    return float(steps.min()) if steps.size else 0.0

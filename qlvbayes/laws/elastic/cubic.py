@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import moments
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Cubic(AbstractElastic):
@@ -60,12 +59,9 @@ class Cubic(AbstractElastic):
         """Return K = m + 2 k2 depth + 3 k3 depth^2."""
         return self.m + depth * (2.0 * self.k2 + 3.0 * self.k3 * depth)
 
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), which is exact."""
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return dd (K(d0) + K'(d0) dd s + 3 k3 dd^2 s^2)."""
         travel = stop - start
         slope = 2.0 * self.k2 + 6.0 * self.k3 * start
-        zeroth, first, second = moments(decay, 3)
-        bend = travel * (slope * first + 3.0 * self.k3 * travel * second)
-        return travel * (self.stiffness(start) * zeroth + bend)
+        bend = 3.0 * self.k3 * travel**3
+        return Rise((travel * self.stiffness(start), slope * travel**2, bend))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
+from qlvbayes.laws.smoothmath import exp_growth
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Exponential(AbstractElastic):
@@ -53,15 +53,10 @@ class Exponential(AbstractElastic):
 
     def stiffness(self, depth: Array) -> Array:
         """Return K = m e^{b depth}."""
-        return self.m * jnp.exp(self.b * depth)
+        return self.m * xp.exp(self.b * depth)
 
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return m dd (e^{b d1} - e^{b d0 - v h}) / (b dd + v h), which is exact."""
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return dd K(d0) e^{b dd s}."""
         travel = stop - start
-        stiffness_start = (self.m + self.b * force_start) * jnp.exp(-decay)
-        stiffness_stop = self.m + self.b * force_stop
-        return travel * exp_difference_ratio(
-            stiffness_stop, stiffness_start, self.b * travel + decay
-        )
+        begun, ended = self.m + self.b * force_start, self.m + self.b * force_stop
+        return Rise((), (self.b * travel, travel * begun, travel * ended))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class HertzPower(AbstractElastic):
@@ -49,12 +48,12 @@ class HertzPower(AbstractElastic):
 
     def force(self, depth: Array) -> Array:
         """Return F_e = m depth^n, odd in depth."""
-        size = jnp.abs(depth)
-        inside = jnp.where(size > 0.0, size, 1.0)
-        return jnp.where(size > 0.0, self.m * jnp.sign(depth) * inside**self.n, 0.0)
+        size = xp.abs(depth)
+        inside = xp.where(size > 0.0, size, 1.0)
+        return xp.where(size > 0.0, self.m * xp.sign(depth) * inside**self.n, 0.0)
 
     def stiffness(self, depth: Array) -> Array:
         """Return K = m n depth^(n-1)."""
-        size = jnp.abs(depth)
-        inside = jnp.where(size > 0.0, size, 1.0)
-        return jnp.where(size > 0.0, self.m * self.n * inside ** (self.n - 1.0), 0.0)
+        size = xp.abs(depth)
+        inside = xp.where(size > 0.0, size, 1.0)
+        return xp.where(size > 0.0, self.m * self.n * inside ** (self.n - 1.0), 0.0)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, Self
 
-import equinox as eqx
-from jaxtyping import Array
-
-from qlvbayes.laws.elastic.steps import quadratic_force_step
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 
-class AbstractElastic(eqx.Module):
+class AbstractElastic(Pytree):
     """Elastic law: the force F_e(delta) of an infinitely fast displacement.
 
     Each field is a constant of the law: a number where it is fixed, a prior where it is free. A law
@@ -26,11 +25,11 @@ class AbstractElastic(eqx.Module):
       preferred to every law that does, none of these is right.
     """
 
-    name: eqx.AbstractClassVar[str]
-    units: eqx.AbstractClassVar[dict[str, str]]
-    meanings: eqx.AbstractClassVar[dict[str, str]]
-    law: eqx.AbstractClassVar[str]
-    reference: eqx.AbstractClassVar[str]
+    name: ClassVar[str]
+    units: ClassVar[dict[str, str]]
+    meanings: ClassVar[dict[str, str]]
+    law: ClassVar[str]
+    reference: ClassVar[str]
     listed: ClassVar[bool] = True
 
     @classmethod
@@ -46,6 +45,15 @@ class AbstractElastic(eqx.Module):
     def stiffness(self, depth: Array) -> Array:
         """Return K = dF_e/d(depth) in N/mm at ``depth`` (mm), of the same shape."""
 
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return how the force rises along a step on which depth is linear in time.
+
+        ``start`` and ``stop`` are the depths at both ends (mm), ``force_start`` and ``force_stop``
+        F_e there (N). The force is taken as quadratic through both ends and the middle of the step.
+        A law with a polynomial or an exponential force defines it exactly instead.
+        """
+        return Rise.through(force_start, self.force(0.5 * (start + stop)), force_stop)
+
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
@@ -53,9 +61,7 @@ class AbstractElastic(eqx.Module):
 
         .. math:: \int_0^h e^{-v (h - s)} K(\delta(s)) \dot\delta \, ds
 
-        The force is taken as quadratic through both ends and the middle of the step. A law whose
-        integral has a closed form defines it instead. ``start`` and ``stop`` are the depths at both
-        ends (mm), ``force_start`` and ``force_stop`` F_e there (N), ``decay`` is v h, zero or more.
+        It follows from the rise of the force. A law whose integral has another closed form defines
+        it instead. The arguments are those of ``rise``, and ``decay``, v h, zero or more.
         """
-        middle = self.force(0.5 * (start + stop))
-        return quadratic_force_step(force_start, middle, force_stop, decay)
+        return self.rise(start, stop, force_start, force_stop).relaxed(decay)

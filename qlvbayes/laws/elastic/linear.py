@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import moments
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Linear(AbstractElastic):
@@ -44,10 +43,8 @@ class Linear(AbstractElastic):
 
     def stiffness(self, depth: Array) -> Array:
         """Return K = m at any depth."""
-        return self.m * jnp.ones_like(depth)
+        return self.m * xp.ones_like(depth)
 
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return m dd (1 - e^{-v h})/(v h), which is exact."""
-        return self.m * (stop - start) * moments(decay, 1)[0]
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return m dd."""
+        return Rise((self.m * (stop - start),))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import moments
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Quadratic(AbstractElastic):
@@ -53,11 +52,7 @@ class Quadratic(AbstractElastic):
         """Return K = m + 2 k2 depth."""
         return self.m + 2.0 * self.k2 * depth
 
-    def relaxed_step(
-        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
-    ) -> Array:
-        """Return dd (K(d0) M_0 + 2 k2 dd M_1), which is exact."""
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return dd (K(d0) + 2 k2 dd s)."""
         travel = stop - start
-        zeroth, first = moments(decay, 2)
-        at_start = self.m + 2.0 * self.k2 * start
-        return travel * (at_start * zeroth + 2.0 * self.k2 * travel * first)
+        return Rise((travel * self.stiffness(start), 2.0 * self.k2 * travel**2))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Self
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
 
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _PIECES = 6  # intervals of depth: they follow a contact halfway to about 1 % of the peak force
 
@@ -43,7 +44,7 @@ class Spline(AbstractElastic):
     k4: Constant
     k5: Constant
     k6: Constant
-    depth: float = eqx.field(static=True)
+    depth: float = static()
     name: ClassVar[str] = "spline"
     listed: ClassVar[bool] = False
     units: ClassVar[dict[str, str]] = {f"k{j}": "stiffness" for j in range(_PIECES + 1)}
@@ -65,13 +66,13 @@ class Spline(AbstractElastic):
         piece, beyond = self._located(depth)
         first, rise = self._first, self._rise
         added = self._width * (first + 0.5 * self._width * rise)[1:-1]
-        at_knots = jnp.concatenate([jnp.zeros(2), jnp.cumsum(added)])[piece]
-        return at_knots + beyond * (first[piece] + 0.5 * rise[piece] * beyond)
+        at_knots = xp.take(xp.concatenate([np.zeros(2), xp.cumsum(added)]), piece)
+        return at_knots + beyond * (xp.take(first, piece) + 0.5 * xp.take(rise, piece) * beyond)
 
     def stiffness(self, depth: Array) -> Array:
         """Return K; it is constant beyond the last knot and below zero depth."""
         piece, beyond = self._located(depth)
-        return self._first[piece] + self._rise[piece] * beyond
+        return xp.take(self._first, piece) + xp.take(self._rise, piece) * beyond
 
     @property
     def _width(self) -> float:
@@ -81,15 +82,15 @@ class Spline(AbstractElastic):
     def _first(self) -> Array:
         """Return the (8,) stiffness (N/mm) at which each piece begins."""
         k = [self.k0, self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
-        return jnp.stack([jnp.asarray(number) for number in k])
+        return xp.stack(k)
 
     @property
     def _rise(self) -> Array:
         """Return the (8,) slope of the stiffness in each piece (N/mm2)."""
-        between = jnp.diff(self._first[1:]) / self._width
-        return jnp.concatenate([jnp.zeros(1), between, jnp.zeros(1)])
+        between = xp.diff(self._first[1:]) / self._width
+        return xp.concatenate([np.zeros(1), between, np.zeros(1)])
 
     def _located(self, depth: Array) -> tuple[Array, Array]:
         """Return the piece in which a depth lies, and the depth (mm) from its beginning."""
-        knot = jnp.clip(jnp.floor(depth / self._width), -1, _PIECES)
-        return knot.astype(int) + 1, depth - jnp.maximum(knot, 0.0) * self._width
+        knot = xp.clip(xp.floor(depth / self._width), -1, _PIECES)
+        return knot.astype(int) + 1, depth - xp.maximum(knot, 0.0) * self._width

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
-from jaxtyping import Array
-
+from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class ToeExponential(AbstractElastic):
@@ -55,26 +54,26 @@ class ToeExponential(AbstractElastic):
 
     def force(self, depth: Array) -> Array:
         """Return F_e, which is continuous and has a continuous slope."""
-        beyond = jnp.maximum(depth - self.toe, 0.0)
-        return self.m * (jnp.minimum(depth, self.toe) + exp_growth(beyond, self.b))
+        beyond = xp.maximum(depth - self.toe, 0.0)
+        return self.m * (xp.minimum(depth, self.toe) + exp_growth(beyond, self.b))
 
     def stiffness(self, depth: Array) -> Array:
         """Return K = m e^{b max(depth - toe, 0)}."""
-        return self.m * jnp.exp(self.b * jnp.maximum(depth - self.toe, 0.0))
+        return self.m * xp.exp(self.b * xp.maximum(depth - self.toe, 0.0))
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
         """Return the exact step: its parts in the toe and beyond, each with its share of time."""
         travel = stop - start
-        in_toe = jnp.minimum(stop, self.toe) - jnp.minimum(start, self.toe)
+        in_toe = xp.minimum(stop, self.toe) - xp.minimum(start, self.toe)
         moves = travel != 0.0
-        share = jnp.where(moves, in_toe / jnp.where(moves, travel, 1.0), start <= self.toe)
+        share = xp.where(moves, in_toe / xp.where(moves, travel, 1.0), start <= self.toe)
         decay_toe, decay_beyond = share * decay, (1.0 - share) * decay
-        left_toe, left_beyond = jnp.exp(-decay_toe), jnp.exp(-decay_beyond)
-        toe = self.m * in_toe * exp_difference_ratio(jnp.ones(()), left_toe, decay_toe)
+        left_toe, left_beyond = xp.exp(-decay_toe), xp.exp(-decay_beyond)
+        toe = self.m * in_toe * exp_difference_ratio(1.0, left_toe, decay_toe)
         first, last = self.stiffness(start), self.stiffness(stop)
         beyond = travel - in_toe
         beyond *= exp_difference_ratio(last, first * left_beyond, self.b * beyond + decay_beyond)
         # the part that is passed first decays through the rest of the step
-        return jnp.where(travel >= 0.0, toe * left_beyond + beyond, toe + beyond * left_toe)
+        return xp.where(travel >= 0.0, toe * left_beyond + beyond, toe + beyond * left_toe)

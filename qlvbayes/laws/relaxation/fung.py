@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
+from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _PER_DECADE = 4  # Gauss-Legendre nodes; with two in addition the error is below 1e-6 of g(0)
 
@@ -42,7 +42,7 @@ class Fung(AbstractRelaxation):
     c: Constant
     tau1: Constant
     tau2: Constant
-    nodes: int = eqx.field(static=True, default=26)
+    nodes: int = static(default=26)
     name: ClassVar[str] = "fung"
     units: ClassVar[dict[str, str]] = {"c": "fraction", "tau1": "time", "tau2": "time"}
     meanings: ClassVar[dict[str, str]] = {
@@ -63,11 +63,11 @@ class Fung(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the Gauss-Legendre quadrature of the spectrum in ln tau."""
-        points, weights = leggauss(self.nodes)
-        low, high = jnp.log(self.tau1), jnp.log(self.tau2)
-        rates = jnp.exp(-0.5 * (low + high) - 0.5 * (high - low) * points)
-        width = jnp.abs(high - low)
-        return shared_out(1.0 / (1.0 + self.c * width), jnp.asarray(weights)), rates
+        points, weights = (xp.along_first(x, self.c) for x in leggauss(self.nodes))
+        low, high = xp.log(self.tau1), xp.log(self.tau2)
+        rates = xp.exp(-0.5 * (low + high) - 0.5 * (high - low) * points)
+        width = xp.abs(high - low)
+        return shared_out(1.0 / (1.0 + self.c * width), weights), rates
 
     def times(self) -> dict[str, Array]:
         """Return the ends of the box (s)."""

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import Self
+from typing import ClassVar, Self
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.scales import Scales
+from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
 
 MOST_TERMS = 60
 """Largest number of exponentials of a law: the time that a force takes grows with it."""
 
 
-class AbstractRelaxation(eqx.Module):
+class AbstractRelaxation(Pytree):
     r"""Relaxation law: the reduced relaxation function, a sum of falling exponentials.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \qquad c_i \ge 0, \quad \sum c = 1
@@ -31,11 +31,11 @@ class AbstractRelaxation(eqx.Module):
     the same spectrum.
     """
 
-    name: eqx.AbstractClassVar[str]
-    units: eqx.AbstractClassVar[dict[str, str]]
-    meanings: eqx.AbstractClassVar[dict[str, str]]
-    law: eqx.AbstractClassVar[str]
-    reference: eqx.AbstractClassVar[str]
+    name: ClassVar[str]
+    units: ClassVar[dict[str, str]]
+    meanings: ClassVar[dict[str, str]]
+    law: ClassVar[str]
+    reference: ClassVar[str]
 
     @classmethod
     @abstractmethod
@@ -60,7 +60,7 @@ class AbstractRelaxation(eqx.Module):
     def curve(self, time: Array) -> Array:
         """Return g at ``time`` (s), an array of any shape, as the spectrum gives it."""
         fractions, rates = self.spectrum()
-        decays = jnp.exp(-jnp.asarray(time)[..., None] * rates)
+        decays = xp.exp(-xp.asarray(time)[..., None] * rates)
         return fractions[0] + decays @ fractions[1:]
 
 
@@ -77,8 +77,8 @@ def middle_of(scales: Scales) -> tuple[float, float]:
 
 def shared_out(lasting: Array, weights: Array) -> Array:
     """Return (k + 1,) fractions: ``lasting``, and the rest in proportion to ``weights`` (k,)."""
-    relaxing = (1.0 - lasting) * weights / jnp.sum(weights)
-    return jnp.concatenate([jnp.reshape(jnp.asarray(lasting, dtype=float), (1,)), relaxing])
+    relaxing = (1.0 - lasting) * weights / xp.sum(weights)
+    return xp.concatenate([xp.asarray(lasting)[None], relaxing])
 
 
 def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator[str]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 # nodes in sds of ln tau: they end where the normal density is 1e-6 of its peak, and their step of
 # 0.2 sds resolves a mode's decay (pi^2/1.6 e-folds) to sigma = 3.3
@@ -60,8 +60,9 @@ class LogNormalSpectrum(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the trapezoidal rule over the normal density."""
-        rates = jnp.exp(-self.sigma * _NODES) / self.tau
-        return shared_out(self.c0, jnp.asarray(np.exp(-0.5 * _NODES**2))), rates
+        nodes = xp.along_first(_NODES, self.tau)
+        rates = xp.exp(-self.sigma * nodes) / self.tau
+        return shared_out(self.c0, np.exp(-0.5 * nodes**2)), rates
 
     def times(self) -> dict[str, Array]:
         """Return the median relaxation time (s)."""

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Self
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import gammaln
-from jaxtyping import Array
 
+from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import static
+from qlvbayes.xp import Array
 
 _STEP = 0.58  # in ln(rate tau): the rule's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
 # is 7e-7 at alpha = 1
@@ -51,7 +50,7 @@ class PowerLaw(AbstractRelaxation):
     c0: Constant
     alpha: Constant
     tau: Constant
-    nodes: int = eqx.field(static=True, default=48)
+    nodes: int = static(default=48)
     name: ClassVar[str] = "power-law"
     units: ClassVar[dict[str, str]] = {"c0": "fraction", "alpha": "count", "tau": "time"}
     meanings: ClassVar[dict[str, str]] = {
@@ -71,15 +70,15 @@ class PowerLaw(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the trapezoidal rule in ln s, with one more term for all slower rates."""
-        steps = _TOP - _STEP * np.arange(self.nodes - 1)
-        weights = _STEP * jnp.exp(self.alpha * steps - np.exp(steps) - gammaln(self.alpha))
+        steps = xp.along_first(_TOP - _STEP * np.arange(self.nodes - 1), self.alpha)
+        weights = _STEP * xp.exp(self.alpha * steps - np.exp(steps) - xp.gammaln(self.alpha))
         # the sum over all nodes below the lowest, where e^-s is 1, and their mean rate
         slower, mean = (
-            1.0 / jnp.expm1(_STEP * self.alpha),
-            1.0 / jnp.expm1(_STEP * (self.alpha + 1.0)),
+            1.0 / xp.expm1(_STEP * self.alpha),
+            1.0 / xp.expm1(_STEP * (self.alpha + 1.0)),
         )
-        rates = jnp.append(np.exp(steps), math.exp(steps[-1]) * mean / slower)
-        weights = jnp.append(weights, weights[-1] * slower)
+        rates = xp.concatenate([np.exp(steps), (np.exp(steps[-1]) * mean / slower)[None]])
+        weights = xp.concatenate([weights, (weights[-1] * slower)[None]])
         return shared_out(self.c0, weights), rates / self.tau
 
     def times(self) -> dict[str, Array]:

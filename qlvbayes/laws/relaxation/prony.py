@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-from jaxtyping import Array
-
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 
 class Prony(AbstractRelaxation):

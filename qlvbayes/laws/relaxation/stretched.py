@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar, Self
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import gammaln
-from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
+from qlvbayes import xp
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogNormal, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
 
 _NODES = 56  # of the trapezoidal rule; with fewer the error is above 1e-6 at beta = 0.15
 _FASTEST = 25.0  # ln(rate tau): below t = 2e-10 tau the spectrum's far end no longer relaxes
@@ -68,26 +66,31 @@ class StretchedExponential(AbstractRelaxation):
 
     def spectrum(self) -> tuple[Array, Array]:
         """Return the trapezoidal rule over the stable density."""
-        log_rates, steps = _nodes(self.beta)
-        weights = log_rate_density(log_rates, self.beta) * steps
-        left = jnp.maximum(1.0 - jnp.sum(weights), 0.0)
-        weights = weights.at[-1].add(left)
-        return shared_out(self.c0, weights), jnp.exp(log_rates) / self.tau
+        log_rates, weights = xp.of_distinct(_weighted_nodes, self.beta)
+        left = xp.maximum(1.0 - xp.sum(weights), 0.0)
+        weights = xp.concatenate([weights[:-1], weights[-1:] + left])
+        return shared_out(self.c0, weights), xp.exp(log_rates) / self.tau
 
     def times(self) -> dict[str, Array]:
         """Return tau (s)."""
         return {"tau": self.tau}
 
 
+def _weighted_nodes(beta: Array) -> tuple[Array, Array]:
+    """Return (k,) logarithms of rate times tau, and the share that relaxes with each."""
+    log_rates, steps = _nodes(beta)
+    return log_rates, log_rate_density(log_rates, beta) * steps
+
+
 def _nodes(beta: Array) -> tuple[Array, Array]:
     """Return (k,) logarithms of rate times tau, from the slowest, and the weights of the nodes."""
-    slope = jnp.minimum((1.0 - beta) / beta, 1.0)
+    slope = xp.minimum((1.0 - beta) / beta, 1.0)
     decay = (1.0 - beta) * beta ** (beta / (1.0 - beta))
-    lowest = -(1.0 - beta) / beta * jnp.log(_CUT / decay) / slope
-    x = lowest + (_FASTEST - lowest) * np.linspace(0.0, 1.0, _NODES)
+    lowest = -(1.0 - beta) / beta * xp.log(_CUT / decay) / slope
+    x = lowest + (_FASTEST - lowest) * xp.along_first(np.linspace(0.0, 1.0, _NODES), beta)
     step = (_FASTEST - lowest) / (_NODES - 1)
-    log_rates = slope * x + (1.0 - slope) * jax.nn.softplus(x)
-    return log_rates, step * (slope + (1.0 - slope) * jax.nn.sigmoid(x))
+    log_rates = slope * x + (1.0 - slope) * xp.softplus(x)
+    return log_rates, step * (slope + (1.0 - slope) * xp.sigmoid(x))
 
 
 def log_rate_density(log_rate: Array, beta: Array) -> Array:
@@ -103,28 +106,28 @@ def log_rate_density(log_rate: Array, beta: Array) -> Array:
     Zolotarev 1986, doi:10.1090/mmono/065; series: Pollard 1946,
     doi:10.1090/S0002-9904-1946-08672-3.
     """
-    fast = beta * log_rate > jnp.log(_CROSSING)
+    fast = beta * log_rate > np.log(_CROSSING)
     # each branch stays within its own range, so that neither overflows where it is not used
-    slow_rate = jnp.where(fast, 0.0, log_rate)
-    fast_rate = jnp.where(fast, log_rate, jnp.log(_CROSSING) / beta)
-    return jnp.where(fast, _series(fast_rate, beta), _integral(slow_rate, beta))
+    slow_rate = xp.where(fast, 0.0, log_rate)
+    fast_rate = xp.where(fast, log_rate, np.log(_CROSSING) / beta)
+    return xp.where(fast, _series(fast_rate, beta), _integral(slow_rate, beta))
 
 
 def _integral(log_rate: Array, beta: Array) -> Array:
-    angle = 0.5 * np.pi * (1.0 + _ANGLES)
+    angle, weight = (xp.along_first(x, beta) for x in (0.5 * np.pi * (1.0 + _ANGLES), _WEIGHTS))
     power = beta / (1.0 - beta)
     log_shape = (
-        jnp.log(jnp.sin((1.0 - beta) * angle))
-        + power * jnp.log(jnp.sin(beta * angle))
-        - jnp.log(np.sin(angle)) / (1.0 - beta)
+        xp.log(xp.sin((1.0 - beta) * angle))
+        + power * xp.log(xp.sin(beta * angle))
+        - xp.log(np.sin(angle)) / (1.0 - beta)
     )
-    log_w = jnp.minimum(log_shape - power * log_rate[:, None], 50.0)  # e^-e^50 is nothing
-    values = jnp.exp(log_w - jnp.exp(log_w))
-    return power / np.pi * values @ (0.5 * np.pi * _WEIGHTS)
+    log_w = xp.minimum(log_shape - power * log_rate[:, None], 50.0)  # e^-e^50 is nothing
+    values = xp.exp(log_w - xp.exp(log_w))
+    return 0.5 * power * (values * weight).sum(axis=1)
 
 
 def _series(log_rate: Array, beta: Array) -> Array:
-    k = np.arange(1, _TERMS + 1)
+    k = xp.along_first(np.arange(1, _TERMS + 1), beta)
     signs = np.where(k % 2, 1.0, -1.0) / np.pi
-    logs = gammaln(k * beta + 1.0) - gammaln(k + 1.0) - k * beta * log_rate[:, None]
-    return jnp.exp(logs) @ (signs * jnp.sin(np.pi * beta * k))
+    logs = xp.gammaln(k * beta + 1.0) - xp.gammaln(k + 1.0) - k * beta * log_rate[:, None]
+    return (xp.exp(logs) * (signs * xp.sin(np.pi * beta * k))).sum(axis=1)

@@ -1,7 +1,7 @@
 "use strict";
 // What every chart of a test is made of: axes of time, lines, bands, names of phases.
 
-const INK = "#1b1f24", BLUE = "#0072b2", ORANGE = "#d55e00", GREY = "#8c959f";
+const INK = "#1b1f24", BLUE = "#0072b2", ORANGE = "#e69f00", GREY = "#8c959f";
 const BAND = "rgba(0, 114, 178, 0.22)", NOISE = "rgba(140, 149, 159, 0.30)";
 const NAMES = { ramp: "ramp", hold: "hold", unload: "unloading", recovery: "recovery" };
 const short = (value) => (value == null ? "–" : String(+value.toPrecision(4)).replace("-", "−"));
@@ -132,9 +132,10 @@ function forceChart(data, test) {
 
 function residualChart(data, test) {
   const minus = (mean) => test.observed.map((value, k) => (value == null ? null : value - mean[k]));
-  const flat = (value) => test.t.map(() => value);
+  // what noise may do: as wide everywhere, or a width a sample
+  const floor = (sign) => test.t.map((_, k) => sign * (test.floor ? test.floor[k] : data.noise));
   const series = [line("time (s)"), edge(), edge(), line(data.model, BLUE, { points: { show: true, size: 3, width: 0, fill: BLUE } })];
-  const values = [test.t, flat(-data.noise), flat(data.noise), minus(test.mean)];
+  const values = [test.t, floor(-1), floor(1), minus(test.mean)];
   if (test.plain) {
     series.push(line(data.before || "plain model", ORANGE, { dash: [6, 4] }));
     values.push(minus(test.plain));

@@ -31,7 +31,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     """Return the lines, without comment signs; ``extra``: what else is not represented."""
     lines = [
         f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
-        + (f", from {pad.source}" if pad.source else ""),
+        + (f", from {pad.origin}" if pad.origin else ""),
         f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
         f"Relaxation: {_relaxation(pad)}",
         *(

@@ -13,8 +13,9 @@ import zipfile
 from pathlib import Path
 
 import qlvbayes
-from qlvbayes.use.exports.c_header import C, c_files, layered
+from qlvbayes.use.exports.c_header import c_files, layered
 from qlvbayes.use.exports.card import card, in_comment, template
+from qlvbayes.use.exports.language import C
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 

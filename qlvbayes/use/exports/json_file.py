@@ -29,7 +29,7 @@ class JsonFile(AbstractTarget):
             "relaxation": pad.choices.relaxing,
             "bonded": pad.choices.bonded,
             "effects": list(pad.choices.effects),
-            "source": pad.source,
+            "source": pad.origin,
             "fitted_tests": list(pad.fitted),
             "converged": pad.converged,
             "covered": pad.covered.as_dict() if pad.covered else None,

@@ -71,11 +71,11 @@ class Statements:
         if x.op == "constant":
             if isinstance(x.value, bool):
                 return language.truth(x.value)
-            return language.number(float(x.value))
+            return language.say("number", float(x.value))
         if x.op == "constant_of":
-            return language.constant(x.value)
+            return language.say("constant", x.value)
         if x.op == "memory":
-            return language.memory(x.value)
+            return language.say("memory", x.value)
         if x.op == "line":
             return x.value
         args = [self.write(y) for y in x.args]
@@ -84,14 +84,14 @@ class Statements:
         if x.op == "neg":
             return f"(-{args[0]})"
         if x.op == "not":
-            return language.opposite(args[0])
+            return language.say("opposite", args[0])
         if x.op == "ne":
-            return language.opposite(f"({args[0]} == {args[1]})")
+            return language.say("opposite", f"({args[0]} == {args[1]})")
         if x.op == "choose":
-            return language.either(*args)
+            return language.say("either", *args)
         if x.op in LIBRARY:
             return f"{language.library(LIBRARY[x.op])}({', '.join(args)})"
-        return f"{language.own(x.op)}({', '.join(['k', *args])})"  # of the elastic law
+        return f"{language.say('own', x.op)}({', '.join(['k', *args])})"  # of the elastic law
 
 
 class LayerStatements(Statements):
@@ -124,13 +124,14 @@ class LayerStatements(Statements):
             return
         if x.op == "begin_beneath":
             location = self._kept(x)
-            self.text.append(self.language.begin(self.below, location, self.write(x.args[0])))
+            depth = self.write(x.args[0])
+            self.text.append(self.language.say("begin", self.below, location, depth))
         else:
             before, *line = x.args
             location = self._locations[id(before)]
             if self.work.used[id(before)] > 1:  # goes on from there more than once
                 copy = f"c{len(self._locations) + 1}"
-                self.text.append(self.language.copy(self.below, copy, location))
+                self.text.append(self.language.say("copy", self.below, copy, location))
                 location = copy
             wanted = any(y.op == "force_beneath" and y.args[0] is x for y in self.work.ordered)
             name = f"f{len(self._locations) + 1}" if wanted else None
@@ -145,7 +146,7 @@ class LayerStatements(Statements):
         if (slot := self._slot.get(id(x))) is not None:
             return self.language.beneath(slot, self.piece.beneath)
         name = f"c{len(self._locations) + 1}"
-        self.text.append(self.language.declared(self.below, name))
+        self.text.append(self.language.say("declared", self.below, name))
         return name
 
     def _end(self) -> None:
@@ -159,11 +160,11 @@ class LayerStatements(Statements):
         if len(memory) > 1:  # none is set before all are worked out
             self.text += [language.set(f"m{i}", text, truth=False) for i, text in memory]
             memory = [(i, f"m{i}") for i, _ in memory]
-        self.text += [language.remember(i, text) for i, text in memory]
+        self.text += [language.say("remember", i, text) for i, text in memory]
         for i, x in enumerate(work.states):
             own = language.beneath(i, self.piece.beneath)
             if self._locations[id(x)] != own:
-                self.text.append(language.keep(own, self._locations[id(x)]))
+                self.text.append(f"{own} = {self._locations[id(x)]};")
 
 
 def _slots(work: LayerComputation) -> dict[int, int]:

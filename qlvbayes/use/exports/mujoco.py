@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.c_header import C, c_files, layered
+from qlvbayes.use.exports.c_header import c_files, layered
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.contact import LEAST_IMPEDANCE, Floats, soft_constraint
 from qlvbayes.use.exports.errors import error_files
+from qlvbayes.use.exports.language import C
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import SI, Pressing, closest, fitted, pressing
 from qlvbayes.use.exports.target import AbstractTarget, Geometry

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import equinox as eqx
 import jax
@@ -91,6 +91,11 @@ class ExportedPad:
     middle: Draws
     table: Draws
     intervals: tuple[PosteriorInterval, ...]
+
+    @property
+    def origin(self) -> str:
+        """Name of the file that was fitted, without the folders of the machine; or empty."""
+        return PurePath(self.source.replace("\\", "/")).name
 
     @property
     def elastic(self) -> AbstractElastic:

@@ -221,11 +221,11 @@ def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
         if not pad.source:
             return None, "the results do not say which file was fitted"
         if not Path(pad.source).is_file():
-            return None, f"{pad.source} is not there; --data FILE says where the tests are"
+            return None, f"{pad.origin} is not where it was; --data FILE says where the tests are"
     study = read_measurements(pad.data or pad.source)
     if study.sha256 != pad.sha256:
         if pad.data is None:
-            return None, f"{pad.source} has changed since the fit"
+            return None, f"{pad.origin} has changed since the fit"
         raise InputError(
             f"not the file that pad {pad.name} was fitted to", file=pad.data, remedy="fit it again"
         )

@@ -65,7 +65,7 @@ class Hypotheses(Result, frozen=True, kw_only=True):
         name, _, modes = one.base.relaxation.partition(":")
         choices = replace(
             self.choices,
-            law=one.base.elastic,
+            elastic=one.base.elastic,
             relaxation=name,
             modes=int(modes) if name == Prony.name and modes else self.choices.modes,
             effects=(*self.choices.effects, *one.effects),

@@ -1,0 +1,198 @@
+"""Do the long work: diagnose, sample, write the report, with the files that the commands leave.
+
+Any command can therefore continue where the bench ends.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.app.protocol import Told
+from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.fitting.ensemble import Progress, Settings
+from qlvbayes.fitting.runs import record_run
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.escaping import as_typed
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline.source import alone
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.report.page import write_report
+
+NICE = 5
+"""Added to the niceness, as the page's own worker has priority."""
+_METHOD = "emcee"  # the default of the commands
+_BEAT = 0.4  # s between lines of progress: more than two a second
+_ENOUGH = threading.Event()  # the search shall end at its next step
+
+
+class ProgressReporter(Watcher):
+    """Watcher that reports progress to the server at regular intervals."""
+
+    def __init__(self, tell: Told) -> None:
+        self._tell = tell
+        self._began = time.monotonic()
+        self._text = "starting"
+        self._sampling: tuple[float, int, int] | None = None
+        self._over = threading.Event()
+
+    @contextmanager
+    def reporting(self) -> Iterator[None]:
+        """Report until the work is over."""
+        beating = threading.Thread(target=self._beat, daemon=True)
+        beating.start()
+        try:
+            yield
+        finally:
+            self._over.set()
+            beating.join()
+
+    @contextmanager
+    def doing(self, label: str) -> Iterator[Callable[[str], None]]:
+        """Report a step that takes a while."""
+        self._text = label
+
+        def detail(text: str) -> None:
+            self._text = f"{label}: {text}"
+
+        yield detail
+
+    @contextmanager
+    def sampling(self, label: str) -> Iterator[Progress]:
+        """Report the progress of a chain."""
+        self._text = label
+        began = time.monotonic()
+
+        def progress(done: int, total: int) -> None:
+            self._sampling = began, done, max(done, total)  # the total may grow
+
+        yield progress
+        self._sampling = None
+
+    def searched(self, pad: str, progress: SearchProgress) -> None:
+        """Report the probabilities so far, of effects and of base laws."""
+        decision = progress.decision
+        ranking = [
+            {"effect": name, "probability": share}
+            for name, share in sorted(decision.inclusion.items(), key=lambda x: -x[1])
+        ]
+        laws: dict[str, dict[str, float]] = {"elastic": {}, "relaxation": {}}
+        for base, share in decision.base.items():
+            for kind, name in zip(laws.values(), base, strict=True):
+                kind[name] = kind.get(name, 0.0) + share
+        self._tell({"probabilities": {"pad": pad, "ranking": ranking, "laws": laws}})
+        if _ENOUGH.is_set():
+            _ENOUGH.clear()  # the search ends once
+            raise StopSearch
+
+    def _beat(self) -> None:
+        while not self._over.wait(_BEAT):
+            now = time.monotonic()
+            line: dict[str, Any] = {"text": self._text, "elapsed_s": round(now - self._began, 1)}
+            line |= {"done": None, "total": None, "left_s": None}
+            if self._sampling is not None:
+                began, done, total = self._sampling
+                left = round((now - began) * (total - done) / done, 1) if done else None
+                line |= {"done": done, "total": total, "left_s": left}
+            self._tell(line)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is to be done: with which pad of which file, into which folder of results.
+
+    ``model`` is that of the pad on the bench, as in a request; without one the pad is sampled with
+    the default model.
+    """
+
+    out: str
+    data: str = ""
+    pad: str = ""
+    model: dict[str, Any] | None = None
+    effects_file: str | None = None
+
+
+def diagnosed(order: Order, watcher: Watcher) -> None:
+    """Diagnose a pad."""
+    study, out = read_measurements(order.data), Path(order.out)
+    choices = Choices(bonded=study.units.bonded_default, effects_file=order.effects_file)
+    thresholds = DiagnosisSettings()
+    step = DiagnoseStep(choices, 0, thresholds)
+    step.run(out / order.pad, alone(study, study.pad(order.pad)), watcher)
+    command = _command("diagnose", order)
+    record_run(out, "diagnose", command, study, choices, 0, {"thresholds": thresholds})
+
+
+def sampled(order: Order, watcher: Watcher) -> None:
+    """Sample the posterior of a pad's model, and check it."""
+    study, out, settings = read_measurements(order.data), Path(order.out), Settings()
+    folder = out / order.pad
+    choices = choices_of(order.model, study.units.bonded_default, order.effects_file)
+    pad = alone(study, study.pad(order.pad))
+    for step in (FitStep(choices, _METHOD, True, settings), CheckStep()):
+        step.run(folder, pad, watcher)
+    chosen = ["--elastic", choices.elastic, "--relaxation", choices.relaxing, "--all-tests"]
+    chosen += [word for effect in choices.effects for word in ("--add", effect)]
+    recorded = {"method": _METHOD, "all_tests": True, "sampler": settings}
+    record_run(out, "fit", _command("fit", order, *chosen), study, choices, 0, recorded)
+
+
+def reported(order: Order, watcher: Watcher) -> None:
+    """Write the report."""
+    with watcher.doing("report"):
+        write_report(order.out)
+
+
+def choices_of(model: dict[str, Any] | None, bonded: bool, effects_file: str | None) -> Choices:
+    """Return the choices of a model on the bench, by default those of the commands."""
+    default = Choices(bonded=bonded, effects_file=effects_file)
+    if model is None:
+        return default
+    relaxation, _, modes = model["relaxation"].partition(":")
+    return replace(
+        default,
+        elastic=model["elastic"],
+        relaxation=relaxation,
+        modes=int(modes) if modes else default.modes,
+        effects=tuple(model["effects"]),
+    )
+
+
+def _command(step: str, order: Order, *chosen: str) -> str:
+    """Return the command line that does the same."""
+    words = ["qlvbayes", step, Path(order.data).name, "--pads", order.pad, *chosen]
+    words += ["--effects-file", order.effects_file] if order.effects_file else []
+    return as_typed(*words, "-o", ".")
+
+
+def _call(do: Callable[[Order, Watcher], None]) -> Callable[..., dict[str, Any]]:
+    def call(tell: Told, **order: Any) -> dict[str, Any]:
+        reporter = ProgressReporter(tell)
+        with reporter.reporting():
+            do(Order(**order), reporter)
+        return {}
+
+    return call
+
+
+def enough() -> None:
+    """End the running search at its next step, with the results so far."""
+    _ENOUGH.set()
+
+
+CALLS: dict[str, Callable[..., Any]] = {
+    "diagnose": _call(diagnosed),
+    "sample": _call(sampled),
+    "report": _call(reported),
+    "enough": enough,
+}
+"""The calls by name."""
+FIRST = frozenset({"enough"})
+"""Calls that precede the others."""

@@ -1,0 +1,91 @@
+/* The recursion of the hereditary integral (laws/hereditary.py), for many columns at once.
+
+   A column is one test under one set of constants. Each relaxing mode obeys
+       q(t + h) = e^{-a} q(t) + int_0^1 e^{-a (1 - s)} dF/ds ds,   a = v h,
+   where F is the elastic force along one step, s from 0 to 1. The integral is taken of
+       dF/ds = p0 + p1 s + p2 s^2 + (a part that is exponential in s, from k0 to k1 = k0 e^g).
+   Neighbouring columns mostly share a, so that its exponential is computed once for them.  */
+
+#include <math.h>
+#include <stddef.h>
+
+#ifdef _WIN32
+#define EXPORTED __declspec(dllexport)
+#else
+#define EXPORTED
+#endif
+
+/* M_n = int_0^1 s^n e^{-a (1 - s)} ds for n = 0, 1, 2; e is e^{-a} */
+static void moments(double a, double e, double *m)
+{
+    if (a < 0.3) {
+        /* backwards from M_k = 1/(k + 1) at a = 0; the term left out is below 1e-16 of M_2 */
+        int k = a < 1e-3 ? 7 : a < 0.03 ? 10 : 16;
+        double last = 1.0 / (k + 1);
+        for (; k > 2; k--)
+            last = (1.0 - a * last) / k;
+        m[2] = last;
+        m[1] = (1.0 - a * m[2]) / 2.0;
+        m[0] = 1.0 - a * m[1];
+    } else {
+        m[0] = (1.0 - e) / a;
+        m[1] = (1.0 - m[0]) / a;
+        m[2] = (1.0 - 2.0 * m[1]) / a;
+    }
+}
+
+/* (e^x - 1)/x for abs(x) < 0.04, to 1e-16 */
+static double slope_series(double x)
+{
+    return 1.0 + x * (1.0 / 2 + x * (1.0 / 6 + x * (1.0 / 24 + x * (1.0 / 120 + x * (1.0 / 720
+           + x * (1.0 / 5040 + x / 40320))))));
+}
+
+/* Adds the relaxing modes to the force (points, columns), given c0 F in it.
+   lasting (points, columns): h; rates (modes, columns); shares (modes, columns): c;
+   powers arrays p (points, columns), at most 3; grown, begun, ended (points, columns): g, k0, k1,
+   the last two times the travel of the step, or null; given (modes, points, columns): integrals
+   that are known already, or null; state (columns): scratch.  */
+EXPORTED void add_modes(size_t points, size_t columns, size_t modes, const double *lasting,
+                        const double *rates, const double *shares, int powers,
+                        const double *p0, const double *p1, const double *p2,
+                        const double *grown, const double *begun, const double *ended,
+                        const double *given, double *state, double *force)
+{
+    for (size_t l = 0; l < modes; l++) {
+        const double *v = rates + l * columns, *c = shares + l * columns;
+        for (size_t j = 0; j < columns; j++)
+            state[j] = 0.0;
+        for (size_t n = 0; n < points; n++) {
+            size_t row = n * columns;
+            double known = -1.0, e = 1.0, m[3] = {1.0, 0.5, 1.0 / 3.0};
+            for (size_t j = 0; j < columns; j++) {
+                size_t i = row + j;
+                double a = v[j] * lasting[i], step = 0.0;
+                if (a != known) {
+                    e = exp(-a);
+                    if (powers)
+                        moments(a, e, m);
+                    known = a;
+                }
+                if (given)
+                    step = given[l * points * columns + i];
+                if (powers > 0)
+                    step += p0[i] * m[0];
+                if (powers > 1)
+                    step += p1[i] * m[1];
+                if (powers > 2)
+                    step += p2[i] * m[2];
+                if (grown) {
+                    double gap = grown[i] + a, first = begun[i] * e;
+                    if (fabs(gap) < 0.04)
+                        step += first * slope_series(gap);
+                    else
+                        step += (ended[i] - first) / gap;
+                }
+                state[j] = e * state[j] + step;
+                force[i] += c[j] * state[j];
+            }
+        }
+    }
+}

@@ -1,0 +1,98 @@
+"""Run the recursion of the hereditary integral over NumPy arrays, in C where it was compiled.
+
+The compiled library (``recursion.c``) comes with the wheels and with any installation that finds a
+C compiler. Without it the same recursion is run by NumPy, about four times as slowly.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qlvbayes import xp
+from qlvbayes.io.arrays import Array
+from qlvbayes.laws.elastic.steps import Rise
+
+
+def add_modes(
+    force: Array,
+    lasting: Array,
+    rates: Array,
+    shares: Array,
+    rise: Rise | None,
+    given: Array | None = None,
+) -> Array:
+    """Return the force with its relaxing modes, sum_i c_i q_i, added.
+
+    force (N, ...): the part that never relaxes (N); lasting (N, ...): the steps' durations (s);
+    rates, shares (L, ...): of the modes; rise: how the elastic force rises along each step, over
+    (N, ...); given (L, N, ...): what each step adds to each mode, where it is known. Axes after the
+    first are broadcast.
+    """
+    rise = rise or Rise(())
+    parts = [force, lasting, rates, shares, *rise.powers, *(rise.exponential or ())]
+    shapes = [np.shape(x)[1:] for x in parts]
+    if given is not None:
+        shapes.append(np.shape(given)[2:])
+    rest = np.broadcast_shapes(*shapes)
+
+    def whole(x: Array) -> Array:
+        wide = np.broadcast_to(xp.spread(x, len(rest)), (len(x), *rest))
+        return np.ascontiguousarray(wide, dtype=float)
+
+    if given is not None:
+        given = np.ascontiguousarray(np.broadcast_to(given, (*given.shape[:2], *rest)))
+    powers = tuple(map(whole, rise.powers))
+    exponential: Any = rise.exponential and tuple(map(whole, rise.exponential))
+    total = np.array(whole(force))
+    run = _by_numpy if _library() is None else _by_library
+    run(total, whole(lasting), whole(rates), whole(shares), Rise(powers, exponential), given)
+    return total
+
+
+def _by_numpy(
+    total: Array, lasting: Array, rates: Array, shares: Array, rise: Rise, given: Array | None
+) -> None:
+    for k, (rate, share) in enumerate(zip(rates, shares, strict=True)):
+        decay = rate * lasting
+        step = rise.relaxed(decay) if given is None else given[k] + rise.relaxed(decay)
+        left, state = np.exp(-decay), np.zeros_like(decay[0])
+        states = np.empty_like(decay)
+        for n in range(len(lasting)):
+            state = left[n] * state + step[n]
+            states[n] = state
+        total += share * states
+
+
+def _by_library(
+    total: Array, lasting: Array, rates: Array, shares: Array, rise: Rise, given: Array | None
+) -> None:
+    def at(x: Array | None) -> ctypes.c_void_p:
+        return ctypes.c_void_p(None if x is None else x.ctypes.data)
+
+    none = (None,) * 3
+    powers, exponential = (*rise.powers, *none)[:3], rise.exponential or none
+    state = np.empty(total[0].size)
+    library = _library()
+    assert library is not None
+    library.add_modes(
+        *(ctypes.c_size_t(n) for n in (len(total), total[0].size, len(rates))),
+        *map(at, (lasting, rates, shares)),
+        ctypes.c_int(len(rise.powers)),
+        *map(at, (*powers, *exponential, given, state, total)),
+    )
+
+
+@cache
+def _library() -> ctypes.CDLL | None:
+    """Return the compiled library; None where there is none."""
+    try:
+        library = ctypes.CDLL(str(Path(__file__).with_suffix(".library")))
+    except OSError:  # there is none, or it was compiled for another machine
+        return None
+    library.add_modes.restype = None
+    return library

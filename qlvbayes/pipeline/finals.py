@@ -1,0 +1,231 @@
+"""After the verdicts: the last fit of every pad, and what is made of all pads together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from msgspec import convert
+
+from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.results import Saved, load
+from qlvbayes.fitting.runs import Run
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.files import write_whole
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
+from qlvbayes.model.choices import Choices
+from qlvbayes.parallel.engines import Engine
+from qlvbayes.parallel.faults import Fault, fault_of
+from qlvbayes.pipeline.comparing import compare_few, fitted_pads
+from qlvbayes.pipeline.drawing import (
+    ReferenceFile,
+    draw_constants,
+    draw_forces_at_rates,
+    find_references,
+)
+from qlvbayes.pipeline.finished import faults_in
+from qlvbayes.pipeline.many import Tally, Work, run_pads
+from qlvbayes.pipeline.source import pad_of
+from qlvbayes.pipeline.steps import PLAIN, CheckStep, FitStep
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.report.collect import facts_of, runs_in
+from qlvbayes.report.page import write_report
+
+ChoicesOf = Callable[[Measurements], Choices]
+
+
+def run_finals(
+    out: Path,
+    studies: Iterable[Measurements | Fault],
+    choices_of: ChoicesOf,
+    settings: Settings,
+    *,
+    named: bool,
+    size: int,
+    engine: Engine | None,
+    watcher: Watcher,
+) -> Tally:
+    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
+
+    named: whether the verdict on any pad names something; else the plain model is the final one.
+    """
+    if not named:
+        names = [study.pads[0].name for study in studies if isinstance(study, Measurements)]
+        for name in names:
+            for file in filter(Path.is_file, (out / name / PLAIN).iterdir()):
+                write_whole(out / name / file.name, file.read_bytes())
+        return Tally(tuple(names), ())
+
+    def final(study: Measurements) -> Work:
+        choices = with_verdict(choices_of(study), verdict(out, study.pads[0].name))
+        fit = FitStep(choices, all_tests=True, settings=settings)
+        return Work((fit, CheckStep(settings.seed)), study, out)
+
+    work = (study if isinstance(study, Fault) else final(study) for study in studies)
+    return run_pads(out, work, size=size, engine=engine, watcher=watcher)
+
+
+def finish(
+    out: Path,
+    pads: Sequence[str],
+    references: ReferenceFile | None,
+    seed: int,
+    watcher: Watcher,
+    engine: Engine | None = None,
+) -> None:
+    """Write what concerns all pads: constants, forces, comparisons and report."""
+    with watcher.doing("figures of all pads"):
+        draw_constants(out, references)
+        draw_forces_at_rates(out)
+    compare_few(out, pads, seed, watcher)
+    with watcher.doing("report"):
+        write_report(out, engine=engine)
+
+
+def gather(
+    out: Path,
+    *,
+    references: Path | None = None,
+    engine: Engine | None = None,
+    watcher: Watcher | None = None,
+) -> Tally:
+    """Write, of parts that were run apart, what an undivided run writes of all its pads."""
+    watcher = watcher or Watcher()
+    run = runs_in(out)
+    late = _missing_finals(out, run["study"], engine, watcher) if "study" in run else ()
+    pads = fitted_pads(out)
+    seed = max((one.seed for one in run.values()), default=0)
+    data = Path(load(out / pads[0] / "posterior.nc").source).parent
+    finish(out, pads, find_references(data, references), seed, watcher, engine)
+    faults = {fault.of: fault for fault in (*faults_in(out), *late)}
+    return Tally(tuple(pads), tuple(faults.values()))
+
+
+def _missing_finals(
+    out: Path, run: Run, engine: Engine | None, watcher: Watcher
+) -> tuple[Fault, ...]:
+    """Do the final fits that the diagnosed pads of a study lack; return the faults."""
+    pads = [file.parents[1].name for file in sorted(out.glob(f"*/{PLAIN}/check.json"))]
+    pads = [pad for pad in pads if (out / pad / "diagnosis.json").exists()]
+    named = anything_named(out, pads, Choices.from_dict(run.choices))
+    missing = [pad for pad in pads if not _is_final(out / pad, named=named)]
+    return run_finals(
+        out,
+        saved_studies(out, missing, within=PLAIN),
+        lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
+        convert(run.settings["sampler"], Settings),
+        named=named,
+        size=len(missing),
+        engine=engine,
+        watcher=watcher,
+    ).faults
+
+
+def _is_final(folder: Path, *, named: bool) -> bool:
+    """Return whether the pad's saved fit is the final one that all verdicts require.
+
+    Its facts say it, so that the measurements of all pads need not be read once more.
+    """
+    if not (folder / "check.json").exists():
+        return False
+    last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", PLAIN))
+    expected = _choices(baseline)
+    if named:
+        expected = with_verdict(expected, verdict(folder.parent, folder.name))
+    return bool(last) and (_choices(last), bool(last["all_tests"])) == (expected, named)
+
+
+def _choices(facts: dict) -> Choices:
+    return Choices.from_dict(json.loads(facts["choices"]))
+
+
+def saved_studies(
+    out: Path, pads: Sequence[str], *, within: str = "", data: Path | None = None
+) -> Iterator[Measurements | Fault]:
+    """Yield the measurements of some pads, read from where their fits say that they are.
+
+    ``data`` is the file or the folder of them, if they have moved since the fits.
+    """
+    reader = _Reader(data)
+    for pad in pads:
+        try:
+            yield reader.study(load(out / pad / within / "posterior.nc"))
+        except Exception as error:  # one missing file must not stop the others
+            yield replace(fault_of(error), of=f"pad {pad}")
+
+
+class _Reader:
+    """Reader of measurements, which keeps the last file, as the next pad is often in it."""
+
+    def __init__(self, data: Path | None) -> None:
+        self._data = data
+        self._source: Path | None = None
+        self._study: Measurements | None = None
+
+    def study(self, saved: Saved) -> Measurements:
+        """Return the study of one pad; raise InputError where its file is gone or changed."""
+        source = Path(saved.source)
+        if self._data is not None:
+            source = self._data / source.name if self._data.is_dir() else self._data
+        if self._study is None or source != self._source:
+            self._study, self._source = self._read(source, saved), source
+        if saved.sha256 and self._study.sha256 != saved.sha256:
+            raise InputError(
+                "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"
+            )
+        return pad_of(self._study, saved.pad)
+
+    def _read(self, source: Path, saved: Saved) -> Measurements:
+        remedy = "say where they are with --data FILE"
+        if not saved.source and source == Path():
+            what = f"the posterior of pad {saved.pad} does not say where its measurements are"
+            raise InputError(what, remedy=remedy)
+        if not source.exists():
+            raise InputError("the measurements are no longer here", file=source, remedy=remedy)
+        return read_measurements(source)
+
+
+def verdict(out: Path, pad: str) -> DiagnosisResult:
+    """Return the saved verdict on a pad."""
+    return DiagnosisResult.read(out / pad / "diagnosis.json")
+
+
+def anything_named(out: Path, pads: Iterable[str], choices: Choices) -> bool:
+    """Return whether the verdict on some pad names what the model did not have."""
+    return any(with_verdict(choices, verdict(out, pad)) != choices for pad in pads)
+
+
+def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:
+    """Return the choices with the laws and effects that a verdict names."""
+    new = (result.forms.get(name, name) for name in result.effects if name not in choices.effects)
+    return replace(on_laws(choices, result), effects=(*choices.effects, *new))
+
+
+def on_laws(choices: Choices, result: DiagnosisResult) -> Choices:
+    """Return choices with the verdict's base laws, if any; a Prony series keeps its modes.
+
+    Priors and fixed values of constants that a law replaced are left out.
+    """
+    if result.verdict == "unexplained":
+        return choices
+    elastic, relaxation = result.base.elastic, result.base.relaxation.partition(":")[0]
+    replaced: set[str] = set()
+    if elastic != choices.elastic:
+        replaced.update(find_elastic(choices.elastic, choices.laws).units)
+    if relaxation != choices.relaxation:
+        replaced.update(find_relaxation(choices.relaxation, choices.laws).units)
+
+    def remaining(settings: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(text for text in settings if _constant(text) not in replaced)
+
+    priors, fixed = remaining(choices.priors), remaining(choices.fixed)
+    return replace(choices, elastic=elastic, relaxation=relaxation, priors=priors, fixed=fixed)
+
+
+def _constant(setting: str) -> str:
+    """Return the constant's name in ``v[2]=0.14``, without its number."""
+    return setting.partition("=")[0].partition("[")[0].strip()

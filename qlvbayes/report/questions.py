@@ -1,0 +1,189 @@
+"""The other questions in words: constants, whether pads differ, and what an effect looks like."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.effects.catalogue import find
+from qlvbayes.fitting.summary import Constant
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import (
+    NBSP,
+    capitalized,
+    joined,
+    number,
+    percent_unbroken,
+    to_sd,
+    with_unit,
+)
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import NOISES
+from qlvbayes.report.collect import PadResults
+
+_INDEXED = re.compile(r"([cv])\[(\d+)\]")
+_SMALLEST_CHANGE = 0.005  # smallest relative change that is worth a word
+KINDS = {"greater": "differs", "less": "differs", "equal": "equal", "cannot tell": "open"}
+"""Every answer of a comparison as the page marks it."""
+
+
+class Shifts(NamedTuple):
+    """Changes of one pad's constants where the named effects are left out.
+
+    ``rows`` has each constant before and after with its relative change in words.
+    """
+
+    effects: str
+    rows: list[tuple[str, Constant, Constant, str]]
+    words: str
+
+
+def seen(name: str) -> str:
+    """Return what one would see of an effect; nothing for a user's own."""
+    try:
+        return find(name).seen
+    except InputError:
+        return ""
+
+
+def constant_names(pads: Sequence[PadResults]) -> list[str]:
+    """Return every constant that any of the pads has: the material's, the effects', the noise's."""
+    return sorted({name for pad in pads for name in pad.parameters}, key=_rank)
+
+
+def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
+    """Return what each constant of the pads means."""
+    known = {
+        kind.prefix + name: text for kind in NOISES.values() for name, text in kind.meanings.items()
+    }
+    for pad in pads:
+        known |= _of_laws(pad)
+    return {name: _meaning(name, known) for name in constant_names(pads)}
+
+
+def constants_words(pad: PadResults) -> str | None:
+    """Return one sentence of what is known of a pad's constants and from what."""
+    summary = pad.final.summary
+    if summary is None:
+        return None
+    shown = ("m", "c[0]", "c0", "v[1]")
+    constants = [_in_words(name, summary.parameters) for name in shown]
+    added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
+    doubt = " But the model fails (question 3): these are constants of a wrong model."
+    wrong = bool(pad.final.check and pad.final.check.failing)
+    return f"{'; '.join(text for text in constants if text)}{added}.{doubt * wrong}"
+
+
+def shifts_of(pad: PadResults) -> Shifts | None:
+    """Return how the constants moved when the named effects came in."""
+    if pad.baseline is None or pad.baseline.effects == pad.final.effects:
+        return None
+    before = pad.baseline.summary.parameters if pad.baseline.summary else {}
+    after = pad.parameters
+    names = [n for n in sorted(before, key=_rank) if n in after and not n.startswith("noise.")]
+    if not names:
+        return None
+    changes = {n: before[n].median / after[n].median - 1.0 for n in names}
+    rows = [
+        (n, before[n], after[n], f"{100.0 * changes[n]:+.1f}{NBSP}%".replace("-", "−"))
+        for n in names
+    ]
+    added = joined([e for e in pad.final.effects if e not in pad.baseline.effects])
+    top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
+    changed = [
+        f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% {'higher' if changes[n] > 0 else 'lower'}"
+        for n in top
+        if abs(changes[n]) > _SMALLEST_CHANGE
+    ]
+    words = f"The model without {added} has {joined(changed)}" if changed else ""
+    few = ". It was fitted to fewer tests, so that a part of this may be chance"
+    fewer = pad.baseline.facts.get("all_tests") != pad.final.facts.get("all_tests")
+    return Shifts(added, rows, f"{words}{few * fewer}." if words else "")
+
+
+def _in_words(name: str, parameters: dict[str, Constant]) -> str:
+    c = parameters.get(name)
+    if c is None:
+        return ""
+    if name in ("c[0]", "c0"):
+        middle, low, high = (f"{100.0 * x:.1f}" for x in (c.median, *c.hdi90))
+        return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
+    if name == "v[1]" and c.median > 0.0:
+        time = f"{number(1.0 / c.median, 2)}{NBSP}s"
+        return f"the quickest relaxation has a time constant of {time} (1/v[1])"
+    low, high = (to_sd(x, c.sd) for x in c.hdi90)
+    text = with_unit(to_sd(c.median, c.sd), c.unit)
+    return f"{name} = {text} (with 90 % probability {low} to {high})"
+
+
+def _of_laws(pad: PadResults) -> dict[str, str]:
+    """Return the meanings of the constants of a pad's laws, none if the user's file is gone."""
+    try:
+        given = Choices.from_dict(json.loads(pad.final.facts.get("choices", "{}")))
+        elastic = find_elastic(given.elastic, given.laws)
+        return elastic.meanings | find_relaxation(given.relaxation, given.laws).meanings
+    except InputError:
+        return {}
+
+
+def _meaning(name: str, known: dict[str, str]) -> str:
+    """Return the meaning of a constant in words."""
+    match = _INDEXED.fullmatch(name)
+    if match and match[1] == "c":
+        index = int(match[2])
+        return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
+    if match:
+        return f"rate at which c[{match[2]}] relaxes"
+    effect = name.partition(".")[0]
+    return known.get(name) or (f"of {effect}: {what}" if (what := seen(effect)) else "")
+
+
+def _rank(name: str) -> tuple[int, str, int]:
+    """Return the rank of a constant in the paper's order: m, b, c, v; effects; noise."""
+    match = _INDEXED.fullmatch(name)
+    if match:
+        return ("cv".index(match[1]) + 2, "", int(match[2]))
+    if name in ("m", "b"):
+        return ("mb".index(name), "", 0)
+    return (6 if name.startswith("noise.") else 5 if "." in name else 4, "", 0)
+
+
+def in_a_line(comparison: Comparison) -> str:
+    """Return whether they differ, and in which constants, or quantities if there are none."""
+    pair, by_answer = " and ".join(comparison.names), dict[str, list[str]]()
+    for one in comparison.of_group("constants") or comparison.contrasts:
+        by_answer.setdefault(KINDS.get(one.answer, "open"), []).append(one.quantity)
+    words = {
+        "differs": "different in",
+        "equal": f"equal within {percent_unbroken(comparison.region)} in",
+        "open": "undecided in",
+    }
+    where = "; ".join(f"{words[k]} {joined(by_answer[k])}" for k in words if k in by_answer)
+    if comparison.differ and where.startswith("different "):
+        return f"{pair} differ {where.removeprefix('different ')}."
+    head = {
+        True: f"{pair} differ",
+        False: f"No difference between {pair} is shown",
+        None: f"These tests cannot tell whether {pair} differ",
+    }[comparison.differ]
+    return f"{head}: {where}."
+
+
+def compared_words(comparison: Comparison, written: Sequence[str]) -> list[str]:
+    """Return the paragraphs of a comparison's answer, without its notices."""
+    notices = [text.lower() for text in comparison.notices]
+    words = comparison.words or written or (in_a_line(comparison),)
+    return [text for text in words if text.rstrip(".").lower() not in notices]
+
+
+def diagnosis_words(pad: PadResults) -> list[str]:
+    """Return the paragraphs of diagnosis.txt below a heading that names the pad."""
+    heads = (f"Pad {pad.name}: ", "The pad: ")
+    own = [text.replace("+-", "±") for text in pad.words]
+    for head in heads:
+        own = [text.removeprefix(head) for text in own]
+    return [capitalized(text) for text in own]

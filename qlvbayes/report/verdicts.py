@@ -1,0 +1,169 @@
+"""The verdict on each pad in a box, and the four questions, each answered in a line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from qlvbayes.diagnosis.phrases import BADGES, answer, box_line, model_name, shown_effects
+from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
+from qlvbayes.model.choices import Choices
+from qlvbayes.report.collect import PadResults, Results
+from qlvbayes.report.errors import where
+from qlvbayes.report.questions import constants_words, in_a_line, seen
+
+
+@dataclass(frozen=True)
+class Box:
+    """The verdict on one pad, which the page begins with.
+
+    ``bars`` has the label, the share of the longest, the value and the kind of each error.
+    """
+
+    kind: str
+    badge: str
+    line: str
+    effects: tuple[str, ...]
+    bars: tuple[tuple[str, float, str, str], ...]
+    bars_title: str
+    warnings: tuple[str, ...]
+
+
+def verdict_box(pad: PadResults) -> Box:
+    """Return the box of one pad."""
+    d = pad.diagnosis
+    if d is None:
+        return Box("open", "not diagnosed", _undiagnosed(pad), (), (), "", tuple(_warnings(pad)))
+    left_out = "on tests left out" if _heldout(d) else "of the fit"
+    return Box(
+        d.verdict,
+        BADGES[d.verdict],
+        box_line(d),
+        shown_effects(d),
+        _bars(d, pad.force_unit),
+        f"Error {left_out} (root mean square)",
+        tuple(_warnings(pad)),
+    )
+
+
+def answers(results: Results, remedies: dict[str, str]) -> list[tuple[str, str, list[str]]]:
+    """Return question, section and answers; a step that was not done names its command."""
+    pads = [(capitalized(pad.title), pad) for pad in results.pads]
+    differ = [in_a_line(one.comparison) for one in results.comparisons]
+    if len(pads) < 2:
+        differ = ["There is only one pad here."]
+    return [
+        (
+            "What are the constants, and how sure?",
+            "constants",
+            [f"{name}: {constants_words(pad) or 'not fitted.'}" for name, pad in pads],
+        ),
+        ("Do the pads differ?", "compare", differ or [f"Not compared yet: {remedies['compare']}"]),
+        (
+            "Where does the model fail?",
+            "fails",
+            [f"{name}: {_fails(pad, remedies)}" for name, pad in pads],
+        ),
+        (
+            "Which effect is missing?",
+            "effects",
+            [
+                f"{name}: "
+                f"{answer(pad.diagnosis, seen) if pad.diagnosis else _open(remedies['diagnose'])}"
+                for name, pad in pads
+            ],
+        ),
+    ]
+
+
+def _open(remedy: str) -> str:
+    return f"not diagnosed yet: {remedy}"
+
+
+def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
+    """Return where the last model fails, and the plain one where effects were added."""
+    tables = pad.errors
+    if not tables:
+        return f"not checked yet: {remedies['check']}"
+    words = []
+    for table in reversed(tables):
+        worst = table.worst
+        fails = f"fails in {len(table.failing)} of {len(table.cells)} phases, worst in "
+        outcome = f"{fails}{where(worst, table.noise, pad.force_unit)}" if worst else (
+            "fails in no phase: each error is what noise can do"
+        )  # fmt: skip
+        name = model_name(table.effects)
+        words.append(f"the model {name} {outcome}" if table.effects else f"the {name} {outcome}")
+    return f"{'; '.join(words)}."
+
+
+def _undiagnosed(pad: PadResults) -> str:
+    check = pad.final.check
+    if check is None:
+        return "Fitted, but neither checked nor diagnosed."
+    if not check.failing:
+        return "Not diagnosed. The fit is off by more than noise in no phase of any test."
+    return (
+        f"Not diagnosed. The fit fails in {len(check.failing)} of {len(check.cells)} phases of "
+        "its tests."
+    )
+
+
+def _heldout(d: DiagnosisResult) -> list[float] | None:
+    """Return the errors on tests left out, by stage; None where there is only one test."""
+    known = [stage.heldout_rmse for stage in d.stages if stage.heldout_rmse is not None]
+    return known if len(known) == len(d.stages) else None
+
+
+def _bars(d: DiagnosisResult, unit: str) -> tuple[tuple[str, float, str, str], ...]:
+    first, last = d.stages[0], d.stages[-1]
+    errors = _heldout(d) or [stage.rmse for stage in d.stages]
+    changed = [*d.changed, *(e for e in last.effects if e not in first.effects)]
+    kind = "after" if d.verdict == "adequate" else "before"
+    rows = [(model_name(first.effects), errors[0], kind)]
+    rows += [(model_name(changed), errors[-1], "after")] if changed else []
+    rows.append(("noise alone", d.noise, "noise"))
+    longest = max(value for _, value, _ in rows) or 1.0
+    return tuple(
+        (label, value / longest, with_unit(number(value, zeros=True), unit), kind)
+        for label, value, kind in rows
+    )
+
+
+def _warnings(pad: PadResults) -> Iterator[str]:
+    """Yield what to know before anything is believed: sampling, notices, small errors, laws."""
+    summary, d = pad.final.summary, pad.diagnosis
+    for text in summary.troubles if summary and not summary.converged else ():
+        yield f"The sampling has not converged: {text}."
+    for text in pad.notices:
+        yield f"{capitalized(text.removeprefix(f'pad {pad.name}: '))}."
+    left = d.remainder if d else None
+    if d and left and left.sure and d.verdict not in ("unexplained", "partly_explained"):
+        yield (
+            "A systematic error is left that is certain but small: "
+            f"{percent_unbroken(left.share_of_peak)} of the peak force "
+            f"({with_unit(number(left.rms, 2), pad.force_unit)}) in the {left.phase} of "
+            f"{left.test}."
+        )
+    yield from _other_laws(pad)
+
+
+def _other_laws(pad: PadResults) -> Iterator[str]:
+    """Yield a sentence where the fit lacks the laws that the diagnosis asks for."""
+    d, chosen = pad.diagnosis, pad.final.facts.get("choices")
+    if d is None or chosen is None or d.verdict == "unexplained":
+        return
+    try:
+        own = Choices.from_dict(json.loads(chosen))
+    except InputError:  # a law's file that has gone
+        return
+    if (own.elastic, own.relaxing) != d.base.pair:
+        words = ["--elastic", d.base.elastic, "--relaxation", d.base.relaxation]
+        words += [word for name in own.effects for word in ("--add", name)]
+        yield (
+            "These tests ask for other laws than the fit has (probability "
+            f"{percent_unbroken(d.base.probability)}): fit again with {' '.join(words)}."
+        )

@@ -1,0 +1,45 @@
+"""One fit and one study, which the files of this folder share."""
+
+from pathlib import Path
+
+import pytest
+from support.endtoend import PADS, call, qlvbayes, with_tests
+from support.hidden_pads import FEW
+
+from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.model.choices import Choices
+
+HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
+FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
+
+
+@pytest.fixture(scope="session")
+def done(tmp_path_factory):
+    """Fit and check pad B, each in a process of its own."""
+    folder = tmp_path_factory.mktemp("done") / "out"
+    fit = qlvbayes("fit", PADS, "-o", folder, "--pads", "B")
+    check = qlvbayes("check", folder)
+    return folder / "B", fit, check
+
+
+@pytest.fixture(scope="session", params=["few", pytest.param("all", marks=pytest.mark.slow)])
+def case(request, tmp_path_factory):
+    """The bundled file and every candidate, or three of its tests and a few candidates."""
+    if request.param == "all":
+        return HIDDEN, EFFECTS
+    file = tmp_path_factory.mktemp("case") / "some.csv"
+    with_tests(file, "C-1", "C-20", "C-100", data=HIDDEN)
+    return file, (*FEW, find("squeeze_film"))
+
+
+@pytest.fixture(scope="session")
+def study(case, tmp_path_factory):
+    """The whole loop, with a short chain: the pad's folder, and what was printed."""
+    file, kinds = case
+    drawn = True if kinds is EFFECTS else FIGURES
+    folder = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Choices, "candidates", kinds)
+        status, out, _ = call("study", file, "-o", folder, "--max-steps", "60", drawn=drawn)
+    assert status == 0
+    return folder / "C", out
