@@ -9,7 +9,7 @@ from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER_UNDECIDED
 from qlvbayes.inference.errors.scatter import ScatterPrior
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.motion.firstlook.facts import NEARLY
+from qlvbayes.motion.facts import NEARLY
 
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 

@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.firstlook.looking import ROUNDED
+from qlvbayes.motion.facts import ROUNDED
 from qlvbayes.motion.phases import MOVING
 from qlvbayes.plots.panels import (
     GREY,

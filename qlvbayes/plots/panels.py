@@ -20,8 +20,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain, rated
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.motion.firstlook.words import span
-from qlvbayes.motion.phases import MOVING, Phase, phase_name
+from qlvbayes.motion.phases import MOVING, Phase, phase_name, span
 from qlvbayes.plots.style import BLACK, MM, colours, shortened
 
 GREY = "#7f7f7f"

@@ -23,11 +23,11 @@ from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook import FirstLook
 from qlvbayes.pipeline.finals import on_laws
 from qlvbayes.pipeline.finished import is_finished
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, key_of
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[2]

@@ -11,8 +11,11 @@ from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.evidence.touching import contact_of
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.firstlook.facts import facts_of, move_of, noise_of, rows
-from qlvbayes.motion.firstlook.result import (
+from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
+from qlvbayes.motion.past import remembered_tests
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.report.firstlook.result import (
     BY_PHASE,
     ContactSeen,
     MotionSeen,
@@ -21,13 +24,8 @@ from qlvbayes.motion.firstlook.result import (
     PhaseSeen,
     TestSeen,
 )
-from qlvbayes.motion.firstlook.shown import shown_by
-from qlvbayes.motion.past import remembered_tests
-from qlvbayes.motion.phases import Phase
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.report.firstlook.shown import shown_by
 
-ROUNDED = 0.1
-"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
 _SURE = 4.0  # standard errors, from which on contact is not at the file's zero,
 _TOE = 0.1  # and of the depth: a force that begins softly rises out of the noise as late
 _OFF = 0.02  # of the peak force, below which a force at rest does no harm,

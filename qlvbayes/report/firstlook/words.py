@@ -7,19 +7,14 @@ from collections.abc import Sequence
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
-from qlvbayes.motion.firstlook.result import BY_PHASE, PadSeen, PhaseSeen, TestSeen
-from qlvbayes.motion.phases import KINDS, NAMES, phase_name
+from qlvbayes.motion.phases import KINDS, NAMES, phase_name, span
+from qlvbayes.report.firstlook.result import BY_PHASE, PadSeen, PhaseSeen, TestSeen
 
 _EACH = 6  # phases that are listed one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
 _AGREES = 2.0  # standard errors from zero depth
 _NAMED = 3  # tests that are named
 _MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "recoveries"}
-
-
-def span(seconds: float) -> str:
-    """Format a time with two digits, as '16 ms', '0.8 s', '30 s'."""
-    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
 
 
 def phases_in_words(phases: Sequence[PhaseSeen]) -> str:

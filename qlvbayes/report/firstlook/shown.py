@@ -19,8 +19,9 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain, rated
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.firstlook.facts import (
+from qlvbayes.motion.facts import (
     DEEPER,
+    OF_UNLOADING,
     Facts,
     LoadedDwell,
     at_one_depth,
@@ -29,13 +30,12 @@ from qlvbayes.motion.firstlook.facts import (
     returns,
     unloads,
 )
-from qlvbayes.motion.firstlook.result import PadSeen, Shown
-from qlvbayes.motion.firstlook.words import span
+from qlvbayes.motion.phases import span
+from qlvbayes.report.firstlook.result import PadSeen, Shown
 
 OF_SPEED = ("viscous_drag", "power_law_drag", "squeeze_film")
 OF_ACCELERATION = ("inertia",)
 OF_STOPS = ("frame_ringing",)
-OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")
 OF_SLIDING = ("interface_slip",)
 OF_RETRACTION = ("adhesion",)
 OF_DEPTH = ("strain_dependent_rate", "strain_dependent_strength")
