@@ -11,6 +11,7 @@ from msgspec import convert
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run
 from qlvbayes.io.checks import InputError
@@ -32,6 +33,7 @@ from qlvbayes.pipeline.many import Tally, Work, run_pads
 from qlvbayes.pipeline.source import pad_of
 from qlvbayes.pipeline.steps import PLAIN, CheckStep, FitStep
 from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.plots.catalogue import figures_of
 from qlvbayes.report.collect import facts_of, runs_in
 from qlvbayes.report.page import write_report
 
@@ -44,29 +46,38 @@ def run_finals(
     choices_of: ChoicesOf,
     settings: Settings,
     *,
-    named: bool,
     size: int,
     engine: Engine | None,
     watcher: Watcher,
 ) -> Tally:
     """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
 
-    named: whether the verdict on any pad names something; else the plain model is the final one.
+    Where nothing is named the check stays that of the plain fit, which predicts tests left out.
     """
-    if not named:
-        names = [study.pads[0].name for study in studies if isinstance(study, Measurements)]
-        for name in names:
-            for file in filter(Path.is_file, (out / name / PLAIN).iterdir()):
-                write_whole(out / name / file.name, file.read_bytes())
-        return Tally(tuple(names), ())
 
     def final(study: Measurements) -> Work:
-        choices = with_verdict(choices_of(study), verdict(out, study.pads[0].name))
+        name = study.pads[0].name
+        before = choices_of(study)
+        choices = with_verdict(before, verdict(out, name))
         fit = FitStep(choices, all_tests=True, settings=settings)
-        return Work((fit, CheckStep(settings.seed)), study, out)
+        if choices != before:
+            return Work((fit, CheckStep(settings.seed)), study, out)
+        plain, check = out / name / PLAIN, CheckStep(settings.seed)
+        refitted = _leaves_tests_out(plain)
+        figures = {one.name for one in figures_of(check.name)}
+        for file in filter(Path.is_file, plain.iterdir()):
+            if not refitted or file.name in check.leaves or file.stem in figures:
+                write_whole(out / name / file.name, file.read_bytes())
+        return Work((fit,) if refitted else (), study, out)
 
     work = (study if isinstance(study, Fault) else final(study) for study in studies)
     return run_pads(out, work, size=size, engine=engine, watcher=watcher)
+
+
+def _leaves_tests_out(folder: Path) -> bool:
+    """Return whether a fit was checked on tests that it had not seen."""
+    cells = CheckResult.read(folder / "check.json").cells
+    return any(cell.role == "validate" for cell in cells)
 
 
 def finish(
@@ -111,32 +122,30 @@ def _missing_finals(
     """Do the final fits that the diagnosed pads of a study lack; return the faults."""
     pads = [file.parents[1].name for file in sorted(out.glob(f"*/{PLAIN}/check.json"))]
     pads = [pad for pad in pads if (out / pad / "diagnosis.json").exists()]
-    named = anything_named(out, pads, Choices.from_dict(run.choices))
-    missing = [pad for pad in pads if not _is_final(out / pad, named=named)]
+    missing = [pad for pad in pads if not _is_final(out / pad)]
     return run_finals(
         out,
         saved_studies(out, missing, within=PLAIN),
         lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
         convert(run.settings["sampler"], Settings),
-        named=named,
         size=len(missing),
         engine=engine,
         watcher=watcher,
     ).faults
 
 
-def _is_final(folder: Path, *, named: bool) -> bool:
-    """Return whether the pad's saved fit is the final one that all verdicts require.
+def _is_final(folder: Path) -> bool:
+    """Return whether the pad's saved fit is the final one that its verdict requires.
 
     Its facts say it, so that the measurements of all pads need not be read once more.
     """
     if not (folder / "check.json").exists():
         return False
     last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", PLAIN))
-    expected = _choices(baseline)
-    if named:
-        expected = with_verdict(expected, verdict(folder.parent, folder.name))
-    return bool(last) and (_choices(last), bool(last["all_tests"])) == (expected, named)
+    expected = with_verdict(_choices(baseline), verdict(folder.parent, folder.name))
+    if not last or _choices(last) != expected:
+        return False
+    return bool(last["all_tests"]) or not _leaves_tests_out(folder / PLAIN)
 
 
 def _choices(facts: dict) -> Choices:
@@ -192,11 +201,6 @@ class _Reader:
 def verdict(out: Path, pad: str) -> DiagnosisResult:
     """Return the saved verdict on a pad."""
     return DiagnosisResult.read(out / pad / "diagnosis.json")
-
-
-def anything_named(out: Path, pads: Iterable[str], choices: Choices) -> bool:
-    """Return whether the verdict on some pad names what the model did not have."""
-    return any(with_verdict(choices, verdict(out, pad)) != choices for pad in pads)
 
 
 def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:

@@ -17,7 +17,7 @@ from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.faults import Fault
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.drawing import find_references
-from qlvbayes.pipeline.finals import ChoicesOf, anything_named, finish, run_finals, verdict
+from qlvbayes.pipeline.finals import ChoicesOf, finish, run_finals, verdict
 from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.many import Tally, map_pads, raise_failed, run_steps
 from qlvbayes.pipeline.source import Source
@@ -43,9 +43,9 @@ def run_study(
 
     Leaves in ``out``: the first look at the tests, before anything is fitted, unless there are
     several tidy files (``look.json``, ``look_<pad>.png``); per pad the plain model's fit and check
-    in ``<pad>/plain``; in ``<pad>`` the diagnosis and the final fit with its check. Where the
-    diagnosis of any pad names a law or an effect, the final model has what is named and is fitted
-    to all tests of every pad, so that pads are compared alike; else it is the plain model.
+    in ``<pad>/plain``; in ``<pad>`` the diagnosis and the final fit, which has what the diagnosis
+    names and is fitted to all tests, so that pads are compared alike, with its check. Where nothing
+    is named the check is the plain fit's, which predicts the tests that it left out.
     Comparisons of the pads, or of the fluids in them, are in ``compare``; constants (PNG, PDF,
     CSV, LaTeX) and, for two pads or more, forces_at_rates concern all pads; ``run.json`` and
     ``report.html`` cover the whole study. What is finished is not done again.
@@ -114,12 +114,9 @@ def run_study(
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
     used = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, source.whole, base, settings.seed, used)
-    # a part knows the verdicts of those that were finished before it
-    judged = baseline.pads if whole else [f.parent.name for f in out.glob("*/diagnosis.json")]
     final = run_finals(
         out, _done_pads(source, baseline), choices_of, settings,
-        named=anything_named(out, judged, base), size=len(baseline.pads),
-        engine=engine, watcher=watcher,
+        size=len(baseline.pads), engine=engine, watcher=watcher,
     )  # fmt: skip
     if whole:
         finish(out, final.pads, reference_file, settings.seed, watcher, engine)
