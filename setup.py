@@ -4,9 +4,11 @@ All else is in pyproject.toml. Without a C compiler the package is installed as 
 runs the recursion.
 """
 
+import os
 from pathlib import Path
 
 from setuptools import Extension, setup
+from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
@@ -36,10 +38,25 @@ class BuildLibrary(build_ext):
         return str(Path(*fullname.split(".")).with_suffix(".library"))
 
 
+class WheelForAnyPython(bdist_wheel):
+    """The library depends on the machine, not on the version of Python."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """Return the tags of Python, of its binary interface and of the machine."""
+        return "py3", "none", super().get_tag()[2]
+
+
 recursion = Extension(
     "qlvbayes.laws.recursion",
     ["qlvbayes/laws/recursion.c"],
-    extra_compile_args=[] if __import__("os").name == "nt" else ["-O3", "-ffp-contract=off"],
+    extra_compile_args=[] if os.name == "nt" else ["-O3", "-ffp-contract=off"],
     optional=True,
 )
-setup(ext_modules=[recursion], cmdclass={"build_py": BuildWithData, "build_ext": BuildLibrary})
+setup(
+    ext_modules=[recursion],
+    cmdclass={
+        "build_py": BuildWithData,
+        "build_ext": BuildLibrary,
+        "bdist_wheel": WheelForAnyPython,
+    },
+)

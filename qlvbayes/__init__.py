@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from qlvbayes.model.dual import displacement_from_force
     from qlvbayes.model.model import Model
     from qlvbayes.motion.experiment import Experiment
-    from qlvbayes.motion.firstlook.result import FirstLook
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
+    from qlvbayes.report.firstlook.result import FirstLook
     from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
     from qlvbayes.use.exports.write import export
@@ -66,7 +66,7 @@ _HOMES = {
     "Diagnosis": "diagnosis.summary.diagnosis.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
     "Experiment": "motion.experiment.Experiment",
-    "FirstLook": "motion.firstlook.result.FirstLook",
+    "FirstLook": "report.firstlook.result.FirstLook",
     "Fit": "fitting.fit.Fit",
     "FitSummary": "fitting.summary.FitSummary",
     "Hypotheses": "use.prescribed.hypotheses.Hypotheses",

@@ -75,7 +75,7 @@ def attempt(path: Path, number: int) -> str:
     from qlvbayes.io.formats.answers import Answers
     from qlvbayes.io.formats.conversion import convert
     from qlvbayes.motion.experiment import prepare
-    from qlvbayes.motion.firstlook import look_at
+    from qlvbayes.report.firstlook import look_at
 
     outcomes = []
     try:

@@ -20,7 +20,7 @@ from qlvbayes.io.formats.conversion import Conversion, convert, in_short
 from qlvbayes.io.formats.layouts import columns_in
 from qlvbayes.io.formats.naming import DEFAULT_PAD, pad_in, pattern_of, suggested_pattern
 from qlvbayes.io.formats.recognition import head_of
-from qlvbayes.io.formats.textfile import Lines, decoded, with_tabs
+from qlvbayes.io.formats.textfile import Lines, decoded
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import SUFFIXES
@@ -116,8 +116,8 @@ def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -
     file = next((one for one in files if str(one) == str(error.file)), files[0])
     lines = ""
     if error.option == "columns":
-        head = Lines.from_bytes(with_tabs(decoded(head_of(file)).encode())[0])
-        names = [f"{k}: {name}" for k, name in enumerate(columns_in(head), 1)]
+        lines_in = Lines.from_bytes(decoded(head_of(file)).encode())
+        names = [f"{k}: {name}" for k, name in enumerate(columns_in(lines_in), 1)]
         ask = [_choice(what, f"the column of {_WORDS[what]}", names, _like(what, names))
                for what in _NAMES]  # fmt: skip
     elif error.option == "units":

@@ -162,7 +162,7 @@ class Jobs:
         spare, self._spare = self._spare, None
         job.worker = await spare
         try:
-            await job.worker.call(job.kind, lambda line: self._told(job, line), **job.spec)
+            await job.worker.call(job.kind, lambda line: self._on_progress(job, line), **job.spec)
             await job.finished(job)
         except RefusedError as error:
             if error.status != 503:
@@ -174,7 +174,7 @@ class Jobs:
             await asyncio.shield(_end(job.worker, job))
             self.warm()
 
-    def _told(self, job: Job, line: dict[str, Any]) -> None:
+    def _on_progress(self, job: Job, line: dict[str, Any]) -> None:
         if "probabilities" in line:
             job.probabilities = line["probabilities"]
             self._events.publish(job.session, "ranking", job.probabilities)

@@ -1,7 +1,7 @@
 """Exchange calls and answers with a worker process over its pipes, a line each.
 
 The server has a `Worker`, the process its `Parent`. A call is a line of JSON with its ``number``,
-``call`` and ``arguments``, and whether it ``tells`` its progress. What comes back are lines of
+``call`` and ``arguments``, and whether it ``reports`` its progress. What comes back are lines of
 ``NUMBER KIND JSON``: one ``answer`` or ``error``, and before that any ``progress``. The process is
 a new interpreter, never a fork, and ends when its standard input does.
 """
@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 
 from qlvbayes.app.failures import RefusedError, refused
 
-Told = Callable[[dict[str, Any]], None]
+OnProgress = Callable[[dict[str, Any]], None]
 """Receiver of the progress of one call."""
 _LONGEST = 2**26  # most bytes of a line
 _ENDS_WITHIN = 2.0  # s that a process has to end by itself
@@ -33,7 +33,7 @@ class Worker:
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
         self._numbers = count(1)
-        self._calls: dict[int, tuple[asyncio.Future[bytes], Told | None]] = {}
+        self._calls: dict[int, tuple[asyncio.Future[bytes], OnProgress | None]] = {}
         self.ended = asyncio.create_task(self._listen())
 
     @classmethod
@@ -47,11 +47,18 @@ class Worker:
         )  # fmt: skip
         return cls(process)
 
-    async def call(self, name: str, told: Told | None = None, /, **arguments: Any) -> bytes:
+    async def call(
+        self, name: str, on_progress: OnProgress | None = None, /, **arguments: Any
+    ) -> bytes:
         """Return the answer to a call, as JSON; raise RefusedError where it is an error."""
         number, future = next(self._numbers), asyncio.get_running_loop().create_future()
-        line = {"number": number, "call": name, "arguments": arguments, "tells": told is not None}
-        self._calls[number] = future, told
+        line = {
+            "number": number,
+            "call": name,
+            "arguments": arguments,
+            "reports": on_progress is not None,
+        }
+        self._calls[number] = future, on_progress
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(json.dumps(line).encode() + b"\n")
@@ -67,7 +74,7 @@ class Worker:
         assert self._process.stdout is not None
         while line := await self._process.stdout.readline():
             number, kind, content = line.split(b" ", 2)
-            future, told = self._calls.get(int(number), (None, None))
+            future, on_progress = self._calls.get(int(number), (None, None))
             if future is None or future.done():
                 continue
             if kind == b"answer":
@@ -75,8 +82,8 @@ class Worker:
             elif kind == b"error":
                 error = json.loads(content)
                 future.set_exception(RefusedError(error["status"], error["error"]))
-            elif told is not None:
-                told(json.loads(content))
+            elif on_progress is not None:
+                on_progress(json.loads(content))
         self.give_up()
 
     def give_up(self) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.protocol import Told
+from qlvbayes.app.protocol import OnProgress
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
@@ -36,8 +36,8 @@ _ENOUGH = threading.Event()  # the search shall end at its next step
 class ProgressReporter(Watcher):
     """Watcher that reports progress to the server at regular intervals."""
 
-    def __init__(self, tell: Told) -> None:
-        self._tell = tell
+    def __init__(self, report: OnProgress) -> None:
+        self._report = report
         self._began = time.monotonic()
         self._text = "starting"
         self._sampling: tuple[float, int, int] | None = None
@@ -87,7 +87,7 @@ class ProgressReporter(Watcher):
         for base, share in decision.base.items():
             for kind, name in zip(laws.values(), base, strict=True):
                 kind[name] = kind.get(name, 0.0) + share
-        self._tell({"probabilities": {"pad": pad, "ranking": ranking, "laws": laws}})
+        self._report({"probabilities": {"pad": pad, "ranking": ranking, "laws": laws}})
         if _ENOUGH.is_set():
             _ENOUGH.clear()  # the search ends once
             raise StopSearch
@@ -101,12 +101,12 @@ class ProgressReporter(Watcher):
                 began, done, total = self._sampling
                 left = round((now - began) * (total - done) / done, 1) if done else None
                 line |= {"done": done, "total": total, "left_s": left}
-            self._tell(line)
+            self._report(line)
 
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be done: with which pad of which file, into which folder of results.
+    """Work on the bench: with which pad of which file, into which folder of results.
 
     ``model`` is that of the pad on the bench, as in a request; without one the pad is sampled with
     the default model.
@@ -173,8 +173,8 @@ def _command(step: str, order: Order, *chosen: str) -> str:
 
 
 def _call(do: Callable[[Order, Watcher], None]) -> Callable[..., dict[str, Any]]:
-    def call(tell: Told, **order: Any) -> dict[str, Any]:
-        reporter = ProgressReporter(tell)
+    def call(report: OnProgress, **order: Any) -> dict[str, Any]:
+        reporter = ProgressReporter(report)
         with reporter.reporting():
             do(Order(**order), reporter)
         return {}

@@ -57,8 +57,8 @@ class RequestThread:
 
     def _answer(self, request: Request) -> None:
         arguments = request["arguments"]
-        if request["tells"]:
-            arguments["tell"] = partial(self._send, request["number"], "progress")
+        if request["reports"]:
+            arguments["report"] = partial(self._send, request["number"], "progress")
         self._reply(request, lambda: self._calls[request["call"]](**arguments))
 
     def _reply(

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from qlvbayes.io.data import Measurements
     from qlvbayes.io.formats.conversion import Conversion
     from qlvbayes.io.units import UnitSystem
-    from qlvbayes.motion.firstlook import FirstLook, PadSeen, Shown
     from qlvbayes.pipeline.source import Source
+    from qlvbayes.report.firstlook import FirstLook, PadSeen, Shown
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
@@ -62,7 +62,7 @@ def look_command(
         _make_tidy(inputs, output, as_json=as_json)
         return
     # imported here, so that the help does not wait for them
-    from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
+    from qlvbayes.motion.pad import arguments_of, refuse_unknown
     from qlvbayes.pipeline.looking import look_into
 
     chosen = inputs.chosen
@@ -197,7 +197,7 @@ def _next(
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     """Print the tables and lines of a first look."""
     from qlvbayes.io.formats.conversion import in_short
-    from qlvbayes.motion.firstlook.words import lines_of
+    from qlvbayes.report.firstlook.words import lines_of
 
     if look.notices:
         lines = (f"  {text}" for text in in_short(look.notices))
@@ -220,7 +220,7 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
 
 
 def _tests(pad: PadSeen, units: UnitSystem) -> Table:
-    from qlvbayes.motion.firstlook.words import phases_in_words
+    from qlvbayes.report.firstlook.words import phases_in_words
 
     fluid = f", {pad.fluid}" if pad.fluid else ""
     title = f"pad {pad.pad}{fluid}: {len(pad.tests)} test{'' if len(pad.tests) == 1 else 's'}"

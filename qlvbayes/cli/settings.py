@@ -245,7 +245,7 @@ class Settings:
 
         Of several tidy files one is read at a time, so that no test can be missed before the last.
         """
-        from qlvbayes.motion.leavingout import refuse_unknown
+        from qlvbayes.motion.pad import refuse_unknown
 
         choices = self.choices(source.whole)
         if source.is_complete:

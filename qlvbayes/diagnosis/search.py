@@ -273,7 +273,7 @@ class Search:
         breadth = self.breadth
         sizes = breadth.small, breadth.large
         some = starts(
-            self.density.space, point, hypothesis, breadth.shapes, sizes, breadth.promising
+            self.density.space, point, hypothesis, breadth.shapes, sizes, breadth.optimised
         )
         if not known:
             bare = self.modes.get(replace(hypothesis, effects=self.baseline.effects))

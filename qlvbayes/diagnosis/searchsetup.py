@@ -33,7 +33,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import Correlated, Floor, White
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.firstlook.facts import at_one_depth, returns, unloads
+from qlvbayes.motion.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.natural import in_quadratic_coordinates
 

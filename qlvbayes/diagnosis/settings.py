@@ -9,7 +9,7 @@ from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER_UNDECIDED
 from qlvbayes.inference.errors.scatter import ScatterPrior
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.motion.firstlook.facts import NEARLY
+from qlvbayes.motion.facts import NEARLY
 
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 
@@ -29,7 +29,7 @@ class Breadth:
     large: float = 1.5
     # number of starts, those whose force promises most, from which a new effect is optimised. With
     # one of them modes are missed (adhesion beside a load cell's creep).
-    promising: int = 2
+    optimised: int = 2
     # number of modes under coarse noise that are optimised further under the noise itself
     followed: int = 1
     beam: int = 2  # largest number of hypotheses that are expanded at a time

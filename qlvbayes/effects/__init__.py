@@ -1,4 +1,4 @@
-"""Define physical effects that a model may lack, one effect a file.
+"""Define physical effects that a model may lack, those of one kind in one file.
 
 The folder offers a class for each effect, lists of them, and what a user's own effect is made of
 and checked by.

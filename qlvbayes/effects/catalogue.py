@@ -5,45 +5,48 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from qlvbayes.effects.adhesion import Adhesion
-from qlvbayes.effects.adhesion_at_a_stretch import AdhesionAtAStretch
-from qlvbayes.effects.backlash import Backlash
-from qlvbayes.effects.channel_lag import ChannelLag
-from qlvbayes.effects.conditioning import Conditioning
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import (
+    Adhesion,
+    AdhesionAtAStretch,
+    ContactOffset,
+    GradualContact,
+    SecondContact,
+)
+from qlvbayes.effects.drags import (
+    GuideDrag,
+    GuidePowerLawDrag,
+    Inertia,
+    PowerLawDrag,
+    SqueezeFilm,
+    ViscousDrag,
+)
+from qlvbayes.effects.drifts import (
+    FluidLeak,
+    ForceDrift,
+    ForceOffset,
+    LevellingDrift,
+    LevellingLeak,
+    LoadCellCreep,
+    OffsetsByTest,
+    SlowChange,
+)
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
-from qlvbayes.effects.fluid_leak import FluidLeak
-from qlvbayes.effects.fluid_pressure import FluidPressure
-from qlvbayes.effects.force_drift import ForceDrift
-from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.effects.frame_compliance import FrameCompliance
-from qlvbayes.effects.frame_ringing import FrameRinging
-from qlvbayes.effects.friction import Friction
-from qlvbayes.effects.gradual_contact import GradualContact
-from qlvbayes.effects.guide_drag import GuideDrag, GuidePowerLawDrag
-from qlvbayes.effects.guide_friction import GuideFriction
-from qlvbayes.effects.inertia import Inertia
-from qlvbayes.effects.interface_slip import InterfaceSlip
-from qlvbayes.effects.levelling_drift import LevellingDrift
-from qlvbayes.effects.levelling_leak import LevellingLeak
-from qlvbayes.effects.load_cell_creep import LoadCellCreep
-from qlvbayes.effects.offsets_by_test import OffsetsByTest
-from qlvbayes.effects.permanent_set import PermanentSet
-from qlvbayes.effects.power_law_drag import PowerLawDrag
-from qlvbayes.effects.power_law_drainage import PowerLawDrainage
-from qlvbayes.effects.pressure_friction import PressureFriction
-from qlvbayes.effects.second_contact import SecondContact
-from qlvbayes.effects.sharp_friction import SharpFriction
-from qlvbayes.effects.slow_change import SlowChange
-from qlvbayes.effects.spreading_lag import SpreadingLag
-from qlvbayes.effects.squeeze_film import SqueezeFilm
-from qlvbayes.effects.stiffening_frame import StiffeningFrame
-from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
-from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
-from qlvbayes.effects.stress_softening import StressSoftening
-from qlvbayes.effects.thixotropy import Thixotropy
-from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.effects.fluids import FluidPressure, PowerLawDrainage
+from qlvbayes.effects.frames import Backlash, FrameCompliance, FrameRinging, StiffeningFrame
+from qlvbayes.effects.friction import (
+    Friction,
+    GuideFriction,
+    InterfaceSlip,
+    PressureFriction,
+    SharpFriction,
+)
+from qlvbayes.effects.lags import ChannelLag, SpreadingLag
+from qlvbayes.effects.relaxing import (
+    ExtraRelaxationMode,
+    StrainDependentRate,
+    StrainDependentStrength,
+)
+from qlvbayes.effects.softening import Conditioning, PermanentSet, StressSoftening, Thixotropy
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.usermodule import check_own, own_classes
 

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
+from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.io.conformance import Check, run_checks
 from qlvbayes.io.units import PAD

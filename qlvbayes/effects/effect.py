@@ -1,4 +1,4 @@
-"""Define the interface of effects. A new effect is one class in one file."""
+"""Define the interface of effects. A new effect is one class."""
 
 from __future__ import annotations
 

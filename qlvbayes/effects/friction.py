@@ -1,22 +1,23 @@
-"""Define friction: dry friction reverses over a short distance."""
+"""Dry friction: a force against the motion at any speed, in the rig or at the specimen."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from qlvbayes import xp
-from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import fading
-from qlvbayes.laws.elastic.linear import Linear
-from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.effects.history import confined, fading
+from qlvbayes.laws.elastic.polynomial import Linear
+from qlvbayes.laws.hereditary import Relaxing, at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
-from qlvbayes.priors import LogUniform
+from qlvbayes.priors import LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.xp import Array
 
@@ -99,3 +100,217 @@ class Friction(AbstractFriction):
 def reversing(scales: Scales) -> LogUniform:
     """Return the prior of the distance (mm) over which friction reverses."""
     return LogUniform(*(share * scales.depth for share in _REACHES))
+
+
+class SharpFriction(AbstractFriction):
+    """Friction that yields sharply in part: F = F_below + strength ((1 - sharp) z + sharp s).
+
+    z is Dahl's, as in friction. s is a spring in series with a slider (Prandtl, Jenkins): ds =
+    dd/reach, but s never leaves -1 to 1, and s(0) = 0. With p the place of the slider, s = (d -
+    p)/reach and p = min(max(p_before, d - reach), d + reach), which is exact along straight lines.
+    Many sliders side by side, a share of which yields at one distance and the rest at distances
+    spread exponentially, make this law (Iwan).
+
+    * ``strength``: force of steady sliding (N), zero or more.
+    * ``reach``: distance over which the spring yields, and over which Dahl's z follows (mm).
+    * ``sharp``: share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding).
+    """
+
+    strength: Constant
+    reach: Constant
+    sharp: Constant
+    name: ClassVar[str] = "sharp_friction"
+    units: ClassVar[dict[str, str]] = {
+        "strength": "force",
+        "reach": "displacement",
+        "sharp": "fraction",
+    }
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    generalises: ClassVar[str] = Friction.name
+    reduces: ClassVar[dict[str, float]] = {"sharp": 0.0}
+    law: ClassVar[str] = "F += strength ((1 - sharp) z + sharp s), ds = d delta/reach, |s| <= 1"
+    seen: ClassVar[str] = "a force against the motion, at any speed, that turns round with a corner"
+    reference: ClassVar[str] = "Prandtl 1928, doi:10.1002/zamm.19280080202; Iwan 1966"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with the strength and the reach of friction; the share is uniform."""
+        return cls(scales.positive(1.0), reversing(scales), Uniform(0.0, 1.0))
+
+    def slid(self, displacement: Array) -> Array:
+        """Return (1 - sharp) z + sharp s at the points of a motion."""
+        first = displacement[:1]
+        low = xp.concatenate([first, displacement[1:] - self.reach])
+        high = xp.concatenate([first, displacement[1:] + self.reach])
+        slider, _ = xp.accumulate(confined, (low, high))
+        return self._shared(super().slid(displacement), displacement, slider)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of friction, and the place of the slider."""
+        return super().begin(below, displacement), displacement
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force with the friction added."""
+        (inner, own), slider = state
+        inner, force = below.step(inner, line)
+        travelled = xp.abs(line.displacement - own.depth)
+        own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
+        slider = xp.clip(slider, line.displacement - self.reach, line.displacement + self.reach)
+        slid = self._shared(slid, line.displacement, slider)
+        return ((inner, own), slider), self.rubbed(force, slid)
+
+    def rubbed(self, force: Array, slid: Array) -> Array:
+        """Return F_below + strength times what has slid."""
+        return force + self.strength * slid
+
+    def _shared(self, dahl: Array, displacement: Array, slider: Array) -> Array:
+        sprung = (displacement - slider) / self.reach
+        return dahl + self.sharp * (sprung - dahl)
+
+
+class GuideFriction(SharpFriction):
+    """Friction of the rig: F = F_below + strength ((1 - sharp) z + sharp s), outside the contact.
+
+    z and s are those of sharp_friction, along the platen's displacement. A guide or a bearing
+    between platen and load cell rubs where the pad is off the platen too, and makes the force
+    negative there on the way back. While the pad is pressed this is sharp_friction.
+
+    * ``strength``: force of steady sliding (N), zero or more.
+    * ``reach``: distance over which the spring yields, and over which Dahl's z follows (mm).
+    * ``sharp``: share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding).
+    """
+
+    strength: Constant
+    reach: Constant
+    sharp: Constant
+    name: ClassVar[str] = "guide_friction"
+    level: ClassVar[Level] = Level.GUIDE
+    rank: ClassVar[int] = 0
+    off_pad: ClassVar[bool] = True
+    law: ClassVar[str] = "F += strength ((1 - sharp) z + sharp s), also off the pad"
+    seen: ClassVar[str] = "a force against the motion, at any speed, also where nothing is touched"
+    reference: ClassVar[str] = "Armstrong-Helouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7"
+
+
+class PressureFriction(AbstractFriction):
+    """Friction that grows with the force: F = F_below + strength w z, z as in friction.
+
+    w = 1 - share + share max(F_below, 0)/pressed. At share 1 this is Coulomb's friction with the
+    coefficient strength/pressed.
+
+    * ``strength``: force of steady sliding (N) where the pad's force is ``pressed``, zero or more.
+    * ``reach``: distance over which it reverses (mm).
+    * ``share``: share of the friction that is proportional to the force, from 0 to 1.
+    * ``pressed``: reference force (N), which is fixed.
+    """
+
+    strength: Constant
+    reach: Constant
+    share: Constant
+    pressed: Constant
+    name: ClassVar[str] = "pressure_friction"
+    units: ClassVar[dict[str, str]] = {
+        "strength": "force",
+        "reach": "displacement",
+        "share": "fraction",
+        "pressed": "force",
+    }
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    generalises: ClassVar[str] = Friction.name
+    reduces: ClassVar[dict[str, float]] = {"share": 0.0}
+    law: ClassVar[str] = "F += strength (1 - share + share F/pressed) z"
+    seen: ClassVar[str] = "a force against the motion, at any speed, larger the harder it presses"
+    reference: ClassVar[str] = "Amontons 1699; Derjaguin 1934, Z. Phys. 88"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with a strength scaled by the peak force, which is its reference."""
+        return cls(
+            scales.positive(1.0),
+            reversing(scales),
+            Uniform(0.0, 1.0),
+            scales.force,
+        )
+
+    def rubbed(self, force: Array, slid: Array) -> Array:
+        """Return F_below + strength w z."""
+        grown = 1.0 + self.share * (xp.maximum(force, 0.0) / self.pressed - 1.0)
+        return force + self.strength * grown * slid
+
+
+class InterfaceSlip(AbstractEffect):
+    """Sliding of the specimen in its grips: its depth e follows de = (1 - yielding e sgn v) dd.
+
+    It slides a little from the start, and as much as the platen moves where e has come to
+    1/yielding, whose elastic force is the most that the interface transmits. At a turn it sticks
+    again, and it is back at rest before the platen is. Over the distance travelled e is one
+    relaxing mode. A loose specimen, which is pressed across its faces, does not slide.
+
+    * ``yielding``: share of the motion that is lost for each unit of depth (1/mm), zero or more.
+    """
+
+    yielding: Constant
+    name: ClassVar[str] = "interface_slip"
+    level: ClassVar[Level] = Level.DEPTH
+    rank: ClassVar[int] = -1  # the drive's play and the gap lie outside of the specimen's faces
+    units: ClassVar[dict[str, str]] = {"yielding": "exponent"}
+    null: ClassVar[dict[str, float]] = {"yielding": 0.0}
+    law: ClassVar[str] = "delta -> e, de = (1 - yielding e sgn v) d delta"
+    seen: ClassVar[str] = (
+        "softer the farther it goes, stiff at each turn, and back at rest too early"
+    )
+    reference: ClassVar[str] = "Mindlin & Deresiewicz 1953, doi:10.1115/1.4010702; Dahl 1968"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with a yielding scaled by half of the squared depth."""
+        # with one return it is permanent_set to 0.99, whatever the prior: both lose depth on the
+        # way; a second loading tells, as the set is there already and the slip begins anew
+        return cls(scales.positive(0.5 * scales.depth**2 * scales.stiffness))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force of the law beneath at the specimen's own depth."""
+        displacement = motion.displacement
+        travelled = xp.cumsum(xp.abs(xp.steps(displacement)))
+        depth = hereditary_force(*self._sliding(), travelled, displacement)
+        share = self._followed(depth, motion.velocity)
+        followed = replace(
+            motion,
+            displacement=depth,
+            velocity=share * motion.velocity,
+            acceleration=share * motion.acceleration,
+            sagitta=None if motion.sagitta is None else share * motion.sagitta,
+        )
+        return below.force(followed)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of the law beneath, and the slide's before any travel."""
+        slide = at_first(*self._sliding(), displacement)
+        return below.begin(displacement), slide
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force after a line along which the specimen slides."""
+        inner, slide = state
+        travelled = xp.abs(line.displacement - slide.depth)
+        slide, depth = hereditary_step(*self._sliding(), slide, travelled, line.displacement)
+        speed = self._followed(depth, line.velocity) * line.velocity
+        inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
+        return (inner, slide), force
+
+    def _sliding(self) -> tuple[Linear, Prony]:
+        """Return the laws whose hereditary integral over the distance travelled is the depth."""
+        return fading(1.0, self.yielding)
+
+    def _followed(self, depth: Array, velocity: Array) -> Array:
+        """Return the share of the platen's motion that the specimen follows."""
+        return 1.0 - self.yielding * depth * xp.sign(velocity)
+
+    @classmethod
+    def unmeasured(cls, protocol: Protocol) -> str | None:
+        """Return why it is not looked for: a specimen that is pressed does not slide."""
+        return None if protocol.bonded else "the specimen is pressed, not held by its faces"
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """Return why no test can show it: until a turn it is another elastic law."""
+        return cls.unmeasured(protocol) or (None if protocol.unloads else "no test unloads")

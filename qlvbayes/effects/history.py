@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from qlvbayes import xp
-from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.xp import Array

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import ContactOffset
 from qlvbayes.model.model import Model
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.record import Record

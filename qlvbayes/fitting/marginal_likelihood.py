@@ -31,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import ContactOffset
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.common_errors import shared_stages, stage_changes, with_common_errors
 from qlvbayes.inference.density import Terms, gauss_newton, positive_part

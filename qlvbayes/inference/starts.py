@@ -96,12 +96,12 @@ def starts(
     hypothesis: Hypothesis,
     count: int,
     sizes: tuple[float, float],
-    promising: int,
+    optimised: int,
 ) -> list[Array]:
     """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbour.
 
     A new effect's force is tried at ``count`` or more shapes and at each of ``sizes`` (sds of the
-    amplitude's prior); ``promising`` of them are starts.
+    amplitude's prior); ``optimised`` of them are starts.
     """
     parameters = space.parameters(hypothesis)
     base = projected(space, point, hypothesis, transferred(point.own, point.theta, parameters))
@@ -110,7 +110,7 @@ def starts(
         thetas = [
             theta
             for start in thetas
-            for theta in _screened(space, point, parameters, effect, start, count, sizes, promising)
+            for theta in _screened(space, point, parameters, effect, start, count, sizes, optimised)
         ]
     return thetas
 
@@ -140,13 +140,13 @@ def _screened(
     theta: Array,
     count: int,
     sizes: tuple[float, float],
-    promising: int,
+    optimised: int,
 ) -> list[Array]:
     """Return thetas (F,) with an effect at the shape and amplitude that promise most at a point.
 
     The effect's force at each shape and at each of ``sizes`` (sds of the amplitude's prior) is
-    projected on what the constants at the point cannot follow. The most promising one of each
-    size starts, scaled to where its gain is largest.
+    projected on what the constants at the point cannot follow. The one of each
+    size that gains most starts, scaled to where it gains most.
     """
     many = max(count, space.effects[effect].shapes)
     at_zero = np.stack(over_shapes(space, parameters, effect, theta, many))
@@ -165,7 +165,7 @@ def _screened(
         start[amplitude.number] += scale * size * amplitude.sd
         chosen.append((float(gains[k]), start))
     chosen.sort(key=lambda one: -one[0])
-    return [start for _, start in chosen[:promising]]
+    return [start for _, start in chosen[:optimised]]
 
 
 def _gains(

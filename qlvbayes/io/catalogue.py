@@ -12,21 +12,21 @@ from typing import Any
 
 ELASTIC = {
     "exponential": "laws.elastic.exponential.Exponential",
-    "linear": "laws.elastic.linear.Linear",
+    "linear": "laws.elastic.polynomial.Linear",
     "hertz": "laws.elastic.hertz.HertzPower",
-    "polynomial:2": "laws.elastic.quadratic.Quadratic",
-    "polynomial:3": "laws.elastic.cubic.Cubic",
-    "toe": "laws.elastic.toe_exponential.ToeExponential",
+    "polynomial:2": "laws.elastic.polynomial.Quadratic",
+    "polynomial:3": "laws.elastic.polynomial.Cubic",
+    "toe": "laws.elastic.exponential.ToeExponential",
     "spline": "laws.elastic.spline.Spline",
 }
 """Elastic laws. Constants alone show `model.elsewhere` which law they are of: the first whose
 constants are all there. So a law comes before those whose constants are all among its own."""
 RELAXATION = {
     "prony": "laws.relaxation.prony.Prony",
-    "fung": "laws.relaxation.fung.Fung",
-    "power-law": "laws.relaxation.power_law.PowerLaw",
+    "fung": "laws.relaxation.continuous.Fung",
+    "power-law": "laws.relaxation.continuous.PowerLaw",
     "stretched": "laws.relaxation.stretched.StretchedExponential",
-    "log-normal": "laws.relaxation.log_normal.LogNormalSpectrum",
+    "log-normal": "laws.relaxation.continuous.LogNormalSpectrum",
 }
 """Relaxations, ordered likewise."""
 NOISES = {

@@ -1,4 +1,4 @@
-"""Define laws of the material, one class a file: elastic laws and relaxation laws."""
+"""Define laws of the material, elastic laws and relaxation laws, those of one kind in one file."""
 
 from qlvbayes.laws.catalogue import LAWS, Laws
 from qlvbayes.laws.conformance import check_law, law_checks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic

@@ -56,7 +56,7 @@ def fields_of(part: Pytree, prefix: str = "") -> Iterator[Field]:
 
 
 class Modelled(Protocol):
-    """What has a model and its noise: a posterior, or the parameters of a hypothesis."""
+    """Object with a model and its noise: a posterior, or the parameters of a hypothesis."""
 
     @property
     def model(self) -> Model:

@@ -1,4 +1,4 @@
-r"""Errors of a fitted motion that follow from the errors of its readings.
+r"""Errors of a fitted motion, and of the times of its knots, from the errors of its readings.
 
 For readings of variance s_i^2 and a least-squares spline with basis B the errors of displacement
 and of its derivatives have the variance
@@ -8,6 +8,15 @@ and of its derivatives have the variance
 A knot that was fitted to the record lets the derivative of the next lower order jump
 there, to first order in its shift, so its multiplicity is raised by one. Readings of an encoder
 that repeat themselves share one rounding error: their variance is multiplied by their number.
+
+A knot that is late by d lets a velocity that jumps by J there jump by -J d in displacement, to
+first order, and an acceleration that jumps by J by -J d in velocity:
+
+.. math:: \mathrm{var}\, t_k = \mathrm{var}(\text{jump of the next lower order at } t_k) / J_k^2
+
+Free are the jumps at all knots at once. The level of a dwell next to the stretch counts with its
+own error, a step over sqrt(12) at least. Rounding errors of a motion that passes nearly a whole
+number of steps from reading to reading are taken as one error.
 """
 
 from __future__ import annotations
@@ -17,16 +26,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_array, dia_array
+from scipy.sparse import csr_array, dia_array, diags_array
+from scipy.sparse.linalg import splu
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
+from qlvbayes.motion.sensor import last_decimal
 from qlvbayes.motion.splines import Joints, Stretch
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
 
 _MOST_TIMES = 3000  # of a stretch at which errors are computed
 _CHUNK, _MARGIN = 60, 20  # coefficients inverted at once, and those on either side of them
 _ROUNDOFF = 1e-11
+_EXACT = 1e-6  # of the range: no reading is better than that
+_RESOLVED = 3  # readings in a piece that show where it begins and ends
+_UNIFORM = float(np.sqrt(12.0))  # a length over the sd of a moment anywhere in it
+_MOST = 1000  # knots whose moments are computed; of more each takes its piece's bound
 
 
 @dataclass(frozen=True)
@@ -133,3 +148,121 @@ def _middle(basis: csr_array) -> NDArray[np.intp]:
     """Return a column near the middle of each row's entries."""
     start, stop = basis.indptr[:-1], basis.indptr[1:]
     return np.asarray(basis.indices[np.minimum((start + stop) // 2, basis.indices.size - 1)])
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sds (k,) in s of the times (k,) of knots."""
+
+    time: Array
+    sd: Array
+
+
+def moments(stretch: Stretch, tol: Tolerance, level_sd: tuple[float, float], clock: float) -> Array:
+    """Return the sds (k,) in s of a stretch's knots."""
+    joints, time = stretch.joints, stretch.window.time
+    knots = joints.knots
+    lengths = np.diff(knots)
+    shorter = np.minimum(np.append(lengths, np.inf), np.append(np.inf, lengths))
+    near = np.clip(np.searchsorted(time, knots), 1, time.size - 1)
+    interval = time[near] - time[near - 1]
+    most = np.maximum(shorter, interval) / _UNIFORM
+    inside = np.flatnonzero((time >= knots[0]) & (time <= knots[-1]))
+    sd = most.copy()
+    if inside.size > 2 and knots.size <= _MOST:
+        sd = np.minimum(most, _from_readings(stretch, tol, inside, level_sd, clock))
+    read = np.diff(np.searchsorted(time[inside], knots))
+    fewest = np.minimum(np.append(read, np.inf), np.append(np.inf, read))
+    sd = np.where(fewest < _RESOLVED, np.maximum(sd, interval / _UNIFORM), sd)
+    sd[[0, -1]] *= [joints.left is not None, joints.right is not None]
+    return sd
+
+
+def _from_readings(
+    stretch: Stretch,
+    tol: Tolerance,
+    inside: NDArray[np.intp],
+    level_sd: tuple[float, float],
+    clock: float,
+) -> Array:
+    """Return the sds (k,) by least squares; infinite where neither speed nor acceleration jumps."""
+    joints, degree, time = stretch.joints, stretch.degree, stretch.window.time[inside]
+    full, kept = repeated_knots(joints, degree)
+    basis = csr_array(BSpline.design_matrix(time, full, degree))
+    rows, size = _jumps(stretch, full)
+    variance = _variance_of_knots(stretch, inside, tol) + (_speed(stretch, time) * clock) ** 2
+    free = basis[:, kept]
+    gram = csr_array(free.T @ free).tocsc()
+    gram += diags_array(np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))).tocsc()
+    weight = splu(gram).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
+    variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
+    for side, sd in zip((0, -1), level_sd, strict=True):
+        at = 0 if side == 0 else full.size - degree - 2
+        if kept.start <= at < kept.stop:  # the displacement itself is free to jump to the level
+            variances[side] += sd**2
+        else:
+            column = basis[:, [at]].toarray()[:, 0]
+            held = rows[:, [at]].toarray()[:, 0] - weight.T @ (free.T @ column)
+            variances += (held * sd) ** 2
+    unbounded = np.full(size.shape, np.inf)
+    return np.asarray(np.divide(np.sqrt(variances), size, out=unbounded, where=size > 0.0))
+
+
+def _variance_of_knots(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
+    """Return the variance (n,) of each reading, times the readings that share its error."""
+    time, x = stretch.window.time[inside], stretch.window.displacement[inside]
+    path = stretch.at(time)
+    rounding = max(tol.step, last_decimal(x)) ** 2 / 12.0
+    single = max(rounding + tol.noise**2, (_EXACT * float(np.ptp(x))) ** 2)
+    if tol.step == 0.0 and tol.noise == 0.0:
+        single = max(single, float(np.mean((x - path) ** 2)))
+    if tol.noise > 0.5 * tol.step or tol.step == 0.0:
+        return np.full(x.size, single)
+    advance = np.diff(path) / tol.step
+    beyond = np.abs(advance - np.round(advance))
+    changing = np.abs(np.gradient(advance)) if advance.size > 1 else np.zeros(1)
+    shared = 1.0 / np.maximum(np.maximum(beyond, np.sqrt(changing)), 1.0 / time.size)
+    piece = np.searchsorted(stretch.joints.knots[1:-1], time, side="right")
+    shared = np.minimum(np.append(shared, shared[-1]), np.bincount(piece)[piece])
+    return np.asarray(single * np.maximum(shared, 1.0))
+
+
+def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
+    """Return the row of the jump that a shift of each knot makes, and the next higher jump (k,)."""
+    joints, degree, p = stretch.joints, stretch.degree, stretch.pieces
+    knots = joints.knots
+    after = np.append(knots[:-1], knots[-1])
+    before = np.nextafter(knots, -np.inf)
+    before[0] = knots[0]
+    kinked = csr_array(joints.kinked[:, None].astype(float))
+    smooth = csr_array((~joints.kinked)[:, None].astype(float))
+    orders = []
+    for order in (0, 1):
+        right, left = (derivative(t, full, degree, order) for t in (after, before))
+        keep_right, keep_left = np.ones(knots.size), np.ones(knots.size)
+        keep_right[-1] = keep_left[0] = 0.0  # dwells lie outside
+        orders.append(diags_array(keep_right) @ right - diags_array(keep_left) @ left)
+    rows = csr_array(orders[0].multiply(kinked) + orders[1].multiply(smooth))
+    end_v, end_a = _ends(stretch)
+    speed = np.append(p.velocity, 0.0) - np.append(0.0, end_v)
+    rate = np.append(p.acceleration, 0.0) - np.append(0.0, end_a)
+    return rows, np.abs(np.where(joints.kinked, speed, rate))
+
+
+def _ends(stretch: Stretch) -> tuple[Array, Array]:
+    """Return velocity and acceleration (k,) at the end of each piece."""
+    p = stretch.pieces
+    s = np.diff(p.knots)
+    v, a = p.velocity + p.acceleration * s, p.acceleration.copy()
+    for k, row in enumerate(() if p.higher is None else p.higher):
+        n = 3 + k
+        v = v + n * row * s ** (n - 1)
+        a = a + n * (n - 1) * row * s ** (n - 2)
+    return v, a
+
+
+def _speed(stretch: Stretch, time: Array) -> Array:
+    """Return the speed (n,) at some times, from differences of the path."""
+    if time.size < 2:
+        return np.zeros(time.shape)
+    return np.abs(np.gradient(stretch.at(time), time))

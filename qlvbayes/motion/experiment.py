@@ -12,6 +12,7 @@ import numpy as np
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
+from qlvbayes.motion.approach import without_slopes
 from qlvbayes.motion.badreadings import (
     BadReadings,
     left_out_notice,
@@ -19,26 +20,23 @@ from qlvbayes.motion.badreadings import (
     sound_tests,
     without,
 )
-from qlvbayes.motion.control import controls_of
-from qlvbayes.motion.cutting import cut
-from qlvbayes.motion.encoder import encoder_steps
+from qlvbayes.motion.control import controls_of, crept_path, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of
-from qlvbayes.motion.leavingout import (
+from qlvbayes.motion.noisefloor import NoiseFloor, measure
+from qlvbayes.motion.noisefloor.fading import with_fading_sd
+from qlvbayes.motion.pad import (
     NamedPhase,
+    cut,
     excluded_notices,
     excluded_readings,
     left_out_of,
     marked,
     parts_of,
 )
-from qlvbayes.motion.loadcontrol import crept_path, phases_of, with_both_errors
-from qlvbayes.motion.noisefloor import NoiseFloor, measure
-from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.noramp import no_ramp
 from qlvbayes.motion.past import EarlierMotion, past_of
-from qlvbayes.motion.phases import Phase, loading_rate, phase_index
-from qlvbayes.motion.polling import with_own_readings
-from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
+from qlvbayes.motion.polling import fresh_forces, held_notices, with_fresh, with_own_readings
+from qlvbayes.motion.sensor import encoder_steps, known_scatter
 from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
 
@@ -321,7 +319,7 @@ def prepare(
     if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
         tests = list(map(smooth_readings, tests))
     of_a_step = largest_stiffness(tests) * max(steps)
-    floor = measure(with_both_errors(tests, phases), phases, of_a_step=of_a_step)
+    floor = measure(with_both_errors(tests, phases), phases, of_a_step=of_a_step, read=tests)
     floor = replace(floor, notices=(*fading, *floor.notices))
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
 
@@ -333,19 +331,23 @@ def _trials_of(
     pad, slow = with_own_readings(pad)
     part, cuts = cut(pad, use)
     begun = [one.start_s - two.start_s for one, two in zip(part.tests, pad.tests, strict=True)]
+    fresh = fresh_forces(part.tests)
+    held = held_notices(part.name, part.tests, fresh)
+    part, slopes = without_slopes(part)
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
     if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
-        trials, _ = _smoothed(part.tests, pad.units, keep_all=keep_all, limited=False)
+        read = list(map(with_fresh, part.tests, fresh))
+        trials, _ = _smoothed(read, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
     excluded = [
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
-    tests = list(map(marked, part.tests, excluded))
+    tests = list(map(with_fresh, map(marked, part.tests, excluded), fresh))
     trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
     left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
     trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
-    return trials, steps, (*slow, *cuts)
+    return trials, steps, (*slow, *held, *slopes, *cuts)
 
 
 def _smoothed(

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Control
+from qlvbayes.io.data import Control, Test
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
 from qlvbayes.motion.trajectory import Trajectory
 
 Move = tuple[int, int, int]  # first and last of the times, and the sign
@@ -42,6 +44,7 @@ _WORTH = 4.5  # median intervals between readings, for which a dwell before the 
 _SHARE = 0.1  # of that movement's duration is a hold
 _ROUNDING = 1e-12  # of the record's duration
 _LEAST_SPEED = 1e-4  # of the record's top speed
+_DIGITS = 4  # of a displacement: a machine's position has a large part that is no depth
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,11 @@ def phase_name(kind: str, control: str) -> str:
     """Return the name of a phase for readers, by its kind and by what was prescribed in it."""
     constant = kind not in MOVING and control == Control.FORCE
     return f"{NAMES[kind]} at constant force" if constant else NAMES[kind]
+
+
+def span(seconds: float) -> str:
+    """Format a time with two digits, as '16 ms', '0.8 s', '30 s'."""
+    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
 
 
 def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
@@ -295,3 +303,38 @@ def _between_pauses(
         else:
             joined.append((a, b))
     return [(first + a, first + b) for a, b in joined]
+
+
+def no_ramp(
+    test: Test, trajectory: Trajectory, phases: Sequence[Phase], units: UnitSystem
+) -> InputError:
+    """Return the error that names a test without a ramp, what it does, and a remedy."""
+    word = units.displacement_name
+    unit = "" if units.dimensionless else f" {units.displacement}"
+    falls = [phase for phase in phases if phase.kind == "unload"]
+    if not falls:
+        changes = f"changes by {plain(float(np.ptp(test.displacement)), 2)}{unit} only"
+        remedy = "add the rows of the ramp before this hold, or delete the test"
+        return _error(test, f"its {word} {changes}", remedy)
+    ends = trajectory.displacement(np.array([falls[0].start, falls[-1].stop]))
+    start, stop = (plain(float(end), _DIGITS) for end in ends)
+    seen = f"its {word} only falls, from {start} to {stop}{unit}"
+    if _force_rises(test, falls[0]):
+        seen += f", while the {units.force_name} rises, so that it counts the wrong way"
+        turned = f"write its value at first contact minus each value as {word}"
+        return _error(test, seen, f"{turned}, so that pressing makes it rise from zero")
+    seen += f", and the {units.force_name} falls with it"
+    both = f"multiply {word} and {units.force_name} by -1 if this is the loading"
+    return _error(test, seen, f"add the rows of the loading before it, {both}, or delete the test")
+
+
+def _error(test: Test, seen: str, remedy: str) -> InputError:
+    what = f"test {test.name} of pad {test.pad} holds no loading ramp: {seen}"
+    return InputError(what, remedy=remedy)
+
+
+def _force_rises(test: Test, fall: Phase) -> bool:
+    """Return whether the force rises while the displacement falls."""
+    inside = (test.time >= fall.start) & (test.time <= fall.stop)
+    displacement, force = test.displacement[inside], test.force[inside]
+    return bool((displacement - np.mean(displacement)) @ force < 0.0)

@@ -1,13 +1,11 @@
-"""Dwells and segments of a displacement record, and the scatter of its readings."""
+"""Dwells and segments of a displacement record."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import ndtri
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
@@ -15,135 +13,7 @@ from qlvbayes.motion.bounds import Tolerance, excess
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
-_MANY = 100  # readings that distinguish scatter from motion,
 _FEW = 50  # readings, of which three changes of the motion reach a third,
-_SHOWING = 50_000  # and that show it to a third of a per cent
-_REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
-_STILL = 0.02  # of the windows repeat exactly: seldom for scatter of a step, more for a smaller one
-_QUIET, _QUIETEST = 0.7, 0.3  # of the windows, from the quietest on, of many readings and of few
-_SMALL = 2.0  # steps: larger changes are motion
-_UNDONE = 8  # changes undone that show a scatter
-_MOSTLY = 0.3  # of the pairs of small changes,
-_OFTEN = 0.1  # or so many of them
-_AT_ONCE = 2  # readings later at most
-_PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
-
-
-def known_scatter(
-    times: Sequence[Array], displacements: Sequence[Array], steps: Sequence[float]
-) -> list[float]:
-    """Return upper bounds on the scatter's sd in several records by one sensor."""
-    few = [time.size < _MANY for time in times]
-    if not any(few):
-        return [np.inf] * len(few)
-    records = zip(times, displacements, steps, few, strict=True)
-    least = min(
-        (_scatter(t, x, step) for t, x, step, short in records if not short), default=np.inf
-    )
-    return [least if short else np.inf for short in few]
-
-
-def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
-    """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``."""
-    best, most = np.inf, np.inf
-    shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
-    for points in (3, 4, 5, 6):
-        if time.size < points + 6:
-            break
-        windows = np.lib.stride_tricks.sliding_window_view(signal, points)
-        weights = _divided_difference(np.lib.stride_tricks.sliding_window_view(time, points))
-        moving = np.ptp(windows, axis=1) > 0.0
-        if np.count_nonzero(moving) < 6:
-            return 0.0
-        still = 1.0 - np.count_nonzero(moving) / moving.size
-        if still > 0.5:
-            most = _REPEATS * step
-        elif still > _STILL and step > 0.0:
-            most = min(most, step)
-        size = np.abs(np.sum(windows * weights, axis=1)[moving])
-        rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
-        beyond = int(np.count_nonzero(size > rounding))
-        if step > 0.0 and beyond <= min(10, 0.05 * size.size) + 0.005 * size.size:
-            return 0.0
-        best = min(best, *(_trimmed_sd(size, share) for share in shares))
-    if not np.isfinite(best):
-        return 0.0
-    return float(np.sqrt(max(min(best, most) ** 2 - step**2 / 12.0, 0.0)))
-
-
-def _trimmed_sd(size: Array, share: float) -> float:
-    """Return the Gaussian sd from a share of the values with the smallest magnitudes."""
-    kept = np.sort(size)[: max(1, int(share * size.size))]
-    most = float(ndtri(0.5 + 0.5 * share))
-    density = np.exp(-0.5 * most**2) / np.sqrt(2.0 * np.pi)
-    return float(np.sqrt(np.mean(kept**2) / (1.0 - 2.0 * most * density / share)))
-
-
-def _divided_difference(times: Array) -> Array:
-    """Return weights (rows of unit norm) that annihilate polynomials of degree points - 2."""
-    gaps = times[:, :, None] - times[:, None, :]
-    gaps /= np.ptp(times, axis=1)[:, None, None]
-    gaps[:, np.arange(times.shape[1]), np.arange(times.shape[1])] = 1.0
-    weights = 1.0 / np.prod(gaps, axis=2)
-    return np.asarray(weights / np.linalg.norm(weights, axis=1, keepdims=True), dtype=np.float64)
-
-
-def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
-    """Return the bounds that step and scatter imply, at least 1e-4 of the range."""
-    span = float(np.ptp(displacement))
-    floor = 1e-4 * span
-    noise = min(_scatter(time, displacement, step), scatter)
-    if noise <= 0.1 * floor:
-        noise = 0.0
-    spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
-    if time.size < _MANY:
-        spread = min(spread, 0.05 * span)
-    return Tolerance(
-        sample=max(0.75 * step, 0.5 * step + spread, floor),
-        rest=max(step, 0.5 * step + spread, floor),
-        spread=spread,
-        floor=floor,
-        noise=noise,
-        step=step,
-    )
-
-
-def _scatter(time: Array, displacement: Array, step: float) -> float:
-    """Return the scatter of as many readings as determine it, to limit memory."""
-    x = displacement[:_SHOWING]
-    return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
-
-
-def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
-    """Return the sd of the scatter about a fitted path; infinite where it is not determined."""
-    freedom = residual.size - _PER_KNOT * knots
-    if tol.noise == 0.0 or freedom < 0.5 * residual.size:
-        return np.inf
-    size = np.abs(residual)
-    left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
-    left *= float(np.sqrt(residual.size / freedom))
-    beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
-    return max(beyond, dither(displacement, tol.step))
-
-
-def dither(displacement: Array, step: float) -> float:
-    """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none."""
-    if step == 0.0:
-        return 0.0
-    change = np.round(np.diff(displacement) / step)
-    small = np.abs(change) <= _SMALL
-    moves = np.flatnonzero(change != 0.0)
-    pairs = small[moves[1:]] & small[moves[:-1]]
-    back = pairs & (change[moves[1:]] * change[moves[:-1]] < 0.0)
-    undone, of = np.count_nonzero(back), np.count_nonzero(pairs)
-    at_once = np.count_nonzero(back & (np.diff(moves) <= _AT_ONCE))
-    if undone < _UNDONE or (undone < _MOSTLY * of and at_once < _OFTEN * of):
-        return 0.0
-    among = small[1:] & small[:-1]
-    variance = float(np.mean(np.diff(change)[among] ** 2)) / 6.0
-    if variance < 0.25:
-        return step * 0.5 / -float(ndtri(0.5 * variance))
-    return step * float(np.sqrt(variance - 1.0 / 12.0))
 
 
 def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:

@@ -2,7 +2,9 @@
 
 Both are fitted, and of those that are faithful to the readings the one that takes fewer numbers
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
-sine a few spans of a quintic spline.
+sine a few spans of a quintic spline. At a reading a path may be off by what the reading's errors
+explain, and between two readings by as much as these differ; else straight lines through the
+readings take its place.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import numpy as np
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
-from qlvbayes.motion.fewreadings import trapezoid
+from qlvbayes.motion.fewreadings import changes, corners, monotone, strays_between, trapezoid
 from qlvbayes.motion.freeknots import (
     FEWEST_PER_PIECE,
     insert_until_faithful,
@@ -22,8 +24,7 @@ from qlvbayes.motion.freeknots import (
 )
 from qlvbayes.motion.quintic import smooth
 from qlvbayes.motion.segments import DwellSpan
-from qlvbayes.motion.splines import Joints, Stretch, Window
-from qlvbayes.motion.straying import lines, patched, strays, through
+from qlvbayes.motion.splines import Joints, Pieces, Stretch, Window
 
 FEWEST_OF_A_MOVE = 15
 """Readings of speeding up, cruising and slowing down, five each: fewer show no acceleration."""
@@ -33,6 +34,8 @@ _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is 
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
 _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
+_BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
+_SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 
 
 def fitted(
@@ -49,11 +52,13 @@ def fitted(
         move := _one_move(stretch, x[0] if before is None else before.level, after, tol)
     ) is not None:
         return move
+    first = 0 if before is None else before.stop - 1
+    stop = t.size if after is None else after.first + 1
     if strays(stretch, tol):
-        first = 0 if before is None else before.stop - 1
-        stop = t.size if after is None else after.first + 1
         return lines(t[first:stop], x[first:stop], stretch, tol)
-    return patched(stretch, tol)
+    if overshoots(stretch, tol):
+        return through(t[first:stop], x[first:stop], stretch.joints, stretch.window)
+    return stretch
 
 
 def _one_move(
@@ -177,3 +182,79 @@ def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
         return t[:0]
     count = min(between.size, int((resting - over) / between[0]))
     return over + np.geomspace(between[0], resting - over, count + 1)[:-1] - between[0]
+
+
+def strays(stretch: Stretch, tol: Tolerance) -> bool:
+    """Return whether a path deviates from readings, or between two, by more than errors explain."""
+    knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
+    path = stretch.at(np.clip(time, knots[0], knots[-1]))
+    if not np.all(np.abs(path - x) <= tol.farthest):
+        return True
+    inside = (time >= knots[0]) & (time <= knots[-1])
+    time, x = time[inside], x[inside]
+    if time.size < 2:
+        return False
+    bound = changes(x) + tol.farthest
+    every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
+    every = every[(every >= time[0]) & (every <= time[-1])]
+    between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, bound.size - 1)
+    off = np.abs(stretch.at(every) - np.interp(every, time, x))
+    questioned = every[off > bound[between]]
+    return not all(_is_determined(stretch, time, at) for at in questioned)
+
+
+def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
+    """Return whether the readings of a piece give a path at a time as well as a reading there."""
+    knots = stretch.joints.knots
+    k = int(np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2))
+    within = time[(time >= knots[k]) & (time <= knots[k + 1])]
+    if stretch.degree != 2 or within.size < FEWEST_PER_PIECE:
+        return False
+    scaled = (np.append(within, at) - knots[k]) / (knots[k + 1] - knots[k])
+    design = np.vander(scaled, 3)
+    root = np.linalg.qr(design[:-1])[1]
+    if np.min(np.abs(np.diag(root))) <= _SINGULAR * np.max(np.abs(root)):
+        return False
+    return bool(np.sum(np.linalg.solve(root.T, design[-1]) ** 2) <= 1.0)
+
+
+def overshoots(stretch: Stretch, tol: Tolerance) -> bool:
+    """Return whether a path leaves the range of two readings that do not turn."""
+    knots, window = stretch.joints.knots, stretch.window
+    inside = (window.time >= knots[0]) & (window.time <= knots[-1])
+    time, x = window.time[inside], window.displacement[inside]
+    if stretch.degree != 2 or time.size < 3:
+        return False
+    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
+    path = stretch.at(between.ravel()).reshape(between.shape)
+    return bool(np.any(strays_between(stretch.at(time), path, x, tol.farthest)))
+
+
+def lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Return straight lines through some of the readings, from one dwell to the other."""
+    left, right = stretch.joints.left, stretch.joints.right
+    x = _to_levels(x, left, right)
+    kept = corners(time, x, tol.rest)
+    time, x = time[kept], x[kept]
+    slopes = np.diff(x) / np.diff(time)
+    joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
+    own = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
+    return Stretch(stretch.window, joints, 2, own, 2 * time.size)
+
+
+def through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
+    """Return a smooth path through all readings, with no other turning points."""
+    joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
+    rests = (ends.left is not None, ends.right is not None)
+    path = monotone(time, _to_levels(x, ends.left, ends.right), rests=rests)
+    return Stretch(window, joints, 2, path, 2 * time.size)
+
+
+def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
+    """Return the readings (n,) with the first and the last at the levels of their dwells."""
+    adjusted = x.copy()
+    adjusted[0], adjusted[-1] = (
+        (x[0] if left is None else left),
+        (x[-1] if right is None else right),
+    )
+    return adjusted

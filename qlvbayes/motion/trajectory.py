@@ -13,17 +13,9 @@ from scipy.interpolate import PPoly
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.bounds import Departure, Tolerance, departure_of
-from qlvbayes.motion.clock import clock_error
-from qlvbayes.motion.encoder import encoder_step
-from qlvbayes.motion.errors import Errors, errors
-from qlvbayes.motion.knoterrors import Moments, moments
-from qlvbayes.motion.segments import (
-    DwellSpan,
-    find_dwells,
-    greedy_segments,
-    scatter_left,
-    tolerance,
-)
+from qlvbayes.motion.errors import Errors, Moments, errors, moments
+from qlvbayes.motion.segments import DwellSpan, find_dwells, greedy_segments
+from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
 from qlvbayes.motion.splines import Stretch
 from qlvbayes.motion.stretch import fitted
 

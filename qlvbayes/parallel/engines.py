@@ -47,7 +47,7 @@ class KilledError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """What takes tasks: processes, a cluster or an executor of the user.
+    """Receiver of tasks: processes, a cluster or an executor of the user.
 
     submit: Function that submits one call and returns its future; ahead: function of the largest
     number of submitted tasks, waiting ones included; lost: what has happened where it stops, and

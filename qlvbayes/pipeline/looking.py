@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.motion.firstlook import FirstLook, PadSeen, look_at
-from qlvbayes.motion.firstlook.shown import shown_between
+from qlvbayes.report.firstlook import FirstLook, PadSeen, look_at
+from qlvbayes.report.firstlook.shown import shown_between
 
 LOOK = "look"
 Seen = tuple[PadSeen, bytes]

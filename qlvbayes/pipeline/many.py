@@ -70,7 +70,7 @@ class Work:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What a worker sends back: what it told before fits, and where the disk is not shared files.
+    """Answer of a worker: what it reported before fits, and where the disk is not shared files.
 
     ``contents`` are by path in the folder of results.
     """
@@ -236,25 +236,25 @@ def _done_elsewhere(work: Work) -> Done:
     with _with_style(work.style):
         if work.token is None or work.token.exists():
             _do(work, work.out, watcher)
-            return Done(tuple(watcher.told))
+            return Done(tuple(watcher.lines))
         with TemporaryDirectory() as base:
             out = Path(base)
             for name, content in work.inputs.items():
                 (out / name).parent.mkdir(parents=True, exist_ok=True)
                 (out / name).write_bytes(content)
             files = _do(work, out, watcher)
-            return Done(tuple(watcher.told), _contents(files, out))
+            return Done(tuple(watcher.lines), _contents(files, out))
 
 
 class _Starting(Watcher):
     """Watcher in a worker, which keeps what the user's process tells before the results."""
 
     def __init__(self) -> None:
-        self.told: list[tuple[str, ...]] = []
+        self.lines: list[tuple[str, ...]] = []
 
     def starting(self, lines: Sequence[str]) -> None:
         """Keep what is fitted, and the priors."""
-        self.told.append(tuple(lines))
+        self.lines.append(tuple(lines))
 
 
 def _do(

@@ -134,7 +134,7 @@ class Source:
 
     @property
     def grouping(self) -> str:
-        """What the files are taken for, in words."""
+        """Return what the files are taken for, in words."""
         words = f"{len(self.files)} tidy files, each with pads of its own"
         several = [words] if self._streamed else []
         pads = self._selected(self.read) if self.read is not None else []

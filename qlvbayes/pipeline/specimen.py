@@ -20,10 +20,10 @@ from qlvbayes.fitting.fit import Fit, fit_pad
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.motion.firstlook import PadSeen, look_at
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.faults import FailedError
 from qlvbayes.parallel.running import run_all
+from qlvbayes.report.firstlook import PadSeen, look_at
 
 Answer = TypeVar("Answer")
 

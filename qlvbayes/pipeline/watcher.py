@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.motion.firstlook import FirstLook
+from qlvbayes.report.firstlook import FirstLook
 
 
 class Watcher:

@@ -69,11 +69,9 @@ def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
 def _rows(comparison: Comparison) -> list[Contrast | str]:
     """Return the contrasts, with the name of each group before it where there are several."""
     groups = list(dict.fromkeys(c.group for c in comparison.contrasts))
-    rows: list[Contrast | str] = []
-    for group in groups:
-        rows += [group] if len(groups) > 1 else []
-        rows += comparison.of_group(group)
-    return rows
+    heads = [[group] * (len(groups) > 1) for group in groups]
+    pairs = zip(groups, heads, strict=True)
+    return [row for group, head in pairs for row in [*head, *comparison.of_group(group)]]
 
 
 def _limits(comparison: Comparison) -> tuple[float, float]:

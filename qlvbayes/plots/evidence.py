@@ -104,8 +104,8 @@ def _scale(axis: Axes, values: list[float], tight: bool) -> None:
 
 def _ticks(low: float, high: float, tight: bool) -> list[float]:
     steps = [(10.0 if high < 100.0 or not tight else 100.0) ** k for k in range(1, 5)]
-    crowded = tight or low < -100.0  # both sides are logarithmic
-    beyond = steps if crowded else [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
+    fine = [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
+    beyond = steps if tight or low < -100.0 else fine
     middle = [0.0] if tight else [-5.0, 0.0, 5.0]
     ticks = [-x for x in beyond if x <= -low] + middle + [x for x in beyond if x <= high]
     return [x for x in ticks if x >= 1.3 * low]

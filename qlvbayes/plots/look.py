@@ -14,15 +14,15 @@ from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.firstlook.looking import ROUNDED
+from qlvbayes.motion.facts import ROUNDED
 from qlvbayes.motion.phases import MOVING
 from qlvbayes.plots.panels import (
     GREY,
     PhaseTime,
     Sheet,
+    by_rate,
     legend_entries,
     mark_left_out,
-    slowest_first,
     trial_name,
 )
 from qlvbayes.plots.style import (
@@ -76,7 +76,7 @@ def _chosen(experiment: Experiment) -> list[Trial]:
     doubtful = sorted(
         experiment.trials, key=lambda t: (t.trajectory.departure is None) + (t.left_out is None)
     )
-    return slowest_first(doubtful[:_MOST])
+    return sorted(doubtful[:_MOST], key=lambda trial: by_rate(trial.rate))
 
 
 def _draw(sheet: Sheet, panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:

@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.model.drawn import described_fields
-from qlvbayes.plots.naming import parameter_lines
+from qlvbayes.plots.naming import parameter_label, parameter_lines
 from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
 
 _RIGHT, _TOP, _TOP_TIGHT = 2.0, 13.0, 22.0  # mm around the panels
@@ -49,7 +49,10 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
     margin = digits + _LINE * max(text.count("\n") + 1 for text in labels.values()) + 1.0
     cell = (width - margin - _RIGHT) / gaps
     upright = cell < _UPRIGHT
-    longest = max(len(line) for text in labels.values() for line in text.split("\n"))
+    # a narrow figure leaves the effect out of the columns' labels, which the rows name
+    short = {name: name.rpartition(".")[2] for name in names}
+    under = {n: parameter_label(short[n], units[n]) if upright else labels[n] for n in names}
+    longest = max(len(short[name]) + len(units[name]) + 3 for name in names)
     bottom = digits + _LETTER * longest + 2.0 if upright else margin
     height = top + high * gaps + bottom
     with style():
@@ -73,7 +76,7 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
                 axis.xaxis.set_tick_params(rotation=90)
                 axis.tick_params(labelbottom=r == count - 1, labelleft=c == 0 < r)
                 if r == count - 1:
-                    axis.set_xlabel(labels[along], va="top", rotation=90.0 * upright)
+                    axis.set_xlabel(under[along], va="top", rotation=90.0 * upright)
                     axis.xaxis.set_label_coords(0.5, -digits / high)
                 if c == 0:
                     axis.set_ylabel(labels[below] if r else "density", va="bottom")

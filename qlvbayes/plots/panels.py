@@ -8,7 +8,7 @@ than a layout engine that draws everything to find out how much room it needs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain, rated
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.motion.firstlook.words import span
-from qlvbayes.motion.phases import MOVING, Phase, phase_name
+from qlvbayes.motion.phases import MOVING, Phase, phase_name, span
 from qlvbayes.plots.style import BLACK, MM, colours, shortened
 
 GREY = "#7f7f7f"
@@ -154,7 +153,7 @@ class PhaseTime:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What one model makes of the samples (n,) of a test, and how it is drawn."""
+    """Curve that one model makes of the samples (n,) of a test, and how it is drawn."""
 
     mean: np.ndarray
     low: np.ndarray
@@ -260,11 +259,6 @@ class Sheet:
 def by_rate(rate: float) -> float:
     """Return the key that sorts tests by loading rate, those without one last."""
     return rate if np.isfinite(rate) else np.inf
-
-
-def slowest_first(trials: Iterable[Trial]) -> list[Trial]:
-    """Return tests in the order of their loading rates."""
-    return sorted(trials, key=lambda trial: by_rate(trial.rate))
 
 
 def trial_name(trial: Trial, units: UnitSystem, most: int) -> str:

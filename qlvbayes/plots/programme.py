@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
-from qlvbayes.plots.panels import legend_entries, slowest_first, trial_name
+from qlvbayes.plots.panels import by_rate, legend_entries, trial_name
 from qlvbayes.plots.style import (
     DOUBLE,
     LINES,
@@ -35,7 +35,7 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
     Where the loading rates span a decade there are two panels: logarithmic time, which shows every
     ramp, and linear time. ``experiment`` is the pad's, ``width`` in mm; returns the panels.
     """
-    tight, trials = narrow(width), slowest_first(experiment.trials)
+    tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
     scales = ["log", "linear"] if decades(trials) else ["linear"]
     with style():
         columns = 2 if tight else 4

@@ -70,7 +70,7 @@ class PadResults:
 
     @property
     def notices(self) -> list[str]:
-        """What one should know of the tests, each once, whichever step says it."""
+        """Return what one should know of the tests, each once, whichever step says it."""
         parts = (self.final.summary, self.final.check, self.diagnosis)
         return list(dict.fromkeys(text for part in parts if part for text in part.notices))
 

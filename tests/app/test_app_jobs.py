@@ -33,7 +33,7 @@ class Server:
 
     def listen(self, heard):
         self.ask = lambda number, call: heard(
-            {"number": number, "call": call, "arguments": {}, "tells": call == "told"}
+            {"number": number, "call": call, "arguments": {}, "reports": call == "told"}
         )
 
     def send(self, number, kind, content):
@@ -53,8 +53,8 @@ def test_a_move_is_answered_while_a_fit_goes_on():
         begun.set()
         assert go.wait(PATIENCE)
 
-    def told(tell):
-        tell({"text": "half"})
+    def told(report):
+        report({"text": "half"})
 
     calls = {"change": change, "curves": dict, "told": told, "pieces": lambda: iter([None, {}])}
     worker = Worker(SimpleNamespace(send=server.send, listen=server.listen), calls, {"curves"})

@@ -23,11 +23,11 @@ from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook import FirstLook
 from qlvbayes.pipeline.finals import on_laws
 from qlvbayes.pipeline.finished import is_finished
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, key_of
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[2]
@@ -133,11 +133,12 @@ def test_study_refits_with_the_named_effect(study, answer):
 
 def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
     said = ("m=lognormal(-1,1)", "v[1]=lognormal(2,1)", "noise.white=lognormal(-5,1)")
-    mine = Choices(priors=said, fixed=("b=1.2", "c[0]=0.3", "friction.f=0.1"))
+    stay = ("c[0]=0.3", "friction.strength=0.1")
+    mine = Choices(noise="correlated", effects="friction", priors=said, fixed=("b=1.2", *stay))
     base = Base("hertz", "prony:2", 0.99)
     moved = on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
     assert (moved.elastic, moved.relaxing) == ("hertz", "prony:2")
-    assert (moved.priors, moved.fixed) == (said[1:], ("c[0]=0.3", "friction.f=0.1"))
+    assert (moved.priors, moved.fixed) == (said[1:], stay)
     assert on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
     baseline = Base("exponential", "prony:2", 0.99)
     assert on_laws(mine, SimpleNamespace(verdict="adequate", base=baseline)) == mine

@@ -11,8 +11,7 @@ from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
-from qlvbayes.effects.force_drift import ForceDrift
-from qlvbayes.effects.force_offset import ForceOffset
+from qlvbayes.effects.drifts import ForceDrift, ForceOffset
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad

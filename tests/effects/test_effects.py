@@ -9,27 +9,23 @@ import numpy as np
 import pytest
 
 from qlvbayes.effects import conformance
-from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
-from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import Adhesion, ContactOffset
+from qlvbayes.effects.drags import Inertia, PowerLawDrag, SqueezeFilm, ViscousDrag
+from qlvbayes.effects.drifts import FluidLeak, ForceDrift
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
-from qlvbayes.effects.fluid_leak import FluidLeak
-from qlvbayes.effects.fluid_pressure import FluidPressure
-from qlvbayes.effects.force_drift import ForceDrift
-from qlvbayes.effects.frame_compliance import FrameCompliance
+from qlvbayes.effects.fluids import FluidPressure
+from qlvbayes.effects.frames import FrameCompliance
 from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.history import largest, material_time
-from qlvbayes.effects.inertia import Inertia
-from qlvbayes.effects.permanent_set import PermanentSet
-from qlvbayes.effects.power_law_drag import PowerLawDrag
-from qlvbayes.effects.squeeze_film import SqueezeFilm
-from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
-from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
-from qlvbayes.effects.stress_softening import StressSoftening
-from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.effects.lags import ChannelLag
+from qlvbayes.effects.relaxing import (
+    ExtraRelaxationMode,
+    StrainDependentRate,
+    StrainDependentStrength,
+)
+from qlvbayes.effects.softening import PermanentSet, StressSoftening
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.laws.elastic.exponential import Exponential

@@ -10,8 +10,8 @@ from recovery.rate import LEVEL, recovery_rates
 from scipy.stats import binom
 
 from qlvbayes import InputError
-from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.contacts import Adhesion
 
 DRAWS = 4
 ERRORS = 3.0  # binomial standard errors of the overall rate

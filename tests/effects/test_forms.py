@@ -12,24 +12,15 @@ from numpy.polynomial.legendre import legval
 from scipy.integrate import solve_ivp
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
-from qlvbayes.effects.adhesion_at_a_stretch import AdhesionAtAStretch
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
-from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect
-from qlvbayes.effects.friction import Friction
-from qlvbayes.effects.gradual_contact import GradualContact
-from qlvbayes.effects.guide_drag import GuideDrag, GuidePowerLawDrag
-from qlvbayes.effects.guide_friction import GuideFriction
-from qlvbayes.effects.inertia import Inertia
-from qlvbayes.effects.levelling_drift import LevellingDrift
-from qlvbayes.effects.levelling_leak import LevellingLeak
-from qlvbayes.effects.offsets_by_test import OffsetsByTest
-from qlvbayes.effects.power_law_drainage import PowerLawDrainage
-from qlvbayes.effects.pressure_friction import PressureFriction
-from qlvbayes.effects.sharp_friction import SharpFriction
-from qlvbayes.effects.slow_change import SlowChange
-from qlvbayes.effects.spreading_lag import SpreadingLag
-from qlvbayes.effects.stiffening_frame import StiffeningFrame
+from qlvbayes.effects.contacts import AdhesionAtAStretch, GradualContact
+from qlvbayes.effects.drags import GuideDrag, GuidePowerLawDrag, Inertia
+from qlvbayes.effects.drifts import LevellingDrift, LevellingLeak, OffsetsByTest, SlowChange
+from qlvbayes.effects.fluids import PowerLawDrainage
+from qlvbayes.effects.frames import StiffeningFrame
+from qlvbayes.effects.friction import Friction, GuideFriction, PressureFriction, SharpFriction
+from qlvbayes.effects.lags import ChannelLag, SpreadingLag
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales

@@ -13,7 +13,7 @@ from scipy.signal import lsim
 
 from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import find
-from qlvbayes.effects.frame_ringing import FrameRinging
+from qlvbayes.effects.frames import FrameRinging
 from qlvbayes.laws.layered import Law
 from qlvbayes.priors.distributions import AbstractScalarPrior
 

@@ -31,8 +31,8 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.resultfile import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.firstlook import FirstLook
 from qlvbayes.priors import Normal
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.report.settings import WORDS, flat
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 

@@ -12,14 +12,13 @@ from support.spaces import space_of
 
 from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EVERY
-from qlvbayes.effects.frame_compliance import FrameCompliance
-from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.effects.drags import ViscousDrag
+from qlvbayes.effects.frames import FrameCompliance
 from qlvbayes.inference.forward.fixedrates import FixedRates
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import FEW
 from qlvbayes.laws.catalogue import LAWS
-from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.relaxation.spectrum import Spectrum
+from qlvbayes.laws.relaxation.prony import Prony, Spectrum
 from qlvbayes.model.model import Model
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import prepare

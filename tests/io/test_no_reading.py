@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from support.machine_files import FIXTURES, pressed, table_spanish
 
 from qlvbayes.diagnosis.decision import Weight, decide
-from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats import apart
@@ -226,7 +226,7 @@ class Pulled:
 
 @pytest.mark.parametrize("strength", [0.0, 5e-324, 1e-310, 1e-300, 1e-160, 1e-20, 1e-3, 1.0])
 def test_adhesion_of_any_strength_is_a_number(strength, monkeypatch):
-    monkeypatch.setattr("qlvbayes.effects.adhesion.touching", lambda motion: motion)
+    monkeypatch.setattr("qlvbayes.effects.contacts.touching", lambda motion: motion)
     force = np.asarray(Adhesion(strength).force(Pulled(), Motion))
     assert np.isfinite(force).all()
     assert force[-1] == 2.0

@@ -22,9 +22,8 @@ from qlvbayes.io.formats.naming import is_mean, pad_in, pattern_of, suggested_pa
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.covered import Covered
-from qlvbayes.motion.cutting import cut
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.leavingout import refuse_unknown
+from qlvbayes.motion.pad import cut, refuse_unknown
 from qlvbayes.use.exports.card import card
 from qlvbayes.use.exports.json_file import JsonFile
 from qlvbayes.use.exports.pad import PosteriorInterval

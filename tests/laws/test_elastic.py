@@ -8,13 +8,10 @@ from numpy.polynomial.legendre import leggauss
 
 from qlvbayes.laws.catalogue import LAWS as KNOWN
 from qlvbayes.laws.conformance import check_law
-from qlvbayes.laws.elastic.cubic import Cubic
-from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.exponential import Exponential, ToeExponential
 from qlvbayes.laws.elastic.hertz import HertzPower
-from qlvbayes.laws.elastic.linear import Linear
-from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.polynomial import Cubic, Linear, Quadratic
 from qlvbayes.laws.elastic.spline import Spline
-from qlvbayes.laws.elastic.toe_exponential import ToeExponential
 
 NODES, WEIGHTS = leggauss(40)
 LAWS = [

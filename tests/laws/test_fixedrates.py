@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.inference.forward.fixedrates import FixedRates
-from qlvbayes.laws.relaxation.fung import Fung
-from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
-from qlvbayes.laws.relaxation.power_law import PowerLaw
+from qlvbayes.laws.relaxation.continuous import Fung, LogNormalSpectrum, PowerLaw
 
 SHORTEST, LONGEST = 1e-3, 60.0  # s
 

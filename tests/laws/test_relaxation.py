@@ -8,10 +8,8 @@ from scipy.special import exp1
 
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.conformance import LawError, check_law
-from qlvbayes.laws.relaxation.fung import Fung
+from qlvbayes.laws.relaxation.continuous import Fung, LogNormalSpectrum, PowerLaw
 from qlvbayes.laws.relaxation.law import MOST_TERMS
-from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
-from qlvbayes.laws.relaxation.power_law import PowerLaw
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.relaxation.stretched import StretchedExponential
 from qlvbayes.laws.scales import Scales

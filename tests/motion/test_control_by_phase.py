@@ -13,12 +13,11 @@ from support.posteriors import from_truth
 from qlvbayes import InputError
 from qlvbayes.io.data import Control, Pad, Prescribed, Test, read_measurements
 from qlvbayes.io.units import PAD
-from qlvbayes.motion.control import controls_of
+from qlvbayes.motion.control import controls_of, with_both_errors
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook.looking import look_at
-from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
-from qlvbayes.motion.loadcontrol import with_both_errors
 from qlvbayes.motion.trajectory import smooth
+from qlvbayes.report.firstlook.looking import look_at
+from qlvbayes.report.firstlook.words import lines_of, phases_in_words
 from qlvbayes.simulate import (
     NOISES,
     TABLE_1,
@@ -29,6 +28,8 @@ from qlvbayes.simulate import (
     full_retraction_protocol,
     simulate_test,
 )
+from qlvbayes.simulate.constants import Constants
+from qlvbayes.simulate.sensors import Noise
 
 B = TABLE_1["B"]
 CORRELATED = NOISES["correlated"]  # 0.006 N white and 0.008 N of a memory of 0.5 s: 0.01 N
@@ -322,3 +323,20 @@ def test_the_kept_pause_under_a_force():
     assert described(trial.phases) == PRESSED
     held = trial.phases[1]
     assert (held.start, held.stop) == pytest.approx((1.8, 3.8), abs=0.04)
+
+
+@pytest.mark.parametrize(("rested", "rate"), [(0.9, 0.3), (0.9, 3.0), (0.98, 0.3), (0.7, 3.0)])
+@pytest.mark.parametrize("speed", [0.5, 5.0])
+@pytest.mark.parametrize("pause", [2.0, 20.0])
+def test_a_pause_under_a_force_is_a_hold_however_little_it_creeps(rested, rate, speed, pause):
+    """By 0.1 to 14 % of the displacement; the ramp ends where the force does."""
+    constants, white = Constants(0.5, 0.8, (rested, 1.0 - rested), (rate,)), 5e-4
+    program = press_and_pause(1.0, speed, pause)
+    found, loaded = recorded(program, constants=constants, noise=Noise(white, 0.0))
+    experiment = prepared(found)
+    phases = experiment.trials[0].phases
+    assert [phase.kind for phase in phases][:3] == ["ramp", "hold", "unload"]
+    begun, ended = found.time[np.flatnonzero(loaded)[[0, -1]]]
+    assert phases[1].start == pytest.approx(begun, abs=0.05 * pause)
+    assert phases[1].stop == pytest.approx(ended, abs=0.05 * pause)
+    assert 0.5 * white < experiment.floor.total < 2.0 * white

@@ -10,7 +10,7 @@ from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook import look_at
+from qlvbayes.report.firstlook import look_at
 from qlvbayes.simulate import PROTOCOLS
 from tests.support.hidden_pads import hidden_pad
 

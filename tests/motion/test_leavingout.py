@@ -25,7 +25,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.leavingout import arguments_of, refuse_unknown
+from qlvbayes.motion.pad import arguments_of, refuse_unknown
 from qlvbayes.plots.look import plot_look
 from qlvbayes.plots.panels import LABEL
 from qlvbayes.simulate import (

@@ -14,9 +14,8 @@ from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion.control import controls_of
+from qlvbayes.motion.control import controls_of, force_phases
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.loadcontrol import force_phases
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate import (
     NOISES,

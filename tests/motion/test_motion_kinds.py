@@ -21,8 +21,8 @@ from support.motions import (
     uneven,
 )
 
-from qlvbayes.motion.encoder import encoder_step, encoder_steps
 from qlvbayes.motion.phases import find_phases, loading_rate
+from qlvbayes.motion.sensor import encoder_step, encoder_steps
 from qlvbayes.motion.trajectory import smooth
 
 STEPS = [0.0, 1e-4, 1e-3, 1e-2]  # mm

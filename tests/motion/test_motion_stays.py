@@ -8,10 +8,9 @@ import pandas as pd
 import pytest
 
 from qlvbayes.motion.bounds import departure_of
-from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.fewreadings import corners
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.segments import dither, tolerance
+from qlvbayes.motion.sensor import dither, encoder_step, tolerance
 from qlvbayes.motion.trajectory import smooth
 
 RECORD = Path(__file__).parents[3] / "shared" / "records" / "scatter_quarter_step.csv"

@@ -218,20 +218,6 @@ def test_the_size_of_noise_with_a_memory_of_a_quarter_of_a_hold_is_within_what_i
     assert coverage(floors, "ou", OU) > 0.35  # of 0.65: less has probability 0.03
 
 
-def test_a_low_pass_is_no_slower_than_the_quickest_movement():
-    """Which it would have smeared: smooth noise of 0.4 s must be of something else then."""
-    rng = np.random.default_rng(26)
-    kicks = rng.normal(size=TIME.size)
-    twice = lfilter([1.0], [1.0, -np.exp(-1e-3 / 0.2)], kicks)
-    slow = lfilter([1.0], [1.0, -np.exp(-1e-3 / 0.2)], twice)
-    record = Record(TIME, relaxation(TIME) + OU * slow / slow.std() + 1e-4 * kicks)
-    quick = (Phase("ramp", -0.1, 0.0), *PHASES)
-    free, bound = measure([record], [PHASES]), measure([record], [quick])
-    assert free.smooth
-    assert free.tau > 0.15
-    assert not bound.smooth or bound.tau <= 0.1 * (1.0 + 1e-9)
-
-
 def test_noise_that_grows_with_the_force_is_told():
     rng = np.random.default_rng(12)
     force = relaxation(TIME)

@@ -10,8 +10,8 @@ from scipy.signal import butter, lfilter
 
 from qlvbayes.motion.noisefloor import measure
 from qlvbayes.motion.noisefloor.dwells import Dwell
+from qlvbayes.motion.noisefloor.floor import Dwells
 from qlvbayes.motion.noisefloor.pool import Pool
-from qlvbayes.motion.noisefloor.posterior import Dwells
 from qlvbayes.motion.phases import Phase
 
 
@@ -76,8 +76,7 @@ def test_every_floor_is_finite_and_not_negative(tests, of_a_step):
 
 
 @pytest.mark.parametrize("width", [1e-15, 1e-6, 0.028, 0.3])
-@pytest.mark.parametrize("smooth", [False, True])
-def test_a_memory_whose_range_is_next_to_nothing_is_that_point(width, smooth):
+def test_a_memory_whose_range_is_next_to_nothing_is_that_point(width):
     """As from 0.3000 to 0.3085 s; the other constants stay open."""
     rng = np.random.default_rng(3)
     time = np.linspace(0.1, 6.0, 60)
@@ -85,8 +84,8 @@ def test_a_memory_whose_range_is_next_to_nothing_is_that_point(width, smooth):
     pool = Pool.from_dwells([Dwell(time, force, np.ones(60), np.arange(60))], 2.0)
     low, high = np.log(0.3), np.log(0.3) + width
     bounds = np.array([[-9.0, low], [9.2, high]])
-    best = pool.likelihood(1.0, high, smooth)[0]
-    posterior = Dwells(pool, best, 1.0, high, bounds, np.log(0.01), smooth, correlated=True)
+    best = pool.likelihood(1.0, high)[0]
+    posterior = Dwells(pool, best, 1.0, high, bounds, np.log(0.01), correlated=True)
     noises, weights = posterior.weighted(40)
     drawn = np.array([noise.tau for noise in noises])
     assert drawn.min() >= 0.3 * (1.0 - 1e-9)

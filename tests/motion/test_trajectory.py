@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.sensor import encoder_step, known_scatter
 from qlvbayes.motion.trajectory import smooth
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"

@@ -16,11 +16,11 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.firstlook import FirstLook, look_at
-from qlvbayes.motion.firstlook.facts import loaded_once
+from qlvbayes.motion.facts import loaded_once
 from qlvbayes.pipeline.run import run_study
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.look import plot_look
+from qlvbayes.report.firstlook import FirstLook, look_at
 
 STEP = 0.01  # s between readings
 NOISE = 0.002  # N

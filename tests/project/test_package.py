@@ -18,7 +18,7 @@ import qlvbayes
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 _BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
-_NO_SOURCE = shutil.ignore_patterns("__pycache__", "*.pyc")
+_NO_SOURCE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.library")
 
 
 def test_the_top_of_the_repository_has_only_what_belongs_there():
@@ -52,14 +52,19 @@ def wheel(tmp_path_factory):
     return file.name, set(zipfile.ZipFile(file).namelist())
 
 
-def test_a_wheel_is_pure_python_and_holds_every_file_of_the_package(wheel):
+def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
+    """The recursion is compiled in it for this machine, where there is a compiler."""
     name, files = wheel
-    assert name == f"qlvbayes-{qlvbayes.__version__}-py3-none-any.whl"
+    version, python, abi, _ = name.removesuffix(".whl").split("-", 1)[1].split("-")
+    assert (version, python, abi) == (qlvbayes.__version__, "py3", "none")
+    assert ("qlvbayes/laws/recursion.library" in files) == (shutil.which("cc") is not None)
     package = ROOT / "qlvbayes"
     own = {
         f"qlvbayes/{path.relative_to(package).as_posix()}"
         for path in package.rglob("*")
-        if path.is_file() and path.suffix != ".pyc" and path.parent != package / "data"
+        if path.is_file()
+        and path.suffix not in (".pyc", ".library")
+        and path.parent != package / "data"
     }
     assert {"qlvbayes/diagnosis/certainty.json", "qlvbayes/report/static/page.css"} <= own
     assert own - files == set()

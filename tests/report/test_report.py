@@ -37,7 +37,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import DASH, number, percent_unbroken, to_sd
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
-from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs

@@ -8,7 +8,7 @@ import numpy as np
 
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.effects.catalogue import by_family
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import ContactOffset
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment
 

@@ -41,8 +41,7 @@ from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.firstlook.facts import loaded_once
-from qlvbayes.motion.firstlook.shown import OF_UNLOADING
+from qlvbayes.motion.facts import OF_UNLOADING, loaded_once
 
 LEAST = 0.02
 """Probability (odds of 50 to 1) below which something is not reported."""

@@ -1,4 +1,4 @@
-"""What is known about a pad before its next test, from its saved fit or diagnosis."""
+"""Read what is known about a pad before its next test, from its saved fit or diagnosis."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
-from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.contacts import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent

@@ -24,9 +24,9 @@ from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.arrays import Array
-from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.layered import Law
-from qlvbayes.laws.relaxation.spectrum import Spectrum
+from qlvbayes.laws.relaxation.prony import Spectrum
 from qlvbayes.model.posterior import filled
 
 _NOTICED = 0.2

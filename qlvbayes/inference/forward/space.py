@@ -26,8 +26,7 @@ from qlvbayes.inference.forward.hypothesis import (
 from qlvbayes.io.arrays import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.relaxation.spectrum import Spectrum
+from qlvbayes.laws.relaxation.prony import Prony, Spectrum
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import filled, is_prior, unconstrained

@@ -1,4 +1,4 @@
-"""Define the interface of elastic laws. A new one is one class in one file."""
+"""Define the interface of elastic laws. A new one is one class."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def moments(decay: Array, count: int) -> list[Array]:
 
 
 class Rise(NamedTuple):
-    """How an elastic force F rises along a step, s from 0 to 1; arrays of any one shape, in N.
+    """Rise of an elastic force F along a step, s from 0 to 1; arrays of any one shape, in N.
 
     dF/ds = sum_j powers[j] s^j + begun e^{grown s}, where ended is begun e^grown.
     """

@@ -1,4 +1,4 @@
-"""Define the interface of relaxation laws, one class a file, and name times not resolved."""
+"""Define the interface of relaxation laws, and name times that are not resolved."""
 
 from __future__ import annotations
 

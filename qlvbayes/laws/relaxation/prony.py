@@ -1,4 +1,4 @@
-"""Define the relaxation law that is a Prony series."""
+"""Relaxation by a few exponentials: the Prony series, and any given spectrum."""
 
 from __future__ import annotations
 
@@ -62,3 +62,28 @@ class Prony(AbstractRelaxation):
     def times(self) -> dict[str, Array]:
         """Return one over each rate (s)."""
         return {f"1/v[{k}]": 1.0 / rate for k, rate in enumerate(self.v, 1)}
+
+
+class Spectrum(AbstractRelaxation):
+    """Relaxation with a given discrete spectrum."""
+
+    fractions: Constant  # (L + 1,); the first is the share that never relaxes
+    rates: Constant  # (L,) in 1/s
+    name: ClassVar[str] = "spectrum"
+    units: ClassVar[dict[str, str]] = {}
+    meanings: ClassVar[dict[str, str]] = {}
+    law: ClassVar[str] = "any spectrum"
+    reference: ClassVar[str] = ""
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Raise NotImplementedError: a given spectrum has no default."""
+        raise NotImplementedError
+
+    def spectrum(self) -> tuple[Array, Array]:
+        """Return the spectrum as it was given."""
+        return self.fractions, self.rates
+
+    def times(self) -> dict[str, Array]:
+        """Return no times: a spectrum has no constants of its own."""
+        return {}

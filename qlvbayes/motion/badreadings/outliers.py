@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.sensor import encoder_step
 
 Run = tuple[int, int]
 
@@ -34,6 +34,7 @@ _CHANGES = 4.0  # of the median change from reading to reading: how sharp a move
 _STEPS = 4.0  # of a digitised channel
 _SIDES = 1.0  # of the difference between both sides: what lies between two levels is their step
 _LEAST = 0.01  # of the channel's range: less does no harm
+_ROUNDING = 1e-5  # of the largest value: smaller ranges are no signal's
 _STEP_READINGS = 20_000  # that show the step of a digitised channel
 FEWEST = 12  # readings of which anything can be said
 
@@ -72,11 +73,13 @@ def scale_of(time: Array, signal: Array) -> ChangeScale:
     gaps = np.diff(time)
     alike = _of_equal_gaps(np.minimum(gaps[1:], gaps[:-1]), off)
     low, high = np.quantile(signal, [0.005, 0.995])
+    # the range of a force that is held is rounding
+    span = max(float(high - low), _ROUNDING * float(np.max(np.abs(signal))))
     return ChangeScale(
         np.pad(np.maximum(near, alike), 1, mode="edge"),
         np.pad(_median(change), (0, 1), mode="edge"),
         _step(signal),
-        float(high - low),
+        span,
     )
 
 

@@ -40,6 +40,8 @@ _MARGIN = 3
 """Readings on either side of a change of phase that are no cubic of their number."""
 _EVEN = 1.5
 """Ratio of neighbouring sampling intervals, above which a logger has changed its pace."""
+_EXACT = 1e-4
+"""Of the median force: no reading is known better, however many digits the file has."""
 _VARIANCE = 35.0 / 18.0
 _MEDIAN = 0.6744897501960817
 """Median size of a standard normal."""
@@ -48,7 +50,14 @@ _MEDIAN = 0.6744897501960817
 def with_fading_sd(
     tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
 ) -> tuple[list[Test], tuple[str, ...]]:
-    """Return tests with an sd of each reading where the noise decays, and a sentence on each."""
+    """Return tests with an sd of each reading where the noise decays, and a sentence on each.
+
+    No sd, measured or stated, is less than what rounding makes.
+    """
+    tests = [
+        test if sd is None else replace(test, force_sd=np.maximum(sd, _least(test)))
+        for test, sd in ((test, test.force_sd) for test in tests)
+    ]
     sds = [None if test.force_sd is not None else _levels(test, cut) for test, cut in
            zip(tests, phases, strict=True)]  # fmt: skip
     fades = [sd is not None and falls(*sd) for sd in sds]
@@ -105,7 +114,12 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
     middle = _by_window(np.mean, index, cut, size)
     if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
         return None
-    return middle, level / np.sqrt(_VARIANCE)
+    return middle, np.maximum(level / np.sqrt(_VARIANCE), _least(test))
+
+
+def _least(test: Test) -> float:
+    """Return the sd (N) below which rounding would decide."""
+    return _EXACT * float(np.median(np.abs(test.force)))
 
 
 def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
@@ -116,7 +130,8 @@ def _of_each(test: Test, phases: Sequence[Phase]) -> Array:
     size = median_filter(np.abs(e), 2 * half + 1)[whole] / _MEDIAN
     least = np.min(size[size > 0.0], initial=np.inf)  # of a force that repeats itself for a while
     own = _falling(np.maximum(size, least)) / np.sqrt(_VARIANCE)
-    return np.asarray(np.exp(np.interp(np.arange(test.time.size), index[whole], np.log(own))))
+    sds = np.exp(np.interp(np.arange(test.time.size), index[whole], np.log(own)))
+    return np.maximum(sds, _least(test))
 
 
 def _by_window(what: Callable[..., Any], values: NDArray[Any], cut: int, size: int) -> Array:

@@ -1,18 +1,179 @@
-"""The noise floor and its uncertainty."""
+"""The noise floor and its uncertainty, given the dwells: white sd, correlated sd and its time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.noisefloor.posterior import Dwells, NoiseConstants
+from qlvbayes.motion.noisefloor.pool import Pool
 
+_POINTS = 32  # of the importance sample over (log ratio, log tau), about the mode
+_PRIOR_POINTS = 64  # the same, from the prior
+_HEAVY = 5.0  # degrees of freedom of its Student-t
+_STEP = 0.1  # of both numbers, in the curvature's differences
+_WIDEST = 2.0  # sd of that t where the dwells say little
+_MEDIAN_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
+TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
+_RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 _SPREAD = 40  # draws that show the spread
 _KEPT = 0.95  # probability of the floors that are averaged
 _MOST = 5.0  # a wider prior would say nothing
+
+
+class NoiseConstants(NamedTuple):
+    """White sd, correlated sd and its time (`NoiseFloor`)."""
+
+    white: float
+    ou: float
+    tau: float
+
+
+@dataclass(frozen=True, eq=False)
+class Dwells:
+    """The pooled dwells, and the noise of highest restricted likelihood."""
+
+    pool: Pool
+    best: float
+    # ratio, tau: logarithms of the correlated variance over the white one, and of its time
+    ratio: float
+    tau: float
+    bounds: Array  # (2, 2) lowest and highest of both
+    prior_log_tau: float  # log of the prior's median time
+    # whether the correlated part is beyond doubt (else white noise alone has half the prior
+    # probability)
+    correlated: bool
+
+    def log_likelihood(self, white: float, ou: float, tau: float) -> float:
+        """Return the restricted log-likelihood (up to a constant) of some noise."""
+        log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
+        profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)))
+        size = variance / white**2
+        return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
+
+    def draw(self, count: int) -> list[NoiseConstants]:
+        """Return equally likely noises, the same at every call."""
+        return self._chosen(count, self._sample[2])[0]
+
+    def weighted(self, count: int) -> tuple[list[NoiseConstants], Array]:
+        """Return noises with weights (count,) of sum 1, so that unlikely ones are included."""
+        weights = self._sample[2]
+        draws, chosen = self._chosen(count, np.sqrt(weights))
+        shares = np.sqrt(weights[chosen])
+        return draws, shares / shares.sum()
+
+    @property
+    def is_sure(self) -> bool:
+        """True if the noise is correlated beyond doubt."""
+        return self.correlated
+
+    def _chosen(self, count: int, weights: Array) -> tuple[list[NoiseConstants], NDArray[np.intp]]:
+        """Return noises at points drawn by their weights, and the indices of those points."""
+        # here and below, as it takes longer to load than a first look takes
+        from scipy.stats import chi2
+
+        points, variances, _ = self._sample
+        shares = (np.arange(count) + 0.5) / count
+        chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
+        chosen = np.clip(chosen, 0, weights.size - 1)
+        mixed = np.random.default_rng(0).permutation(count)
+        freedom = self.pool.freedom
+        scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
+        draws = []
+        for k, scale in zip(chosen, scales, strict=True):
+            white = float(np.sqrt(variances[k]) * scale)
+            ratio, tau = points[k]
+            ou = white * float(np.exp(0.5 * ratio))
+            draws.append(NoiseConstants(white, ou, float(np.exp(tau))))
+        return draws, chosen
+
+    @cached_property
+    def _sample(self) -> tuple[Array, Array, Array]:
+        """Points (n, 2) of (log ratio, log tau), their white variances and weights (n,).
+
+        Importance sampling from a Student-t at the mode and from the prior together (each weight by
+        the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
+        mode reaches what they leave open. -inf for log ratio is white noise alone.
+        """
+        points, density = self._proposed()
+        inside = np.all((points >= self.bounds[0]) & (points <= self.bounds[1]), axis=1)
+        points, count = points[inside], density.size
+        likelihoods = [self.pool.likelihood(r, log_tau) for r, log_tau in points.tolist()]
+        logs, variances = np.array(likelihoods).T
+        weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
+        if not self.correlated:  # and white noise alone, as likely a priori
+            log_white, variance = self.pool.of_white()
+            points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
+            variances = np.append(variances, variance)
+            weights = np.append(weights, count * np.exp(log_white - self.best))
+        return points, variances, weights / weights.sum()
+
+    def _proposed(self) -> tuple[Array, Array]:
+        """Return points (n, 2) about the mode and all over the prior, and their density."""
+        from scipy.stats import qmc, truncnorm
+
+        mode, root = np.array([self.ratio, self.tau]), self._spread()
+        near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
+        middle, sds = np.array([0.0, self.prior_log_tau]), np.array([_RATIO_SD, TAU_SD])
+        prior = truncnorm(*((self.bounds - middle) / sds), loc=middle, scale=sds)
+        drawn = prior.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
+        points = np.concatenate([near, np.clip(drawn, *self.bounds)])
+        z = np.linalg.solve(root, (points - mode).T)
+        peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
+        about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
+        density = _POINTS * about + _PRIOR_POINTS * prior.pdf(points).prod(axis=1)
+        return points, density / len(points)
+
+    def _prior(self, points: Array) -> Array:
+        """Return the density (n,) of (log ratio, log tau), which are independent normals."""
+        ratio, tau = points.T
+        exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
+        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
+
+    def _log_prior(self, tau: Array) -> Array:
+        return -0.5 * ((tau - self.prior_log_tau) / TAU_SD) ** 2
+
+    def loss(self, at: Array) -> float:
+        """Return minus the log posterior at (log ratio, log tau), up to a constant."""
+        return -self.pool.likelihood(float(at[0]), float(at[1]))[0] - float(
+            self._log_prior(np.asarray(at[1]))
+        )
+
+    def _spread(self) -> Array:
+        """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
+        mode, ranges = np.array([self.ratio, self.tau]), self.bounds[1] - self.bounds[0]
+        room = np.minimum(_STEP, 0.5 * ranges)
+        mode = np.clip(mode, self.bounds[0] + room, self.bounds[1] - room)
+        here = self.loss(mode)
+        e = _STEP * np.eye(2)
+        up, down = ([self.loss(mode + sign * row) for row in e] for sign in (1.0, -1.0))
+        both = self.loss(mode + e[0] + e[1]) + self.loss(mode - e[0] - e[1])
+        diagonal = np.array(up) + np.array(down) - 2.0 * here
+        cross = 0.5 * (both - 2.0 * here - diagonal.sum())
+        curvature = np.array([[diagonal[0], cross], [cross, diagonal[1]]]) / _STEP**2
+        curvature += np.diag(12.0 / ranges**2)
+        values, vectors = np.linalg.eigh(curvature)
+        sds = 1.2 / np.sqrt(np.maximum(values, (1.2 / _WIDEST) ** 2))
+        return np.asarray(vectors * sds)
+
+
+def student_t(uniform: Array) -> Array:
+    """Return draws (n, 2) of a bivariate Student-t from uniform ones (n, 3)."""
+    from scipy.stats import chi2
+    from scipy.stats import t as student
+
+    clipped = np.clip(uniform, 1e-4, 1.0 - 1e-4)
+    normal = student.ppf(clipped[:, :2], 1e9)
+    return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))
+
+
+def prior_log_tau(longest: float) -> float:
+    """Return the log of the prior's median correlation time for dwells of this length (s)."""
+    return float(np.log(_MEDIAN_TAU * longest))
 
 
 @dataclass(frozen=True)
@@ -20,9 +181,8 @@ class NoiseFloor:
     r"""White noise of sd ``white`` plus a correlated process of sd ``ou``, both times s(F).
 
     cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 rho(|t - t'|/tau)}, rho(x) = e^{-x} (an
-    Ornstein-Uhlenbeck process), or e^{-x} (cos x + sin x) where ``smooth``
-    (white noise through a second-order low-pass, Butterworth's, of cut-off 2^{1/2}/tau);
-    s(F) = (1 + growth |F|)/(1 + growth level).
+    Ornstein-Uhlenbeck process), or e^{-x} (cos x + sin x) where ``smooth`` is stated, which no
+    measurement does; s(F) = (1 + growth |F|)/(1 + growth level).
 
     Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
     noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
@@ -56,7 +216,7 @@ class NoiseFloor:
 
     @property
     def is_sure(self) -> bool:
-        """True if the dwells determine the kind of noise."""
+        """True if the dwells show correlated noise beyond doubt."""
         return self.dwells is None or self.dwells.is_sure
 
     def scale(self, force: ArrayLike) -> Array:

@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.badreadings import outlying
-from qlvbayes.motion.encoder import encoder_step
 from qlvbayes.motion.noisefloor.cycles import find_cycles
 from qlvbayes.motion.noisefloor.dwells import (
     Dwell,
@@ -20,11 +18,10 @@ from qlvbayes.motion.noisefloor.dwells import (
     find_dwells,
     find_strokes,
 )
-from qlvbayes.motion.noisefloor.floor import NoiseFloor
+from qlvbayes.motion.noisefloor.floor import Dwells, NoiseFloor, prior_log_tau
 from qlvbayes.motion.noisefloor.pool import Pool
-from qlvbayes.motion.noisefloor.posterior import Dwells, prior_log_tau
-from qlvbayes.motion.phases import MOVING, Phase
-from qlvbayes.motion.segments import sensor_noise
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.sensor import encoder_step, sensor_noise
 
 _TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
 _QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
@@ -33,12 +30,12 @@ _RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
 _LEAST_RATIO = -9.0
 _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
 _LONGEST = 0.5  # of the median dwell: a longer memory cannot be distinguished from the trend
-_DECISIVE = 2.0  # log-likelihood by which the second process must win
+_DECISIVE = 2.0  # log-likelihood by which correlated noise must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
 _NEUTRAL = 0.1  # of a dwell: memory where none is seen
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
 _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
-_LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
+_LEAST_STEP = 1e-4  # of the largest force: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
 _WEIGHTED = (
@@ -52,22 +49,29 @@ _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
 def measure(
-    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+    tests: Sequence[MeasuredTest],
+    phases: Sequence[Sequence[Phase]],
+    *,
+    of_a_step: float = 0.0,
+    read: Sequence[MeasuredTest] | None = None,
 ) -> NoiseFloor:
-    """Return the noise seen in the holds and recoveries of the tests, pooled."""
+    """Return the noise seen in the holds and recoveries of the tests, pooled.
+
+    of_a_step: change of the force (N) for one step of the encoder; read: the tests with the force
+    as it was read, where that of ``tests`` has the errors of the displacement too.
+    """
     tests = [_without_outliers(test) for test in tests]
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
-    step = _force_step(tests)
+    step = _force_step(read or tests)
     dwells = find_dwells(tests, phases, step)
     weighted = any(test.force_sd is not None for test in tests)
     known = 0.0 if weighted else peak
-    quickest = _quickest(phases)
     if dwells:
-        floor = _pooled(dwells, known, quickest)
+        floor = _pooled(dwells, known)
     elif cycles := find_cycles(tests, phases):
-        floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
+        floor = replace(_pooled(cycles, known), notices=(_OF_CYCLES,))
     else:
-        floor = _without_dwells(tests, phases, known, quickest)
+        floor = _without_dwells(tests, phases, known)
     if weighted:
         floor = replace(floor, weighted_by_sds=True, notices=(*floor.notices, _WEIGHTED))
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
@@ -89,25 +93,20 @@ def _without_outliers(test: MeasuredTest) -> MeasuredTest:
 def _force_step(tests: Sequence[MeasuredTest]) -> float:
     """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
     steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
-    span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
+    # of a force that is held the range is rounding, and the largest one counts
+    size = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = min(steps, default=0.0)
-    return step if step > _LEAST_STEP * span else 0.0
-
-
-def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
-    """Return the time (s) of the shortest movement, which bounds the time of a low-pass filter."""
-    moves = [one.stop - one.start for cut in phases for one in cut if one.kind in MOVING]
-    return min(moves, default=np.inf)
+    return step if step > _LEAST_STEP * size else 0.0
 
 
 def _without_dwells(
-    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
+    tests: Sequence[MeasuredTest], phases: Sequence[Sequence[Phase]], peak: float
 ) -> NoiseFloor:
     """Measure the noise about smooth curves of strokes, with a prior where these leave it open."""
     length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
     strokes = find_strokes(tests, phases)
     if strokes:
-        floor = _pooled(strokes, peak, quickest, length)
+        floor = _pooled(strokes, peak, length)
         about = "it is measured about smooth curves of single strokes"
     else:
         scatters = [sensor_noise(t.time, t.force) for t in tests]
@@ -139,12 +138,12 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
         "because the motion between the readings is not known better than that"
     )
     return replace(
-        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, smooth=False,
+        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0,
         dwells=None, notices=(*notices, notice),
     )  # fmt: skip
 
 
-def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0.0) -> NoiseFloor:
+def _pooled(dwells: list[Dwell], peak: float, length: float = 0.0) -> NoiseFloor:
     """Return white sd, correlated sd, its time and the growth, by restricted maximum likelihood."""
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
@@ -156,19 +155,19 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
         memory = neutral
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
-    posterior = _fitted(pool, memory, typical, quickest)
+    posterior = _fitted(pool, memory, typical)
     growth, level = 0.0, float(np.mean(np.abs(pool.force)))
     if peak > 0.0 and (grown := _growth(posterior, peak, level)) is not None:
         growth, scaled = grown
-        posterior = _fitted(scaled, memory, typical, quickest)
+        posterior = _fitted(scaled, memory, typical)
     pool = posterior.pool
     alone, variance = pool.of_white()
     if posterior.best - alone < _DECISIVE:
         white = float(np.sqrt(variance))
         return NoiseFloor(white, 0.0, neutral, growth, level, dwells=posterior)
-    white = float(np.sqrt(pool.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[1]))
+    white = float(np.sqrt(pool.likelihood(posterior.ratio, posterior.tau)[1]))
     ou, tau = white * float(np.exp(0.5 * posterior.ratio)), float(np.exp(posterior.tau))
-    return NoiseFloor(white, ou, tau, growth, level, smooth=posterior.smooth, dwells=posterior)
+    return NoiseFloor(white, ou, tau, growth, level, dwells=posterior)
 
 
 def _pool(dwells: list[Dwell]) -> Pool:
@@ -182,45 +181,21 @@ def _pool(dwells: list[Dwell]) -> Pool:
     return pool
 
 
-def _fitted(pool: Pool, memory: float, typical: float, quickest: float) -> Dwells:
-    """Return the more likely of both kinds of correlated noise at its mode, with the other one."""
+def _fitted(pool: Pool, memory: float, typical: float) -> Dwells:
+    """Return the posterior at its mode, over the log ratio of variances and the log time."""
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
-    most = max(memory, 2.0 * shortest)
-    taus = np.log([shortest, most])
+    taus = np.log([shortest, max(memory, 2.0 * shortest)])
     bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
+    posterior = Dwells(pool, 0.0, 0.0, 0.0, bounds, prior_log_tau(typical), correlated=False)
     starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
-    rough = _mode(pool, bounds, prior_log_tau(typical), starts, smooth=False)
-    if rough.best - pool.of_white()[0] < _DECISIVE:
-        return rough
-    if (most := min(taus[1], np.log(quickest))) <= taus[0]:
-        return rough
-    bounds = np.array([bounds[0], [bounds[1, 0], most]])
-    lags = np.clip(rough.tau - np.array([0.5, 1.5, 3.0]), taus[0], most)
-    around = [(rough.ratio, lag) for lag in lags.tolist()]
-    smooth = _mode(pool, bounds, rough.prior_log_tau, around, smooth=True)
-    if smooth.best > rough.best + _DECISIVE:
-        return replace(smooth, other=rough)
-    return replace(rough, other=smooth)
-
-
-def _mode(
-    pool: Pool,
-    bounds: Array,
-    prior_log_tau: float,
-    starts: list[tuple[float, float]],
-    *,
-    smooth: bool,
-) -> Dwells:
-    """Return the mode of the posterior, from the best of some starts (log ratio, log tau)."""
-    posterior = Dwells(pool, 0.0, 0.0, 0.0, bounds, prior_log_tau, smooth, correlated=False)
     start = min(starts, key=lambda at: posterior.loss(np.array(at)))
     best = minimize(
         posterior.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
         options={"maxiter": 15, "ftol": 1e-6},
     )  # fmt: skip
     ratio, tau = map(float, best.x)
-    gain = pool.likelihood(ratio, tau, smooth)[0]
+    gain = pool.likelihood(ratio, tau)[0]
     sure = gain - pool.of_white()[0] > 3.0 * _DECISIVE
     return replace(posterior, best=gain, ratio=ratio, tau=tau, correlated=sure)
 
@@ -232,7 +207,7 @@ def _growth(posterior: Dwells, peak: float, level: float) -> tuple[float, Pool] 
     for growth in _GROWTHS / peak:
         scale = (1.0 + growth * np.abs(posterior.pool.force)) / (1.0 + growth * level)
         scaled = posterior.pool.scaled(scale)
-        gain = scaled.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[0]
+        gain = scaled.likelihood(posterior.ratio, posterior.tau)[0]
         if gain > least:
             least, best = gain, (float(growth), scaled)
     return best

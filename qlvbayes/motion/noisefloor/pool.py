@@ -1,12 +1,12 @@
 r"""Restricted likelihood of noise in all dwells together, O(n).
 
-The correlated process is the first entry of a Markov state, whose precision P is banded. With D the
-white variance of the runs' means and S the sd of the process's mean over a run,
+The precision P of the correlated process is banded. With D the white variance of the runs' means
+and S the sd of the process's mean over a run,
 
 .. math:: V = D + \rho\, S R S, \quad
-          V^{-1} = D^{-1} - D^{-1} S H (P/\rho + H^T S D^{-1} S H)^{-1} H^T S D^{-1}
+          V^{-1} = D^{-1} - D^{-1} S (P/\rho + S D^{-1} S)^{-1} S D^{-1}
 
-(Woodbury; H picks the process from the state). Patterson & Thompson 1971,
+(Woodbury). Patterson & Thompson 1971,
 doi:10.1093/biomet/58.3.545.
 """
 
@@ -21,7 +21,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.averages import rate, variance
 from qlvbayes.motion.noisefloor.dwells import Dwell, run_scale, trend
 
-_NEAREST, _NEAREST_SMOOTH = 1e-9, 1e-4
+_NEAREST = 1e-9
 """Of the correlation time: between nearer readings a process moves by less than 2 % of the white
 noise, however large it is, and the digits of its precision would not suffice."""
 
@@ -86,22 +86,18 @@ class Pool:
             self.count[:, None] * self._coefficients(), -np.log(self.count).sum()
         )
 
-    def likelihood(self, log_ratio: float, log_tau: float, smooth: bool) -> tuple[float, float]:
+    def likelihood(self, log_ratio: float, log_tau: float) -> tuple[float, float]:
         """Return the restricted log-likelihood (up to a constant) and the best white variance."""
         ratio, tau = np.exp(log_ratio), np.exp(log_tau)
-        decay = rate(tau, smooth)
-        shrink = np.sqrt(np.real(decay * tau * variance(self.length, self.count, decay)))
-        banded = _smooth_precision if smooth else _precision
-        band, log_precision = banded(self.gaps / tau)
-        width = 2 if smooth else 1
+        shrink = np.sqrt(np.real(variance(self.length, self.count, rate(tau, smooth=False))))
+        band, log_precision = _precision(self.gaps / tau)
         band = band / ratio
-        log_precision -= width * self.y.size * log_ratio
-        band[-1, ::width] += shrink**2 * self.count
+        log_precision -= self.y.size * log_ratio
+        band[-1] += shrink**2 * self.count
         factor = cholesky_banded(band, check_finite=False)
         z = self._coefficients()
-        weighted = np.zeros((width * self.y.size, z.shape[1]))
-        weighted[::width] = (shrink * self.count)[:, None] * z
-        inner = cho_solve_banded((factor, False), weighted, check_finite=False)[::width]
+        weighted = (shrink * self.count)[:, None] * z
+        inner = cho_solve_banded((factor, False), weighted, check_finite=False)
         solved = self.count[:, None] * (z - shrink[:, None] * inner)
         log_det = 2.0 * float(np.log(factor[-1]).sum()) - log_precision
         return self._restricted(solved, log_det - float(np.log(self.count).sum()))
@@ -137,30 +133,3 @@ def _precision(x: Array) -> tuple[Array, float]:
     band[1, :-1] += a**2 / left
     band[0, 1:] = -a / left
     return band, -float(np.log(left).sum())
-
-
-def _smooth_precision(x: Array) -> tuple[Array, float]:
-    """Return means (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope."""
-    x = np.clip(x, _NEAREST_SMOOTH, 300.0)
-    decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
-    off_diagonal = np.sqrt(2.0) * sine
-    A = decay * np.array([[cosine + sine, off_diagonal], [-off_diagonal, cosine - sine]])
-    own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
-    own = np.where(x < 1e-2, 8.0 * x**3 * (1.0 / 3.0 - 0.5 * x + x**2 / 3.0), own)
-    cross = decay**2 * 2.0 * np.sqrt(2.0) * sine**2
-    slope = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
-    det = own * slope - cross**2
-    inverse = np.array([[slope, -cross], [-cross, own]]) / det
-    back = np.einsum("ijn,ikn->jkn", inverse, A)  # W^-1 A, first index of A summed
-    turned = np.einsum("ijn,ikn->jkn", A, back)
-    band = np.zeros((4, 2 * x.size + 2))
-    band[3, :2] = 1.0
-    for k in (0, 1):
-        band[3, k:-2:2] += turned[k, k]
-        band[3, k + 2 :: 2] += inverse[k, k]
-    band[2, 1:-2:2] += turned[0, 1]
-    band[2, 3::2] += inverse[0, 1]
-    for i in (0, 1):
-        for j in (0, 1):  # rows: state before, columns: state after
-            band[3 - (2 + j - i), 2 + j :: 2] += -back[j, i]
-    return band, -float(np.log(det).sum())

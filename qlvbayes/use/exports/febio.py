@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.laws.relaxation.fung import Fung
-from qlvbayes.laws.relaxation.power_law import PowerLaw
+from qlvbayes.laws.relaxation.continuous import Fung, PowerLaw
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.material import CANNOT, POISSON, moduli, structure, terms
 from qlvbayes.use.exports.pad import ExportedPad

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from qlvbayes.effects.channel_lag import LINES
+from qlvbayes.effects.lags import LINES
 from qlvbayes.use.exports.card import in_comment, template
 from qlvbayes.use.exports.layers import LINE, ElasticFunction, ExportedLayer
 

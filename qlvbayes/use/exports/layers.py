@@ -20,8 +20,8 @@ import numpy as np
 from jax.core import ShapedArray
 from jax.extend import core
 
-from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.lags import ChannelLag
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.layered import Contact, Layer
 from qlvbayes.laws.motion import Line

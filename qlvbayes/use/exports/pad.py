@@ -19,7 +19,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.laws.relaxation.spectrum import Spectrum
+from qlvbayes.laws.relaxation.prony import Spectrum
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model

@@ -1,0 +1,190 @@
+"""Trapped fluid: its pressure drains linearly or by a power law."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Self
+
+import numpy as np
+
+from qlvbayes import xp
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import fading, material_duration, material_time
+from qlvbayes.effects.spans import resolved_times
+from qlvbayes.laws.elastic.polynomial import Linear
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.scales import Scales
+from qlvbayes.laws.smoothmath import exp_slope
+from qlvbayes.priors import HalfNormal, LogUniform, Uniform
+from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
+
+
+class FluidPressure(AbstractEffect):
+    """Pressure of trapped fluid: F = F_below + p, dp/dt = k v - (p/tau) e^{-a d}, p(0) = 0.
+
+    In the time xi = int e^{-a d} dt this is one relaxing mode.
+
+    * ``k``: undrained stiffness (N/mm), zero or more.
+    * ``tau``: time of drainage at zero depth (s).
+    * ``a``: how compression closes the pores (1/mm).
+    """
+
+    k: Constant
+    tau: Constant
+    a: Constant
+    name: ClassVar[str] = "fluid_pressure"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 3
+    units: ClassVar[dict[str, str]] = {"k": "stiffness", "tau": "time", "a": "exponent"}
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    law: ClassVar[str] = "dp/dt = k v - (p/tau) e^(-a delta), F += p"
+    seen: ClassVar[str] = "a transient after each move, slower to die the deeper it is"
+    reference: ClassVar[str] = "Lai, Mow & Roth 1981, doi:10.1115/1.3138261"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with k scaled by the depth."""
+        low, high = resolved_times(scales)
+        return cls(
+            scales.positive(scales.depth), LogUniform(low, high), HalfNormal(1.0 / scales.depth)
+        )
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force with the pressure added."""
+        own = motion.alone
+        xi = material_time(own.time, own.displacement, -self.a)
+        depth = own.displacement - own.displacement[0]
+        pressure = hereditary_force(*self._drainage, xi, depth, own.sagitta)
+        return below.force(motion) + pressure
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of the law beneath, and no pressure."""
+        return below.begin(displacement), Relaxing(displacement, np.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force with the pressure added."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        xi_step = material_duration(line.duration, own.depth, line.displacement, -self.a)
+        own, pressure = hereditary_step(*self._drainage, own, xi_step, line.displacement)
+        return (inner, own), force + pressure
+
+    @property
+    def _drainage(self) -> tuple[Linear, Prony]:
+        return fading(self.k, 1.0 / self.tau)
+
+
+_NONE = 1e-12  # share of the stroke below which the power is replaced by a straight line
+_NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10
+_POWERS = (0.25, 4.0)  # bounds of m: 1/2 to 2 for n = 3, 1 for 2; beyond, rho hardly changes
+
+
+class PowerLawDrainage(AbstractEffect):
+    """Pressure that drains as a power of itself: F = F_below + k q.
+
+    It follows dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q(0) = 0. A shear-thinning fluid
+    seeps as a power of the pressure, and the last of it stays long.
+
+    * ``k``: undrained stiffness (N/mm), zero or more.
+    * ``tau``: time (s) in which, at zero depth, the pressure of an undrained ``stroke`` drains.
+    * ``a``: how compression closes the pores (1/mm).
+    * ``n``: exponent, from 1 (Darcy's flow) to 3.
+    * ``stroke``: reference compression (mm), which is fixed.
+    """
+
+    k: Constant
+    tau: Constant
+    a: Constant
+    n: Constant
+    stroke: Constant
+    name: ClassVar[str] = "power_law_drainage"
+    level: ClassVar[Level] = FluidPressure.level
+    rank: ClassVar[int] = FluidPressure.rank
+    units: ClassVar[dict[str, str]] = {
+        "k": "stiffness",
+        "tau": "time",
+        "a": "exponent",
+        "n": "fraction",
+        "stroke": "displacement",
+    }
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    generalises: ClassVar[str] = FluidPressure.name
+    reduces: ClassVar[dict[str, float]] = {"n": 1.0}
+    law: ClassVar[str] = "dq/dt = v - (q/tau) |q/stroke|^(n-1) e^(-a delta), F += k q"
+    seen: ClassVar[str] = "a transient after each move, fast at first, with a long tail"
+    reference: ClassVar[str] = "Christopher & Middleman 1965, Ind. Eng. Chem. Fundam. 4:422"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with the priors of fluid_pressure, the tests' stroke, and n uniform."""
+        linear = FluidPressure.default(scales)
+        return cls(linear.k, linear.tau, linear.a, Uniform(1.0, 3.0), scales.depth)
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force with the pressure added."""
+        own = motion.alone
+        xi = material_time(own.time, own.displacement, -self.a)
+        pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
+        return below.force(motion) + self.k * pressed
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of the law beneath, the depth, and no pressure."""
+        return below.begin(displacement), displacement, xp.zeros_like(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force with the pressure added."""
+        inner, depth, q = state
+        inner, force = below.step(inner, line)
+        xi_step = material_duration(line.duration, depth, line.displacement, -self.a)
+        known = _balance(xi_step, line.displacement - depth, self.tau, self.n, self.stroke)
+        q = _drained(q, (xi_step, *known), self.tau, self.n, self.stroke)
+        return (inner, line.displacement, q), force + self.k * q
+
+
+def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
+    """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi a step."""
+    step = xp.diff(xi)
+
+    def advance(q: Array, point: tuple[Array, ...]) -> Array:
+        return _drained(q, point, tau, n, stroke)
+
+    points = (step, *_balance(step, xp.diff(depth), tau, n, stroke))
+    q = xp.recur(advance, np.zeros(()), points)
+    return xp.concatenate([np.zeros(1), q])
+
+
+def _rate(q: Array, tau: Array, n: Array, stroke: Array) -> Array:
+    return xp.maximum(xp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
+
+
+def _balance(
+    step: Array, travel: Array, tau: Array, n: Array, stroke: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return jump, s, q* and rho* of steps in xi, which do not depend on q."""
+    lasting = step > 0.0
+    source = xp.where(lasting, travel / xp.where(lasting, step, 1.0), 0.0)
+    size = xp.maximum(xp.abs(source) * tau / stroke, _NONE**n)
+    balance = xp.where(source == 0.0, 0.0, xp.sign(source) * stroke * size ** (1.0 / n))
+    return xp.where(lasting, 0.0, travel), source, balance, n * _rate(balance, tau, n, stroke)
+
+
+def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: Array) -> Array:
+    """Return q after a step."""
+    step, jump, source, balance, settling = point
+    q = q + jump
+    relative = _rate(q, tau, n, stroke)
+    gap = q - balance
+    near = xp.abs(gap) <= _NEAR * (xp.abs(q) + xp.abs(balance))
+    secant = (relative * q - source) / xp.where(near, 1.0, gap)
+    secant = xp.where(near, n * _rate(0.5 * (q + balance), tau, n, stroke), secant)
+    excess = secant - settling
+    curved = xp.abs(excess) > _NEAR * secant
+    power = (n * relative - secant) / xp.where(curved, excess, 1.0)
+    power = xp.clip(xp.where(curved, power, 1.0), *_POWERS)
+    grown = power * excess * step * exp_slope(-power * settling * step)
+    decay = settling * step + xp.log1p(grown) / power
+    share = xp.where(secant > 0.0, -xp.expm1(-decay) / secant, step)
+    return q + (source - relative * q) * share

@@ -1,0 +1,290 @@
+"""The rig's frame: it yields, rings, or has play."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from qlvbayes import xp
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.effects.history import confined
+from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors import LogUniform
+from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
+
+_STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
+
+
+class AbstractFrame(AbstractEffect):
+    """Deflection of the frame under the force: the pad is pressed less deep than the platen moves.
+
+    The force is solved at all points at once by quasi-Newton steps with the instantaneous elastic
+    stiffness: four steps give 1e-5 of the peak for a frame ten times as stiff as the pad. The
+    frame's own speed is neglected against the platen's.
+    """
+
+    level: ClassVar[Level] = Level.FRAME
+    costly: ClassVar[bool] = True
+
+    @abstractmethod
+    def deflection(self, force: Array) -> tuple[Array, Array]:
+        """Return the frame's deflection (mm) at a force (N), and its slope (mm/N)."""
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the solution of F = below(displacement - deflection)."""
+        force = xp.zeros_like(motion.time)
+        for _ in range(_STEPS):  # no scan: the law beneath is compiled by itself
+            depth, slope = self._pad_depth(below, motion.displacement, force)
+            answer = below.force(replace(motion, displacement=depth))
+            force = (answer + slope * force) / (1.0 + slope)
+        return force
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return a state of the law beneath for each Newton step, as each has its own motion."""
+        zero = xp.zeros_like(displacement)
+        force, states = zero, []
+        for _ in range(_STEPS):
+            depth, slope = self._pad_depth(below, displacement, force)
+            states.append(below.begin(depth))
+            _, answer = below.step(states[-1], Line(zero, depth, zero))
+            force = (answer + slope * force) / (1.0 + slope)
+        return tuple(states)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the states and the solution of F = below(displacement - deflection)."""
+        force, moved = xp.zeros_like(line.displacement), []
+        for one in state:
+            depth, slope = self._pad_depth(below, line.displacement, force)
+            one, answer = below.step(one, replace(line, displacement=depth))
+            moved.append(one)
+            force = (answer + slope * force) / (1.0 + slope)
+        return tuple(moved), force
+
+    def _pad_depth(self, below: Law, displacement: Array, force: Array) -> tuple[Array, Array]:
+        """Return the depth (mm) of the pad when the frame deflects under a force, and a slope.
+
+        The slope is the frame's compliance times the pad's stiffness.
+        """
+        deflected, compliance = self.deflection(force)
+        depth = displacement - deflected
+        return depth, compliance * below.elastic.stiffness(depth)
+
+
+class FrameCompliance(AbstractFrame):
+    """Frame that deflects in proportion to the force: depth = displacement - compliance F.
+
+    * ``compliance``: one over the frame's stiffness (mm/N), zero or more.
+    """
+
+    compliance: Constant
+    name: ClassVar[str] = "frame_compliance"
+    units: ClassVar[dict[str, str]] = {"compliance": "compliance"}
+    null: ClassVar[dict[str, float]] = {"compliance": 0.0}
+    law: ClassVar[str] = "delta -> delta - compliance F"
+    seen: ClassVar[str] = "softer in proportion to force"
+    reference: ClassVar[str] = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with a compliance scaled by peak force and secant stiffness."""
+        # its sd is 2.5 % of the pad's own compliance: a frame as soft as a pad lies at 40 sd
+        return cls(scales.positive(2.0 * scales.force**2 / scales.depth))
+
+    def deflection(self, force: Array) -> tuple[Array, Array]:
+        """Return compliance F, and the compliance."""
+        return self.compliance * force, self.compliance
+
+
+class StiffeningFrame(AbstractFrame):
+    """Deflection of a stiffening frame: depth = displacement - compliance F/(1 + abs(F)/stiff).
+
+    F is the force itself; it is solved as for a frame that does not stiffen.
+
+    * ``compliance``: compliance of the unloaded frame (mm/N), zero or more.
+    * ``stiff``: force (N) at which the deflection is half that of a frame that does not stiffen.
+    """
+
+    compliance: Constant
+    stiff: Constant
+    name: ClassVar[str] = "stiffening_frame"
+    units: ClassVar[dict[str, str]] = {"compliance": "compliance", "stiff": "force"}
+    null: ClassVar[dict[str, float]] = {"compliance": 0.0}
+    generalises: ClassVar[str] = FrameCompliance.name
+    reduces: ClassVar[dict[str, float]] = {"stiff": math.inf}
+    law: ClassVar[str] = "delta -> delta - compliance F/(1 + |F|/stiff)"
+    seen: ClassVar[str] = "softer where the force is small, less so where it is large"
+    reference: ClassVar[str] = "Kalidindi, Abusafieh & El-Danaf 1997, Exp. Mech. 37"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect scaled like a frame half as soft at the peak force."""
+        return cls(scales.positive(scales.force**2 / scales.depth), lognormal(scales.force, 3.0))
+
+    def deflection(self, force: Array) -> tuple[Array, Array]:
+        """Return compliance F/(1 + abs(F)/stiff), and its slope."""
+        softness = 1.0 / (1.0 + xp.abs(force) / self.stiff)
+        return self.compliance * softness * force, self.compliance * softness**2
+
+
+_FASTEST = 200.0  # Hz: a stiff testing machine
+_DAMPING = (0.005, 0.4)
+"""Damping of bare steel, and that at which a swing of the other sign still has 28 % of the first.
+
+Where it is damped critically, the mass follows the platen, which is inertia: with a machine that
+speeds up within 55 ms the two forces have a cosine of 0.6 at 10 Hz and damping 1, of 0.99 at 23.
+"""
+
+
+class FrameRinging(AbstractEffect):
+    """Force of a mass that the platen shakes: F = F_below + strength w / (2 pi f).
+
+    w'' + 2 g w' + (g^2 + (2 pi f)^2) (w - a) = 0, g = 2 pi f damping, from rest, where a is the
+    platen's acceleration and f its ``frequency``. After an abrupt change of speed by dv this is
+    strength dv (1 + damping^2) e^{-g t} sin(2 pi f t). The oscillator is advanced from point to
+    point exactly, for a velocity that is linear in between and jumps where the motion's does. The
+    mass is strength / (2 pi f); beyond all frequencies this is inertia.
+
+    * ``strength``: force that rings for each unit by which the speed changes (N s/mm), zero or
+      more.
+    * ``frequency``: frequency of the ringing (Hz).
+    * ``damping``: its decay in the time of a radian, 0.1 a loss of 47 % in a period.
+    """
+
+    strength: Constant
+    frequency: Constant
+    damping: Constant
+    name: ClassVar[str] = "frame_ringing"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = -1  # within what the load cell's own errors act on
+    units: ClassVar[dict[str, str]] = {
+        "strength": "drag",
+        "frequency": "rate",
+        "damping": "fraction",
+    }
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    off_pad: ClassVar[bool] = True
+    needs: ClassVar[str] = "velocity"
+    shapes: ClassVar[int] = 24
+    not_stepped: ClassVar[str] = (
+        "a straight line does not show, before the next one, how abruptly its speed changes"
+    )
+    law: ClassVar[str] = "F += strength w/(2 pi f), w'' + 2 g w' + (g^2 + (2 pi f)^2)(w - a) = 0"
+    seen: ClassVar[str] = "the force oscillates after each abrupt start and stop, at one frequency"
+    reference: ClassVar[str] = "Den Hartog 1956, Mechanical Vibrations, ch. 2"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with a strength scaled by the top speed."""
+        shown = 1.0 / (READINGS_A_PERIOD * scales.shortest) if scales.shortest > 0.0 else _FASTEST
+        highest = min(max(shown, 2.0 * SLOWEST_HZ), _FASTEST)
+        speed = scales.speed if scales.speed > 0.0 else 1.0
+        return cls(scales.positive(speed), LogUniform(SLOWEST_HZ, highest), LogUniform(*_DAMPING))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force with that of the swinging mass added."""
+        turn = 2.0 * math.pi * self.frequency
+        swing = _impulses(motion, turn * (1j - self.damping))
+        return below.force(motion) + self.strength * (1.0 + self.damping**2) * xp.imag(swing)
+
+    @classmethod
+    def unmeasured(cls, protocol: Protocol) -> str | None:
+        """Return why the records do not show it: speeds, or readings in a period, are missing."""
+        if READINGS_A_PERIOD * SLOWEST_HZ * protocol.interval > 1.0:
+            fewest = f"fewer than {READINGS_A_PERIOD:.0f} readings"
+            return f"{fewest} fall in a period of {SLOWEST_HZ:.0f} Hz"
+        return super().unmeasured(protocol)
+
+
+def _impulses(motion: Motion, rate: Array) -> Array:
+    """Return the integral of e^{rate (t - s)} dv(s) from rest at each point (N,), complex."""
+    duration = xp.diff(motion.time)
+    gained = motion.acceleration[:-1] * duration
+    jumps = xp.diff(motion.velocity) - gained
+    change = rate * duration
+    # (e^x - 1)/x, whose series is exact to 1e-16 where the difference loses digits
+    near = xp.abs(change) < 1e-5
+    far = xp.where(near, 1.0, change)
+    mean = xp.where(near, 1.0 + 0.5 * change, (xp.exp(far) - 1.0) / far)
+    parts = xp.concatenate([motion.velocity[:1] + 0j, gained * mean + jumps])
+    decay = xp.concatenate([np.ones(1) + 0j, xp.exp(change)])
+    return xp.accumulate(_composed, (decay, parts))[1]
+
+
+def _composed(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return decay and part of two steps, one after the other."""
+    return first[0] * second[0], second[0] * first[1] + second[1]
+
+
+class Backlash(AbstractEffect):
+    """Play of the drive when it turns: the depth is p = min(max(p_before, d), d + play).
+
+    On the way in the platen is where the encoder says. This is the play operator.
+
+    * ``play``: distance that the drive moves back before the platen follows (mm), zero or more.
+    """
+
+    play: Constant
+    name: ClassVar[str] = "backlash"
+    level: ClassVar[Level] = Level.DEPTH
+    rank: ClassVar[int] = 2
+    units: ClassVar[dict[str, str]] = {"play": "displacement"}
+    null: ClassVar[dict[str, float]] = {"play": 0.0}
+    inverts: ClassVar[bool] = False
+    not_inverted: ClassVar[str] = "while the platen waits the drive may be anywhere in the play"
+    law: ClassVar[str] = "delta -> p, p' = 0 until delta leaves [p - play, p]"
+    seen: ClassVar[str] = "after each turn of the drive the force waits before it follows"
+    reference: ClassVar[str] = "Visintin 1994, doi:10.1007/978-3-662-11557-2, ch. III, play"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the effect with a play scaled by the stiffness at the largest force."""
+        return cls(scales.positive(scales.stiffness))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Return the force of the law beneath at the platen's own depth."""
+        depth, _ = xp.accumulate(confined, self._range(motion.displacement))
+        waits = self._waits(depth, motion.displacement)
+        still = xp.zeros_like(depth)
+        followed = replace(
+            motion,
+            displacement=depth,
+            velocity=xp.where(waits, still, motion.velocity),
+            acceleration=xp.where(waits, still, motion.acceleration),
+            sagitta=None if motion.sagitta is None else xp.where(waits, still, motion.sagitta),
+        )
+        return below.force(followed)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Return the state of the law beneath, and the platen's depth."""
+        return below.begin(displacement), displacement
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Return the state and the force after a line on which the platen waits, then follows."""
+        inner, depth = state
+        depth = xp.clip(depth, line.displacement, line.displacement + self.play)
+        waits = self._waits(depth, line.displacement)
+        speed = xp.where(waits, 0.0, line.velocity)
+        inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
+        return (inner, depth), force
+
+    def _range(self, displacement: Array) -> tuple[Array, Array]:
+        """Return the least and the largest depth (N,) of the platen at each point."""
+        return displacement, xp.concatenate([displacement[:1], displacement[1:] + self.play])
+
+    def _waits(self, depth: Array, displacement: Array) -> Array:
+        """Return whether the platen is inside the play, in contact with neither of its ends."""
+        # exact: a platen at one end of the play was set to that very number
+        return (depth > displacement) & (depth < displacement + self.play)
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """Return why no test can show it: it needs a test that moves back."""
+        return None if protocol.unloads else "no test unloads"

@@ -1,0 +1,131 @@
+"""Elastic forces that are polynomials of depth, of one, two and three terms.
+
+References
+----------
+Tschoegl 1989, doi:10.1007/978-3-642-73602-5 (one term); Rivlin & Saunders 1951,
+doi:10.1098/rsta.1951.0004 (more)
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Self
+
+from qlvbayes import xp
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import Rise
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
+from qlvbayes.xp import Array
+
+_MEANINGS = {
+    "m": "stiffness at first contact, before anything relaxes",
+    "k2": "force by the square of depth",
+    "k3": "force by the cube of depth",
+}
+_UNITS = {"m": "stiffness", "k2": "quadratic_stiffness", "k3": "cubic_stiffness"}
+
+
+class AbstractPolynomial(AbstractElastic):
+    """Elastic force F_e = m delta + k2 delta^2 + k3 delta^3, with one to three of the terms.
+
+    Each step's integral is exact: along a step the stiffness is a polynomial of the share of the
+    step that is done.
+    """
+
+    m: Constant
+    reference: ClassVar[str] = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
+
+    @property
+    def terms(self) -> tuple[Array, Array]:
+        """Return k2 and k3, 0 where the law has no such term."""
+        return getattr(self, "k2", 0.0), getattr(self, "k3", 0.0)
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Return the law under weak priors: m near the secant stiffness, the others around zero."""
+        stiffness = lognormal(scales.force / scales.depth, 5.0)
+        others = [Normal(0.0, scales.force / scales.depth**k) for k in range(2, len(cls.units) + 1)]
+        return cls(stiffness, *others)
+
+    def force(self, depth: Array) -> Array:
+        """Return F_e = m depth + k2 depth^2 + k3 depth^3."""
+        second, third = self.terms
+        return depth * (self.m + depth * (second + third * depth))
+
+    def stiffness(self, depth: Array) -> Array:
+        """Return K = m + 2 k2 depth + 3 k3 depth^2."""
+        second, third = self.terms
+        return self.m * xp.ones_like(depth) + depth * (2.0 * second + 3.0 * third * depth)
+
+    def rise(self, start: Array, stop: Array, force_start: Array, force_stop: Array) -> Rise:
+        """Return dd (K(d0) + K'(d0) dd s + 3 k3 dd^2 s^2)."""
+        (second, third), travel = self.terms, stop - start
+        slope, bend = 2.0 * second + 6.0 * third * start, 3.0 * third * travel
+        powers = travel * self.stiffness(start), travel * travel * slope, travel * travel * bend
+        return Rise(powers[: len(self.units)])
+
+
+class Linear(AbstractPolynomial):
+    """Elastic force proportional to depth, F_e = m delta: a linear viscoelastic solid.
+
+    Parameters
+    ----------
+    m
+        Stiffness (N/mm).
+
+    References
+    ----------
+    Tschoegl 1989, doi:10.1007/978-3-642-73602-5
+    """
+
+    name: ClassVar[str] = "linear"
+    units: ClassVar[dict[str, str]] = {"m": "stiffness"}
+    meanings: ClassVar[dict[str, str]] = {"m": "stiffness before anything relaxes, at any depth"}
+    law: ClassVar[str] = "K(δ) = m"
+    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+
+
+class Quadratic(AbstractPolynomial):
+    """Elastic force as a polynomial of two terms: F_e = m delta + k2 delta^2.
+
+    Parameters
+    ----------
+    m
+        Stiffness at first contact (N/mm).
+    k2
+        Coefficient of the square of depth (N/mm2); the pad stiffens where it is positive.
+
+    References
+    ----------
+    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
+    """
+
+    k2: Constant
+    name: ClassVar[str] = "polynomial:2"
+    units: ClassVar[dict[str, str]] = {name: _UNITS[name] for name in ("m", "k2")}
+    meanings: ClassVar[dict[str, str]] = {name: _MEANINGS[name] for name in ("m", "k2")}
+    law: ClassVar[str] = "F(δ) = m δ + k2 δ²"
+
+
+class Cubic(AbstractPolynomial):
+    """Elastic force as a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3.
+
+    Parameters
+    ----------
+    m
+        Stiffness at first contact (N/mm).
+    k2, k3
+        Coefficients of the square (N/mm2) and of the cube (N/mm3) of depth, of either sign.
+
+    References
+    ----------
+    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
+    """
+
+    k2: Constant
+    k3: Constant
+    name: ClassVar[str] = "polynomial:3"
+    units: ClassVar[dict[str, str]] = _UNITS
+    meanings: ClassVar[dict[str, str]] = _MEANINGS
+    law: ClassVar[str] = "F(δ) = m δ + k2 δ² + k3 δ³"

@@ -1,0 +1,207 @@
+"""Collect the movements, holds and unloadings of a pad's tests.
+
+Which parts of a model the tests can show depends on these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.io.data import Control
+from qlvbayes.io.formats.sampling import sampling_of
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import MOVING, Phase
+
+NEARLY = 0.02
+"""Share of the largest depth or force, below which a test counts as back at zero."""
+OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")
+"""Effects that show where a platen moves back."""
+ROUNDED = 0.1
+"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
+DEEPER = 1.25
+"""Ratio of two depths from which they count as different."""
+_LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
+_FEWEST = 5  # readings in a dwell that show how the force goes on in it
+_TIMES = 401  # of a movement, at which its speed is looked for
+_LATE = 0.1  # of a hold, about its middle and at its end, whose readings are set side by side
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A movement: its speed (displacement over s), duration (s) and number of readings."""
+
+    kind: str
+    speed: float
+    duration: float
+    readings: int
+
+
+@dataclass(frozen=True)
+class LoadedDwell:
+    """A dwell under load: its level (displacement, or the prescribed force) and duration (s)."""
+
+    control: Control  # which of both is prescribed
+    level: float
+    duration: float
+    change: float  # of the other in its second half, over the pad's largest
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All movements, and all dwells under load with enough readings."""
+
+    moves: tuple[Movement, ...]
+    holds: tuple[LoadedDwell, ...]
+    interval: float  # shortest median time (s) between readings of a test
+    loads: int  # ramps of all tests
+
+    @property
+    def longest_hold(self) -> float:
+        """Duration (s) of the longest hold; 0 without holds."""
+        return max((hold.duration for hold in self.holds), default=0.0)
+
+    @property
+    def speeds(self) -> list[float]:
+        """Speeds of all movements."""
+        return [move.speed for move in self.moves]
+
+    @property
+    def held(self) -> Control:
+        """Quantity that is held: the displacement, or the force where it never is."""
+        loaded = all(hold.control == Control.FORCE for hold in self.holds)
+        return Control.FORCE if loaded else Control.DISPLACEMENT
+
+    @property
+    def levels(self) -> list[float]:
+        """Levels of the holds."""
+        return [hold.level for hold in self.holds if hold.control == self.held]
+
+    @property
+    def durations(self) -> tuple[float, float]:
+        """Durations (s) of the shortest and the longest movement."""
+        lengths = [move.duration for move in self.moves] or [0.0]
+        return min(lengths), max(lengths)
+
+
+def facts_of(experiment: Experiment) -> Facts:
+    """Collect movements and holds from the phases of all tests."""
+    moves: list[Movement] = []
+    holds: list[LoadedDwell] = []
+    for trial in experiment.trials:
+        moves += [move_of(trial, phase) for phase in trial.used_phases if phase.kind in MOVING]
+        every_hold = (_hold(experiment, trial, phase) for phase in trial.used_phases)
+        holds += [hold for hold in every_hold if hold is not None]
+    # of an uneven record the short ones, which are where it changes quickly
+    intervals = [sampling_of(trial.test.time).low for trial in experiment.trials]
+    loads = sum(move.kind == "ramp" for move in moves)
+    return Facts(tuple(moves), tuple(holds), min(intervals), loads)
+
+
+def move_of(trial: Trial, phase: Phase) -> Movement:
+    """Return a movement, with the speed over the middle 60 % of its stroke."""
+    time = np.linspace(phase.start, phase.stop, _TIMES)
+    depth = trial.trajectory.displacement(time)
+    depth = np.maximum.accumulate(np.abs(depth - depth[0]))
+    early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)
+    speed = 0.6 * float(depth[-1] / (late - early)) if late > early else 0.0
+    return Movement(phase.kind, speed, phase.stop - phase.start, rows(trial, phase).size)
+
+
+def rows(trial: Trial, phase: Phase) -> np.ndarray:
+    """Return the indices of the readings in a phase."""
+    first, stop = np.searchsorted(trial.test.time, [phase.start, phase.stop])
+    return np.arange(first, max(stop, first))
+
+
+def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> LoadedDwell | None:
+    """Return a hold; None if it moves, bears no load or has too few readings."""
+    inside = rows(trial, phase)
+    if phase.kind in MOVING or inside.size < _FEWEST:
+        return None
+    held, answer = trial.test.displacement[inside], trial.test.force[inside]
+    largest, of_answer = experiment.depth, experiment.peak
+    if phase.control == Control.FORCE:
+        held, answer, largest, of_answer = answer, held, of_answer, largest
+    level = float(np.median(held))
+    pressed = abs(level) if experiment.units.dimensionless else level
+    if pressed < _LOADED * largest:  # before contact, or back at zero
+        return None
+    time = trial.test.time[inside]
+    duration = float(time[-1] - time[0])
+    middle, end = phase.start + 0.5 * duration, float(time[-1])
+    spare = 0.5 * _LATE * duration
+    at_middle = answer[np.abs(time - middle) <= spare]
+    at_end = answer[time >= end - spare]
+    change = 0.0
+    if at_middle.size and at_end.size and of_answer > 0.0:
+        change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
+    return LoadedDwell(phase.control, level, phase.stop - phase.start, change)
+
+
+def noise_of(experiment: Experiment) -> float:
+    """Return the sd of the median reading: the floor's, or that of the measured sds."""
+    sds = [t.test.force_sd for t in experiment.trials if t.test.force_sd is not None]
+    if not sds:
+        return experiment.floor.total
+    return experiment.floor.total * float(np.median(np.concatenate(sds))) / experiment.sd_scale
+
+
+def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
+    """Return whether a test moves back by more than the fitted motion may ripple."""
+    return any(
+        back > nearly * experiment.depth
+        for trial in experiment.trials
+        for phase in trial.used_phases
+        if phase.kind == "unload"
+        for back in [_way_back(trial, phase)]
+    )
+
+
+def _way_back(trial: Trial, phase: Phase) -> float:
+    begin, end = trial.trajectory.displacement(np.array([phase.start, phase.stop]))
+    return float(begin - end)
+
+
+def returns(experiment: Experiment, nearly: float = NEARLY) -> bool:
+    """Return whether an unloading ends at zero depth, or the force vanishes in or after it."""
+    return any(_returns(experiment, trial, nearly) for trial in experiment.trials)
+
+
+def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
+    little = max(nearly * experiment.peak, 3.0 * experiment.floor.total)
+    for phase in trial.used_phases:
+        if phase.kind not in ("unload", "recovery"):
+            continue
+        if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < (
+            nearly * experiment.depth
+        ):
+            return True
+        inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
+        if np.any(trial.test.force[inside] < little):
+            return True
+    return False
+
+
+def loaded_once(experiment: Experiment) -> bool:
+    """Return whether there is one test, all of whose loads after the first go no deeper."""
+    if len(experiment.trials) > 1:
+        return False
+    (trial,) = experiment.trials
+    ramps = [phase.stop for phase in trial.phases if phase.kind == "ramp"]
+    depths = np.abs(trial.trajectory.displacement(np.array(ramps)))
+    return bool(depths.size) and float(depths.max()) < DEEPER * float(depths[0])
+
+
+def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
+    """Return whether all rests in contact are at one depth."""
+    ends = [
+        float(trial.trajectory.displacement(np.array([phase.stop]))[0])
+        for trial in experiment.trials
+        for phase in trial.used_phases
+        if phase.kind not in MOVING and phase.control == Control.DISPLACEMENT
+    ]
+    apart = nearly * experiment.depth
+    pressed = [depth for depth in ends if depth > apart]
+    return bool(pressed) and max(pressed) - min(pressed) < apart

@@ -1,0 +1,270 @@
+"""What readings of displacement are worth: the encoder's step, their scatter, the clock's error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ndtri
+
+from qlvbayes.io.arrays import Array
+from qlvbayes.motion.bounds import Tolerance
+
+_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
+_DIGITS = 1e-6  # of the range: a record of seven digits has no finer differences
+_LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
+_PASSED = 20  # changes that show a larger one
+_REPEATED = 3  # equal readings in a row: a level,
+_LEVELS = 20  # of which so many, each next to another, show how far apart levels are
+_WHOLE = 0.95  # of these distances are multiples of the median one: scatter repeats others
+_MOST_AVERAGED = 16  # readings whose mean a logger takes: levels farther apart are the motion's
+_ALIKE = 0.4  # of their mean: neighbouring intervals that differ by more are not meant to be equal
+_CLIPPED = 5.0  # times the median: larger changes are gaps
+_DENSE = 3.0  # times the shorter intervals (their quartile): up to these, readings are dense
+_EXACT = 1e-6  # of an interval: less is rounding of the computer's
+_DECIMALS = range(10)  # digits after the point to which a file may round
+_MANY = 100  # readings that distinguish scatter from motion,
+_FEW = 50  # readings, of which three changes of the motion reach a third,
+_SHOWING = 50_000  # and that show it to a third of a per cent
+_REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
+_STILL = 0.02  # of the windows repeat exactly: seldom for scatter of a step, more for a smaller one
+_QUIET, _QUIETEST = 0.7, 0.3  # of the windows, from the quietest on, of many readings and of few
+_SMALL = 2.0  # steps: larger changes are motion
+_UNDONE = 8  # changes undone that show a scatter
+_MOSTLY = 0.3  # of the pairs of small changes,
+_OFTEN = 0.1  # or so many of them
+_AT_ONCE = 2  # readings later at most
+_PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
+
+
+def encoder_step(displacement: Array) -> float:
+    """Return the step to which readings were rounded; 0 if there is none or it does not show."""
+    step = _lattice(displacement)
+    return step * max(averaged(displacement, step), 1)
+
+
+def _lattice(displacement: Array) -> float:
+    """Return the step of which all changes are multiples; 0 if none is visible."""
+    span = float(np.ptp(displacement))
+    changes = np.diff(displacement)
+    sizes = np.abs(changes)
+    sizes = np.sort(sizes[sizes > 1e-9 * span])
+    if sizes.size < 2:
+        return 0.0
+    if sizes[-1] - sizes[0] < _DIGITS * max(float(sizes[-1]), span):
+        moving = np.abs(changes) > 0.5 * sizes[0]
+        alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
+        if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):
+            return 0.0
+    step = float(sizes[0])
+    for _ in range(12):
+        rest = np.abs(sizes - np.round(sizes / step) * step)
+        rest = rest[rest > max(0.05 * step, 1e-9 * span)]
+        if rest.size == 0:
+            counts = np.round(sizes / step)
+            if step < _LEAST_STEP * span or (step > _LARGE * span and sizes.size < _PASSED):
+                return 0.0
+            return float(sizes @ counts / (counts @ counts))
+        step = float(rest.min())
+        if step < _LEAST_STEP * span:
+            return 0.0
+    return 0.0
+
+
+def encoder_steps(displacements: Sequence[Array]) -> list[float]:
+    """Return the step of each of several records by one encoder, 0 where none shows."""
+    own = [_lattice(x) for x in displacements]
+    least = min((step for step in own if step > 0.0), default=0.0)
+    steps = [
+        least if least > 0.0 and _divides(least, x) else step
+        for step, x in zip(own, displacements, strict=True)
+    ]
+    means = [averaged(x, step) for step, x in zip(steps, displacements, strict=True)]
+    typical = max(means, default=0)
+    return [step * max(mean or typical, 1) for step, mean in zip(steps, means, strict=True)]
+
+
+def averaged(displacement: Array, step: float) -> int:
+    """Return how many rounded readings each reading is the mean of; 1 for one, 0 if unknown."""
+    if step == 0.0:
+        return 0
+    change = np.flatnonzero(np.diff(displacement) != 0.0) + 1
+    first, stop = np.append(0, change), np.append(change, displacement.size)
+    level = stop - first >= _REPEATED
+    first, stop = first[level], stop[level]
+    next_to = first[1:] - stop[:-1] <= 1
+    apart = np.abs(np.diff(displacement[first]))[next_to]
+    apart = np.round(apart / step).astype(int)
+    apart = apart[apart > 0]
+    if apart.size < _LEVELS:
+        return 0
+    count = int(np.median(apart))
+    whole = float(np.mean(apart % count == 0)) >= _WHOLE
+    return count if whole and count <= _MOST_AVERAGED else 1
+
+
+def _divides(step: float, displacement: Array) -> bool:
+    """Return whether all changes are multiples of a step."""
+    changes = np.abs(np.diff(displacement))
+    rest = np.abs(changes - np.round(changes / step) * step)
+    return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))
+
+
+def clock_error(time: Array) -> float:
+    """Return the sd (s) of each time stamp (n,) of a record; 0 where they are exact."""
+    if time.size < 3:
+        return 0.0
+    gaps = np.diff(time)
+    if _on_a_lattice(gaps):
+        return 0.0
+    mean = 0.5 * (gaps[1:] + gaps[:-1])
+    change = np.diff(gaps)
+    typical = float(np.median(np.abs(change) / mean))
+    if typical > _ALIKE:
+        return last_decimal(gaps) / float(np.sqrt(12.0))
+    alike = np.abs(change) < max(_ALIKE, _CLIPPED * typical) * mean
+    dense = mean < _DENSE * float(np.quantile(gaps, 0.25))
+    pairs = (alike & dense)[1:] & (alike & dense)[:-1]
+    if not pairs.any():
+        return 0.0
+    variance = -float(np.mean((change[1:] * change[:-1])[pairs])) / 4.0
+    error = np.sqrt(max(variance, 0.0))
+    return float(error) if error > _EXACT * float(mean.min()) else 0.0
+
+
+def _on_a_lattice(gaps: Array) -> bool:
+    """Return whether all intervals are multiples of one, or of several last decimals."""
+    if _multiples(gaps, float(gaps.min())):
+        return True
+    step = last_decimal(gaps)
+    return step > 0.0 and int(np.gcd.reduce(np.round(gaps / step).astype(np.int64))) > 1
+
+
+def last_decimal(values: Array) -> float:
+    """Return the coarsest of 1, 0.1, ... 1e-9 of which all values are multiples; 0 if none."""
+    for decimals in _DECIMALS:
+        if _multiples(values, 10.0**-decimals):
+            return float(10.0**-decimals)
+    return 0.0
+
+
+def _multiples(values: Array, step: float) -> bool:
+    counts = values / step
+    return bool(np.all(np.abs(counts - np.round(counts)) < 1e-3))
+
+
+def known_scatter(
+    times: Sequence[Array], displacements: Sequence[Array], steps: Sequence[float]
+) -> list[float]:
+    """Return upper bounds on the scatter's sd in several records by one sensor."""
+    few = [time.size < _MANY for time in times]
+    if not any(few):
+        return [np.inf] * len(few)
+    records = zip(times, displacements, steps, few, strict=True)
+    least = min(
+        (_scatter(t, x, step) for t, x, step, short in records if not short), default=np.inf
+    )
+    return [least if short else np.inf for short in few]
+
+
+def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
+    """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``."""
+    best, most = np.inf, np.inf
+    shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
+    for points in (3, 4, 5, 6):
+        if time.size < points + 6:
+            break
+        windows = np.lib.stride_tricks.sliding_window_view(signal, points)
+        weights = _divided_difference(np.lib.stride_tricks.sliding_window_view(time, points))
+        moving = np.ptp(windows, axis=1) > 0.0
+        if np.count_nonzero(moving) < 6:
+            return 0.0
+        still = 1.0 - np.count_nonzero(moving) / moving.size
+        if still > 0.5:
+            most = _REPEATS * step
+        elif still > _STILL and step > 0.0:
+            most = min(most, step)
+        size = np.abs(np.sum(windows * weights, axis=1)[moving])
+        rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
+        beyond = int(np.count_nonzero(size > rounding))
+        if step > 0.0 and beyond <= min(10, 0.05 * size.size) + 0.005 * size.size:
+            return 0.0
+        best = min(best, *(_trimmed_sd(size, share) for share in shares))
+    if not np.isfinite(best):
+        return 0.0
+    return float(np.sqrt(max(min(best, most) ** 2 - step**2 / 12.0, 0.0)))
+
+
+def _trimmed_sd(size: Array, share: float) -> float:
+    """Return the Gaussian sd from a share of the values with the smallest magnitudes."""
+    kept = np.sort(size)[: max(1, int(share * size.size))]
+    most = float(ndtri(0.5 + 0.5 * share))
+    density = np.exp(-0.5 * most**2) / np.sqrt(2.0 * np.pi)
+    return float(np.sqrt(np.mean(kept**2) / (1.0 - 2.0 * most * density / share)))
+
+
+def _divided_difference(times: Array) -> Array:
+    """Return weights (rows of unit norm) that annihilate polynomials of degree points - 2."""
+    gaps = times[:, :, None] - times[:, None, :]
+    gaps /= np.ptp(times, axis=1)[:, None, None]
+    gaps[:, np.arange(times.shape[1]), np.arange(times.shape[1])] = 1.0
+    weights = 1.0 / np.prod(gaps, axis=2)
+    return np.asarray(weights / np.linalg.norm(weights, axis=1, keepdims=True), dtype=np.float64)
+
+
+def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
+    """Return the bounds that step and scatter imply, at least 1e-4 of the range."""
+    span = float(np.ptp(displacement))
+    floor = 1e-4 * span
+    noise = min(_scatter(time, displacement, step), scatter)
+    if noise <= 0.1 * floor:
+        noise = 0.0
+    spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
+    if time.size < _MANY:
+        spread = min(spread, 0.05 * span)
+    return Tolerance(
+        sample=max(0.75 * step, 0.5 * step + spread, floor),
+        rest=max(step, 0.5 * step + spread, floor),
+        spread=spread,
+        floor=floor,
+        noise=noise,
+        step=step,
+    )
+
+
+def _scatter(time: Array, displacement: Array, step: float) -> float:
+    """Return the scatter of as many readings as determine it, to limit memory."""
+    x = displacement[:_SHOWING]
+    return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
+
+
+def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
+    """Return the sd of the scatter about a fitted path; infinite where it is not determined."""
+    freedom = residual.size - _PER_KNOT * knots
+    if tol.noise == 0.0 or freedom < 0.5 * residual.size:
+        return np.inf
+    size = np.abs(residual)
+    left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
+    left *= float(np.sqrt(residual.size / freedom))
+    beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
+    return max(beyond, dither(displacement, tol.step))
+
+
+def dither(displacement: Array, step: float) -> float:
+    """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none."""
+    if step == 0.0:
+        return 0.0
+    change = np.round(np.diff(displacement) / step)
+    small = np.abs(change) <= _SMALL
+    moves = np.flatnonzero(change != 0.0)
+    pairs = small[moves[1:]] & small[moves[:-1]]
+    back = pairs & (change[moves[1:]] * change[moves[:-1]] < 0.0)
+    undone, of = np.count_nonzero(back), np.count_nonzero(pairs)
+    at_once = np.count_nonzero(back & (np.diff(moves) <= _AT_ONCE))
+    if undone < _UNDONE or (undone < _MOSTLY * of and at_once < _OFTEN * of):
+        return 0.0
+    among = small[1:] & small[:-1]
+    variance = float(np.mean(np.diff(change)[among] ** 2)) / 6.0
+    if variance < 0.25:
+        return step * 0.5 / -float(ndtri(0.5 * variance))
+    return step * float(np.sqrt(variance - 1.0 / 12.0))

@@ -1,0 +1,217 @@
+"""A first look at a pad's tests, before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qlvbayes.io.data import Control
+from qlvbayes.io.formats.sampling import sampling_of
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
+from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence.touching import contact_of
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
+from qlvbayes.motion.past import remembered_tests
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.report.firstlook.result import (
+    BY_PHASE,
+    ContactSeen,
+    MotionSeen,
+    NoiseSeen,
+    PadSeen,
+    PhaseSeen,
+    TestSeen,
+)
+from qlvbayes.report.firstlook.shown import shown_by
+
+_SURE = 4.0  # standard errors, from which on contact is not at the file's zero,
+_TOE = 0.1  # and of the depth: a force that begins softly rises out of the noise as late
+_OFF = 0.02  # of the peak force, below which a force at rest does no harm,
+_NOISY = 3.0  # and times the noise
+_AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
+_RESTS = 5  # readings there, that show the force at rest
+_DEAD = 6.0  # times the noise, below which a test's force has not answered
+
+
+def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
+    """Describe a pad's tests, and which parts of the model they can show."""
+    floor, falls = experiment.floor, experiment.falls
+    tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
+    return PadSeen(
+        experiment.pad,
+        experiment.fluid,
+        NoiseSeen(
+            floor.total,
+            floor.white,
+            floor.ou,
+            floor.memory,
+            testable=floor.testable,
+            by_reading=any(trial.test.force_sd is not None for trial in experiment.trials),
+        ),
+        tests,
+        shown_by(experiment, facts_of(experiment), bonded=bonded),
+        (
+            *_corrections(experiment, tests),
+            *falls,
+            *pull_notices(experiment, bonded=bonded, effects=effects),
+        ),
+        (
+            *(text for text in experiment.notices if text not in falls),
+            *(f"pad {experiment.pad}: {text}" for text in floor.notices),
+        ),
+        direct_evidence(experiment, bonded),
+    )
+
+
+def _test(experiment: Experiment, index: int) -> TestSeen:
+    trial = experiment.trials[index]
+    test, whole = trial.test, trial.whole
+    tests = [one.whole for one in experiment.trials]
+    before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
+    return TestSeen(
+        test=test.name,
+        role=trial.role,
+        control=BY_PHASE if trial.control is None else trial.control,
+        control_declared=test.states_control,
+        readings=test.time.size,
+        duration=float(whole.time[-1] - whole.time[0]),
+        interval=float(np.median(np.diff(whole.time))),
+        sampling=sampling_of(whole.time).describe(),
+        clock_sd=trial.trajectory.clock_sd,
+        start=whole.start_s,
+        start_known=test.start_known,
+        after=tuple(experiment.trials[k].name for k in before),
+        rate=trial.rate if np.isfinite(trial.rate) else None,
+        reached=_reached(trial),
+        depth=_depth(trial, experiment.units),
+        peak=float(np.max(np.abs(test.force))),
+        phases=tuple(_phases(trial)),
+        motion=_motion(trial, experiment.units),
+        contact=None if experiment.units.dimensionless else _contact(experiment, trial),
+        at_rest=_at_rest(experiment, trial),
+        left_out=trial.left_out.count if trial.left_out is not None else 0,
+    )
+
+
+def _depth(trial: Trial, units: UnitSystem) -> float:
+    """Return the largest displacement, in magnitude, of a test."""
+    displacement = trial.whole.displacement
+    return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
+
+
+def _reached(trial: Trial) -> float | None:
+    ramp = _first_ramp(trial)
+    return None if ramp is None or _loaded(ramp) else move_of(trial, ramp).speed
+
+
+def _first_ramp(trial: Trial) -> Phase | None:
+    return next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+
+
+def _loaded(phase: Phase) -> bool:
+    return phase.control == Control.FORCE
+
+
+def _phases(trial: Trial) -> list[PhaseSeen]:
+    ends = [
+        map(float, trial.trajectory.displacement(np.array([phase.start, phase.stop])))
+        for phase in trial.phases
+    ]
+    return [
+        PhaseSeen(
+            phase.kind,
+            phase.start,
+            phase.stop,
+            begin,
+            end,
+            int(rows(trial, phase).size),
+            phase.control,
+        )
+        for phase, (begin, end) in zip(trial.phases, ends, strict=True)
+    ]
+
+
+def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
+    path, test = trial.trajectory, trial.whole
+    left = test.displacement - path.displacement(test.time)
+    worst = int(np.argmax(np.abs(left)))
+    off = path.departure
+    return MotionSeen(
+        path.resolution,
+        float(np.sqrt(np.mean(left**2))),
+        float(abs(left[worst])),
+        float(test.time[worst]),
+        bool(abs(left[worst]) > ROUNDED * path.resolution > 0.0),
+        None if off is None else off.notice(trial.name, units.displacement),
+    )
+
+
+def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
+    """Return where the force begins to rise; None if no approach shows it."""
+    contact = contact_of(experiment, trial)
+    if contact is None:
+        return None
+    begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
+    if begun and contact.force > _clear(experiment):
+        return None
+    return ContactSeen(contact.position, contact.sd, contact.force, float(contact.force_sd))
+
+
+def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
+    """Return the force before contact if it is clearly not zero; else None."""
+    test = trial.test
+    first = _first_ramp(trial)
+    if experiment.units.dimensionless or _loaded(first or trial.phases[0]):
+        return None
+    begin = test.time[0] if first is None else first.start
+    near = np.abs(test.displacement) <= _AT_ZERO * experiment.depth
+    before = (near & (test.time < begin)) | (
+        (test.displacement < -_AT_ZERO * experiment.depth) & (test.time < _peak_time(trial))
+    )
+    if np.count_nonzero(before) < _RESTS:
+        return None
+    force = float(np.median(test.force[before]))
+    return force if abs(force) > _clear(experiment) else None
+
+
+def _clear(experiment: Experiment) -> float:
+    """Return the force that a load cell at rest clearly does not show."""
+    return max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
+
+
+def _peak_time(trial: Trial) -> float:
+    return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
+
+
+def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
+    """Return sentences on what to correct or to decide before a fit."""
+    units, noise, cautions = experiment.units, noise_of(experiment), []
+    for test in tests:
+        name = f"pad {experiment.pad}, test {test.test}"
+        if test.peak < _DEAD * noise:
+            cautions.append(
+                f"{name}: the {units.force_name} never leaves its noise (largest "
+                f"{plain(test.peak)} {units.force}, noise {plain(noise, 2)}): see whether the load "
+                "cell was connected, or leave the test out"
+            )
+            continue
+        cautions += [f"{name}: {text}" for text in _of_contact(test, units)]
+    return cautions
+
+
+def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
+    contact, cautions = test.contact, []
+    if contact is not None and contact.position > max(_SURE * contact.sd, _TOE * test.depth):
+        cautions.append(
+            f"the force begins to rise at {plain(contact.position)} +- {plain(contact.sd, 2)} "
+            f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
+            "fit find it by --add contact_offset"
+        )
+    if test.at_rest is not None:
+        cautions.append(
+            f"the {units.force_name} before contact is {plain(test.at_rest)} {units.force}: take "
+            "it off, or let the fit find it by --add force_offset"
+        )
+    return cautions
