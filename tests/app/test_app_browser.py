@@ -312,7 +312,8 @@ def test_once_sampled_every_constant_shows_its_interval_and_the_slider_spans_it(
         visit = Visit(browser, app)
         page = visit.page
         page.get_by_role("button", name="Pad B").click()
-        until(page, "bench.store.now.pad === 'B' && Boolean(bench.store.now.entry.bands)")
+        until(page, "bench.store.now.pad === 'B' && Boolean(bench.store.now.hand)")
+        assert now(page, "entry.bands.state") == 0
         for parameter in now(page, "parameters"):
             row = page.locator(f".constant[data-key='{parameter['name']}']")
             ends = [f"{end:.4g}" for end in posterior[parameter["name"]].hdi90]

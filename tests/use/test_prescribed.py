@@ -97,7 +97,7 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
         ("time_s,displacement_mm\n0,0\n1,x\n", 3),
         ("time_s,displacement_mm\n0,0\n1\n", 3),
         ("time_s,displacement_mm\n0,0\n1,1\n0.9,2\n", 4),
-        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", 4),
+        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", 5),
         ("time_s,displacement_mm,force_N\n0,0,0\n", 1),
         ("time_s,weight_kg\n0,0\n", 1),
         ("time_s,force_N\n0,0\n", None),
