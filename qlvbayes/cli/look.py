@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -33,14 +34,14 @@ _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 def look_command(
     inputs: InputOptions,
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o",
             "--output",
             help="Folder for look.json and the pictures; or a .csv or .csv.gz file, to make "
-            "machines' files tidy.",
+            "machines' files tidy. Without it nothing is written.",
         ),
-    ] = Path("look"),
+    ] = None,
     *,
     as_json: AsJson = False,
 ) -> None:
@@ -50,15 +51,15 @@ def look_command(
     the readings that are left out. Says which parts of the model the tests can show: yes, hardly
     (these tests cannot distinguish it from something else) or no, with the reason and the test that
     would show it.
-    Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
-    from them, and what is left between both.
+    With -o OUT it leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings,
+    the motion taken from them, and what is left between both.
 
     With -o FILE.csv it turns files of testing machines into one tidy file, as 'convert' does, and
     leaves a picture next to it. Layouts are recognised by the files' first bytes; sign, zero,
     units, sampling, dropped rows and clocks are determined and reported. What a file leaves open is
     asked on a terminal, and refused in a pipe.
     """
-    if output.name.lower().endswith((".csv", ".csv.gz")):
+    if output is not None and output.name.lower().endswith((".csv", ".csv.gz")):
         _make_tidy(inputs, output, as_json=as_json)
         return
     # imported here, so that the help does not wait for them
@@ -75,7 +76,9 @@ def look_command(
         out.print(source.grouping, soft_wrap=True)
     looks = []
     for study in studies:
-        folder = output if len(studies) == 1 else output / Path(study.source).stem
+        folder = output
+        if output is not None and len(studies) > 1:
+            folder = output / Path(study.source).stem
         arguments = arguments_of(study.pads, parts, gaps)
         with waiting("looking"):
             look, figures = look_into(
@@ -202,13 +205,14 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     if look.notices:
         lines = (f"  {text}" for text in in_short(look.notices))
         out.print("as read:", *lines, sep="\n", soft_wrap=True)
-    for pad, figure in zip(look.pads, figures, strict=True):
+    for pad, figure in zip_longest(look.pads, figures):
         out.print(_tests(pad, look.units))
         for line in lines_of(pad, look.units):
             out.print(f"  {line}", soft_wrap=True)
         for notice in pad.notices:
             out.print(f"  {notice.removeprefix(f'pad {pad.pad}: ')}", soft_wrap=True)
-        out.print(f"  picture: {figure}")
+        if figure is not None:
+            out.print(f"  picture: {figure}")
         out.print(_shown(f"pad {pad.pad}: what these tests show", pad.shown))
     if look.between:
         out.print(_shown("the pads, side by side", look.between))

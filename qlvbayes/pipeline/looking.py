@@ -1,4 +1,4 @@
-"""Look at measurements before the first step and save the result; nothing is fitted."""
+"""Look at measurements before the first step, and save the result if asked; nothing is fitted."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from qlvbayes.report.firstlook import FirstLook, PadSeen, look_at
 from qlvbayes.report.firstlook.shown import shown_between
 
 LOOK = "look"
-Seen = tuple[PadSeen, bytes]
-"""First look at a pad, and its picture as a PNG file."""
+Seen = tuple[PadSeen, bytes | None]
+"""First look at a pad, and its picture as a PNG file, where one is drawn."""
 Apply = Callable[[Callable[[Pad], Seen], Sequence[Pad]], Iterable[Seen]]
 """Function that applies a task to pads, in order, as ``map`` does."""
 
 
 def look_into(
-    folder: Path,
+    folder: Path | None,
     study: Measurements,
     pads: Sequence[Pad],
     *,
@@ -34,10 +34,11 @@ def look_into(
     next_commands: Sequence[str] = (),
     apply: Apply = map,
 ) -> tuple[FirstLook, list[Path]]:
-    """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in a folder."""
+    """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in the folder."""
     fixed = study.units.bonded_default if bonded is None else bonded
     prepared = partial(prepare, keep_all_readings=keep_all_readings, use=use, leave_out=leave_out)
-    task = partial(_look_at, prepared=prepared, bonded=fixed, effects=effects)
+    drawn = folder is not None
+    task = partial(_look_at, prepared=prepared, bonded=fixed, effects=effects, drawn=drawn)
     results = list(apply(task, pads))
     pads_seen = tuple(seen for seen, _ in results)
     look = FirstLook(
@@ -48,19 +49,27 @@ def look_into(
         between=shown_between(pads_seen, study.units),
         next=tuple(next_commands),
     )
+    if folder is None:
+        return look, []
     results_folder(folder)
     look.write(folder / f"{LOOK}.json")
     figures = [folder / f"{LOOK}_{seen.pad}.png" for seen in pads_seen]
     for figure, (_, picture) in zip(figures, results, strict=True):
-        write_whole(figure, picture)
+        write_whole(figure, picture or b"")
     return look, figures
 
 
 def _look_at(
-    pad: Pad, *, prepared: Callable[[Pad], Experiment], bonded: bool, effects: tuple[str, ...]
+    pad: Pad,
+    *,
+    prepared: Callable[[Pad], Experiment],
+    bonded: bool,
+    effects: tuple[str, ...],
+    drawn: bool,
 ) -> Seen:
     experiment = prepared(pad)
-    return look_at(experiment, bonded=bonded, effects=effects), _picture(experiment)
+    seen = look_at(experiment, bonded=bonded, effects=effects)
+    return seen, _picture(experiment) if drawn else None
 
 
 def _picture(experiment: Experiment) -> bytes:

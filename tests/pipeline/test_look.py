@@ -317,6 +317,17 @@ def test_a_machine_file_that_leaves_something_open_takes_the_answer_of_convert(t
     assert "--sign both --contact file" in found.next[0]
 
 
+def test_nothing_is_written_unasked(tmp_path, monkeypatch):
+    file = write(tmp_path / "pad.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    result = look(file)
+    assert result.exit_code == 0, result.output
+    assert "picture" not in result.output
+    assert list(folder.iterdir()) == []
+
+
 def test_a_pad_cannot_be_called_as_a_picture_is(tmp_path):
     file = write(tmp_path / "p.csv", table({"a": pressed((1.0, 2.0, 5.0))}, pad="look_P.png"))
     with pytest.raises(InputError, match="file of results"):
