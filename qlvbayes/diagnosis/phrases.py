@@ -10,10 +10,9 @@ from collections.abc import Callable, Sequence
 
 from qlvbayes.diagnosis.result import DiagnosisResult, LawPair, Stage
 from qlvbayes.diagnosis.verdict import Verdict
-from qlvbayes.io.wording import joined, percent, percent_unbroken
+from qlvbayes.io.wording import joined, pad_title, percent, percent_unbroken
 
 LIKELY = 0.5  # probability that nothing is missing from which the text says so
-UNNAMED = "pad"  # name of the only pad of a file that has no names
 _BASELINE = "plain model"  # the laws that were chosen, without any added effect
 
 BADGES = {
@@ -24,11 +23,6 @@ BADGES = {
     Verdict.UNEXPLAINED: "unexplained",
 }
 """Every verdict in one or two words."""
-
-
-def pad_title(name: str) -> str:
-    """Return 'pad B', or 'the pad' where the file does not name it."""
-    return "the pad" if name == UNNAMED else f"pad {name}"
 
 
 def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:

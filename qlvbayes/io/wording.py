@@ -6,6 +6,7 @@ from collections.abc import Collection
 from math import floor, isfinite, log10
 
 DASH = "–"  # for what is not known
+UNNAMED = "pad"  # name of the only pad of a file that has no names
 NBSP = "\u00a0"  # between a number and its unit, where no line may break
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -100,3 +101,8 @@ def percent_unbroken(share: float | None) -> str:
 def with_unit(text: str, unit: str) -> str:
     """Return a number and its unit, '0.34 N/mm'; the number alone where the unit is 1."""
     return text if unit in ("", "1") else f"{text}{NBSP}{unit}"
+
+
+def pad_title(name: str) -> str:
+    """Return 'pad B', or 'the pad' where the file does not name it."""
+    return "the pad" if name == UNNAMED else f"pad {name}"

@@ -40,7 +40,7 @@ _ROUNDS = 4  # of finding the contact and the line
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """What the force does off the specimen, in a test's units: F_0 + ``along`` d + ``drift`` t."""
+    """Force off the specimen, in a test's units: F_0 + ``along`` d + ``drift`` t."""
 
     level: float
     along: float

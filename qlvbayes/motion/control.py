@@ -1,4 +1,4 @@
-r"""What was prescribed in each part of a test: the displacement, or the force.
+r"""Find what was prescribed in each part of a test: the displacement, or the force.
 
 A force that rests while the displacement goes on ever more slowly was prescribed: a specimen creeps
 under a load, or recovers at no force. What is prescribed between such stretches is the quantity

@@ -35,7 +35,7 @@ _AT_REST = 30  # and more of them where the platen rests;
 _LARGE = 2.5  # of the smallest change: half of them are larger, as no converter's are that repeats,
 _REPEATED = 0.6  # and as many of them follow a row that repeats the one before it
 _MOVES = 0.02  # of the displacement's range, by which the platen moves about such a change at least
-_AGAIN = 1.5  # times the usual repeat: in a longer one the force was read anew, and was the same
+_AGAIN = 1.5  # times the common repeat: in a longer one the force was read anew, and was the same
 
 
 def with_own_readings(pad: Pad) -> tuple[Pad, tuple[str, ...]]:
@@ -148,16 +148,16 @@ def _rows_of(test: Test, *, while_moving: bool, fewest: int = 0) -> float:
     if change.size < max(_FEWEST, fewest):
         return 0.0
     repeats, sizes = np.diff(change, prepend=0), np.abs(np.diff(test.force))[change - 1]
-    usual = float(np.median(repeats))
+    common = float(np.median(repeats))
     shown = (
         _moving(test.displacement, change, repeats) if while_moving else np.ones_like(change, bool)
     )
-    if np.count_nonzero(shown) < _FEWEST or usual < 2.0:
+    if np.count_nonzero(shown) < _FEWEST or common < 2.0:
         return 0.0
     large = shown & (sizes > _LARGE * float(sizes.min()))
     if np.count_nonzero(large) < max(_FEWEST, 0.5 * np.count_nonzero(shown)):
         return 0.0
-    return usual if np.mean(repeats[large] > 1) >= _REPEATED else 0.0
+    return common if np.mean(repeats[large] > 1) >= _REPEATED else 0.0
 
 
 def _moving(displacement: Array, change: NDArray[np.intp], repeats: NDArray[np.intp]) -> Mask:

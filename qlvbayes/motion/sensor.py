@@ -1,4 +1,4 @@
-"""What readings of displacement are worth: the encoder's step, their scatter, the clock's error."""
+"""Measure readings of displacement: the encoder's step, their scatter, the clock's error."""
 
 from __future__ import annotations
 

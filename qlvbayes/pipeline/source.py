@@ -26,7 +26,7 @@ from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import tidy_text, write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import PAD
-from qlvbayes.io.wording import listed
+from qlvbayes.io.wording import UNNAMED, listed
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
 
@@ -34,7 +34,6 @@ REFERENCES = "paper_table1.csv"
 """File of reference constants, next to the measurements, that is drawn with the pads' own."""
 KEPT = "measurements.csv"
 """Tidy file, in a folder of results, of what was read of several files of testing machines."""
-_UNNAMED = "pad"  # name of a file's only pad where no column names it
 _NO_MEASUREMENTS = {
     ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",
     ".png", ".py", ".rst", ".sh", ".tex", ".toml", ".yaml", ".yml", ".zip",
@@ -252,7 +251,7 @@ def named_after(file: Path, study: Measurements) -> Measurements:
     stem = _stem(file)
     pads = []
     for pad in study.pads:
-        same = len(study.pads) == 1 and pad.name in (_UNNAMED, stem)
+        same = len(study.pads) == 1 and pad.name in (UNNAMED, stem)
         name = stem if same else f"{stem}-{pad.name}"
         if (fault := folder_fault(name)) is not None:
             raise InputError(f"'{name}' {fault[0]}", file=file, remedy=fault[1])

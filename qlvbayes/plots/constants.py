@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.constants_table import Entry, rounded
+from qlvbayes.io.wording import pad_title
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style

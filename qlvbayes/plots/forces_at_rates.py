@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import rated
+from qlvbayes.io.wording import pad_title, rated
 from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import (
     BLACK,

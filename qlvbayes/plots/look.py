@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED
 from qlvbayes.motion.phases import MOVING

@@ -10,9 +10,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
+from qlvbayes.io.wording import pad_title
 from qlvbayes.model.drawn import described_fields
 from qlvbayes.plots.naming import parameter_label, parameter_lines
 from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from qlvbayes.diagnosis.phrases import pad_title
+from qlvbayes.io.wording import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.panels import by_rate, legend_entries, trial_name

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import decimals_of
+from qlvbayes.io.wording import decimals_of, pad_title
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
     LEAST_ROWS,

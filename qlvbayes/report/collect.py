@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 
 from qlvbayes.comparison.contrast import Comparison
-from qlvbayes.diagnosis.phrases import pad_title
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.pad_check import Curves
@@ -22,6 +21,7 @@ from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.resultfile import Result
+from qlvbayes.io.wording import pad_title
 from qlvbayes.model.drawn import described_fields
 from qlvbayes.report.errors import ErrorTable
 

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 from qlvbayes.laws import AbstractElastic, AbstractRelaxation
-from qlvbayes.laws.elastic.steps import quadratic_force_step
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.priors import Uniform
 from qlvbayes.laws.scales import lognormal
 
@@ -45,7 +45,7 @@ class Tangent(AbstractElastic):
 
     def relaxed_step(self, start, stop, force_start, force_stop, decay):
         middle = self.force(0.5 * (start + stop))
-        return quadratic_force_step(force_start, middle, force_stop, decay)
+        return Rise.through(force_start, middle, force_stop).relaxed(decay)
 
 
 class Maxwell(AbstractRelaxation):

@@ -31,7 +31,7 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.resultfile import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.priors import Normal
+from qlvbayes.priors import LogNormal
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.report.settings import WORDS, flat
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
@@ -102,7 +102,7 @@ PLAIN = {
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
     DiagnosisSettings: lambda rng: DiagnosisSettings(*rng.uniform(0.0, 0.5, 7)),
     Choices: lambda rng: Choices(
-        elastic=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
+        elastic=str(rng.choice(["hertz", "spline"])), priors={"v[1]": LogNormal(rng.normal(), 0.1)}
     ),
     Any: lambda rng: (None, True, 0.5, "x", 3)[rng.integers(5)],
 }

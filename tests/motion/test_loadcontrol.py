@@ -230,10 +230,15 @@ def test_a_file_says_what_was_prescribed(tmp_path):
 
 
 def test_a_weight_may_be_all_that_a_file_has(tmp_path):
-    """Its force never changes, which of a prescribed displacement is a broken channel."""
+    """The displacement creeps under a force that never changes; without any it is a dead channel."""
     rows = [f"{0.1 * k:.1f},{1.0 + 0.1 * np.log1p(k):.4f},1.0" for k in range(60)]
     file = tmp_path / "weight.csv"
     file.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
+    (test,) = read_measurements(file).pads[0].tests
+    assert any("control" in notice for notice in read_measurements(file).notices)
+    assert test.control == "force"
+    dead = [row.replace(",1.0", ",0.0") for row in rows]
+    file.write_text("\n".join(["time_s,displacement_mm,force_N", *dead]) + "\n")
     with pytest.raises(InputError, match="force_N never changes"):
         read_measurements(file)
     rows = [f"{row},force" for row in rows]

@@ -120,7 +120,7 @@ def test_a_choice_that_cannot_be_used_is_refused_when_it_is_made(given):
 
 def test_one_effect_may_be_a_text():
     assert q.Choices(effects="friction") == q.Choices(effects=["friction"])
-    assert q.Choices(effects="friction", priors="friction.f=halfnormal(0.1)").effects == (
+    assert q.Choices(effects="friction", priors="friction.strength=halfnormal(0.1)").effects == (
         "friction",
     )
 

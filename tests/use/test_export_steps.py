@@ -33,10 +33,10 @@ SETS = [
 ]
 SOME = ("viscous_drag", "friction", "force_offset")
 CASES = [
-    *({"law": law} for law in LAWS),
+    *({"elastic": law} for law in LAWS),
     *({"relaxation": relaxation} for relaxation in RELAXATION),
     {"bonded": True},
-    *({"effects": SOME, **more} for more in ({"bonded": True}, {"law": "hertz"})),
+    *({"effects": SOME, **more} for more in ({"bonded": True}, {"elastic": "hertz"})),
     *({"effects": effects} for effects in SETS),
 ]  # fmt: skip
 
@@ -157,7 +157,7 @@ def test_a_force_brings_back_its_displacement(compiled, case):
 @pytest.mark.parametrize(
     "case",
     [
-        *({"law": law} for law in LAWS),
+        *({"elastic": law} for law in LAWS),
         {"effects": TOGETHER},
         {"effects": ("contact_offset", "frame_compliance")},
     ],
@@ -179,7 +179,7 @@ def test_whatever_the_force_does_the_displacement_bears_it(compiled, case):
 
 @needs_gcc
 def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
-    _, program, _ = compiled({"law": "exponential"})
+    _, program, _ = compiled({"elastic": "exponential"})
     time = np.linspace(0.0, 60.0, 600)
     force = np.where(time < 5.0, 1.0, np.where(time < 6.0, -1.0, 0.0))
     depth, touched = program.displacement(time, force)
@@ -212,7 +212,7 @@ def test_touch_is_that_of_the_specimen(compiled):
 
 @needs_gcc
 @pytest.mark.parametrize(
-    "case", [{"law": "hertz"}, {"effects": TOGETHER}, {"effects": ("adhesion",)}], ids=named
+    "case", [{"elastic": "hertz"}, {"effects": TOGETHER}, {"effects": ("adhesion",)}], ids=named
 )
 def test_single_precision_drifts_by_no_more_than_the_header_says(compiled, case):
     pad, double, _ = compiled(case)

@@ -6,13 +6,13 @@ import math
 from functools import partial
 
 from qlvbayes.diagnosis.certainty import calibration
-from qlvbayes.diagnosis.phrases import LIKELY, pad_title, paragraph_lead
+from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.catalogue import FORMS
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import capitalized, joined, percent, plain, to_noise
+from qlvbayes.io.wording import capitalized, joined, pad_title, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.motion.pulling import pull_notices
