@@ -4,10 +4,14 @@ Both are fitted, and of those that are faithful to the readings the one that tak
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
 sine a few spans of a quintic spline. At a reading a path may be off by what the reading's errors
 explain, and between two readings by as much as these differ; else straight lines through the
-readings take its place.
+readings take its place. Where it leaves the range of two readings that do not turn, monotone cubics
+take the place of the pieces there, and of no others: cubics through all readings of a slow creep
+would follow the encoder's steps.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +39,7 @@ _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and t
 _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
+_NEXT_TO = 0.25  # of the time between two readings: nearer than that there is no further piece
 _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 
 
@@ -56,9 +61,7 @@ def fitted(
     stop = t.size if after is None else after.first + 1
     if strays(stretch, tol):
         return lines(t[first:stop], x[first:stop], stretch, tol)
-    if overshoots(stretch, tol):
-        return through(t[first:stop], x[first:stop], stretch.joints, stretch.window)
-    return stretch
+    return patched(stretch, tol)
 
 
 def _one_move(
@@ -218,18 +221,6 @@ def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
     return bool(np.sum(np.linalg.solve(root.T, design[-1]) ** 2) <= 1.0)
 
 
-def overshoots(stretch: Stretch, tol: Tolerance) -> bool:
-    """Return whether a path leaves the range of two readings that do not turn."""
-    knots, window = stretch.joints.knots, stretch.window
-    inside = (window.time >= knots[0]) & (window.time <= knots[-1])
-    time, x = window.time[inside], window.displacement[inside]
-    if stretch.degree != 2 or time.size < 3:
-        return False
-    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
-    path = stretch.at(between.ravel()).reshape(between.shape)
-    return bool(np.any(strays_between(stretch.at(time), path, x, tol.farthest)))
-
-
 def lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
     """Return straight lines through some of the readings, from one dwell to the other."""
     left, right = stretch.joints.left, stretch.joints.right
@@ -258,3 +249,82 @@ def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
         (x[-1] if right is None else right),
     )
     return adjusted
+
+
+def patched(stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Interpolate the readings where the path leaves the range of two that do not turn."""
+    knots, window = stretch.joints.knots, stretch.window
+    inside = (window.time >= knots[0]) & (window.time <= knots[-1])
+    time, x = window.time[inside], window.displacement[inside]
+    if stretch.degree != 2 or time.size < 3:
+        return stretch
+    path = stretch.at(time)
+    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
+    off = strays_between(path, stretch.at(between.ravel()).reshape(between.shape), x, tol.farthest)
+    for k in np.flatnonzero(off):
+        stretch = _patch(stretch, time, x, time[k], time[k + 1], tol)
+    return stretch
+
+
+def _patch(
+    stretch: Stretch, time: Array, x: Array, begin: float, end: float, tol: Tolerance
+) -> Stretch:
+    """Replace the pieces, or parts of pieces, that few readings around two of them show."""
+    knots = stretch.pieces.knots
+    few = np.diff(np.searchsorted(time, knots)) < FEWEST_PER_PIECE
+    low = int(np.searchsorted(knots, begin, side="right")) - 1
+    high = int(np.searchsorted(knots, end, side="left")) - 1
+    while low >= 0 and few[low]:
+        begin, low = knots[low], low - 1
+    while high < few.size and few[high]:
+        end, high = knots[high + 1], high + 1
+    first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(time, end)), time.size - 1) + 1
+    at, values = time[first:last], x[first:last].copy()
+    if low < 0:
+        at, values = (one[::-1] for one in _up_to(knots[0], at[::-1], values[::-1], stretch, tol))
+    if high == few.size:
+        at, values = _up_to(knots[-1], at, values, stretch, tol)
+    values[[0, -1]] = stretch.at(at[[0, -1]])
+    ends = stretch.joints
+    rests = low < 0 and ends.left is not None, high == few.size and ends.right is not None
+    return _spliced(stretch, monotone(at, values, rests=rests))
+
+
+def _up_to(
+    end: float, time: Array, x: Array, stretch: Stretch, tol: Tolerance
+) -> tuple[Array, Array]:
+    """Return readings (n,) in either order of time with the end of the path as their last."""
+    near = abs(end - time[-1]) < _NEXT_TO * abs(time[-1] - time[-2])
+    if near and abs(x[-1] - stretch.at(np.array([end]))[0]) <= tol.rest:
+        return np.append(time[:-1], end), x
+    return np.append(time, end), np.append(x, 0.0)
+
+
+def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
+    """Replace the pieces between the first knot of others and their last."""
+    old, begin, end = stretch.pieces, made.knots[0], made.knots[-1]
+    rows, new = _coefficients(old), _coefficients(made)
+    before = old.knots[:-1] < begin
+    later = np.unique(np.append(end, old.knots[:-1][old.knots[:-1] > end]))
+    later = later[later < old.knots[-1]]
+    k = np.searchsorted(old.knots, later, side="right") - 1
+    s = later - old.knots[k]
+    d, v, a, h = rows[:, k]
+    after = np.array(
+        [d + s * (v + s * (0.5 * a + s * h)), v + s * (a + 3.0 * s * h), a + 6.0 * s * h, h]
+    )
+    knots = np.concatenate([old.knots[:-1][before], made.knots[:-1], later, old.knots[-1:]])
+    d, v, a, h = np.concatenate([rows[:, before], new, after], axis=1)
+    joints = stretch.joints
+    kinked = np.isin(knots, joints.knots[joints.kinked]) | ((knots >= begin) & (knots <= end))
+    kinked[[0, -1]] = joints.kinked[[0, -1]]
+    joints = replace(joints, knots=knots, kinked=kinked)
+    pieces = Pieces(knots, d, v, a, h[None])
+    return Stretch(stretch.window, joints, 2, pieces, stretch.parameters + 2 * made.velocity.size)
+
+
+def _coefficients(part: Pieces) -> Array:
+    """Return displacement, velocity, acceleration and cubic coefficient (4, k) of each piece."""
+    cubes = np.zeros((1, part.velocity.size)) if part.higher is None else part.higher
+    return np.array([part.displacement, part.velocity, part.acceleration, *cubes])

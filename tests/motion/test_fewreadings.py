@@ -50,6 +50,17 @@ def test_nothing_overshoots_that_no_reading_shows(rate, offset, creep):
     assert np.all(np.diff(path) > -1e-3)
 
 
+@pytest.mark.parametrize(("rate", "offset", "creep"), [(100.0, 0.004, 0.2), (30.0, 0.017, 0.02)])
+def test_a_creep_after_a_quick_press_keeps_its_speed(rate, offset, creep):
+    """What few readings of the press leave open is no reason to follow the encoder's steps."""
+    _, time, x = press(rate, offset, creep)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(x.size)
+    found = smooth(time, np.round(x + noise, 3))
+    speed = creep / 5.0  # mm/s, over the hold of `press`
+    off = found.velocity(np.linspace(0.3, 4.5, 5001)) - speed
+    assert np.max(np.abs(off)) < 0.05 * speed
+
+
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
 def test_readings_of_a_trapezoid_give_it_back(share):
     time = np.linspace(-0.2, 0.8, 21)
