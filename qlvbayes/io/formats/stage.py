@@ -145,12 +145,17 @@ def _joint_position(known: Sequence[Approach]) -> tuple[float, float]:
     speeds = np.array([one.speed for one in known])
     peak = max(float(one.load.max()) for one in known)
     drags = _DRAGS if speeds.max() > _APART * speeds.min() else _DRAGS[:1]
-    shown = []
+    found = []
     for one in known:
         jumps = [drag * peak * one.speed / speeds.max() for drag in drags]
         forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
-        shown.append(onsets_of(one.way, one.load, one.contact.level, forms))
-    spacings = np.array([one.contact.spacing for one in known])
+        found.append(onsets_of(one.way, one.load, one.contact.level, forms))
+    if sum(map(bool, found)) < 2:  # without drag each shows its own contact
+        found = [onsets_of(one.way, one.load, one.contact.level, FORMS) for one in known]
+    # A press of few rows may show a contact without drag, and none where drag is likelier.
+    telling = [k for k, onsets in enumerate(found) if onsets]
+    shown, speeds = [found[k] for k in telling], speeds[telling]
+    spacings = np.array([known[k].contact.spacing for k in telling])
     joint = [_over_files(onsets, spacings, speeds) for onsets in zip(*shown, strict=True)]
     position, sd = mean_over_forms(joint)
     weights = np.array([one.contact.sd for one in known]) ** -2.0
