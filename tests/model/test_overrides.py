@@ -67,7 +67,7 @@ def test_a_prior_in_words_is_the_same_prior(prior):
 def test_priors_are_given_as_objects_or_as_words():
     told = ("v[1]=lognormal(1.8,0.5)", "m=lognormal(0.25,2.0)")
     words = Choices(priors=told, fixed=["v[2]=0.14"])
-    given = {"v[1]": LogNormal(1.8, 0.5), "m": "normal(0.25,2.0)"}
+    given = {"v[1]": LogNormal(1.8, 0.5), "m": "lognormal(0.25,2.0)"}
     assert Choices(priors=given, fixed={"v[2]": 0.14}) == words
     assert Choices(priors="m=lognormal(0.25,2.0)").priors == ("m=lognormal(0.25,2.0)",)
     assert Choices.from_dict(json.loads(json.dumps(words.as_dict()))) == words

@@ -157,7 +157,10 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
         return None
     middle = fits[min(_MIDDLE, len(fits) - 1)]
     row = int(np.argmax(way > middle.position))
-    spacing = abs(float(way[row] - way[max(row - 1, 0)])) / np.sqrt(12.0)
+    # the last row before the rise: noise at rest may cross the contact long before
+    before = np.flatnonzero(way[: int(np.argmax(way)) + 1] <= middle.position)
+    last = int(before[-1]) if before.size else 0
+    spacing = abs(float(way[min(last + 1, len(way) - 1)] - way[last])) / np.sqrt(12.0)
     spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
     return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
