@@ -54,10 +54,10 @@ def look_command(
     With -o OUT it leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings,
     the motion taken from them, and what is left between both.
 
-    With -o FILE.csv it turns files of testing machines into one tidy file, as 'convert' does, and
-    leaves a picture next to it. Layouts are recognised by the files' first bytes; sign, zero,
-    units, sampling, dropped rows and clocks are determined and reported. What a file leaves open is
-    asked on a terminal, and refused in a pipe.
+    With -o FILE.csv it turns files of testing machines into one tidy file and leaves a
+    picture next to it. Layouts are recognised by the files' first bytes; sign, zero, units,
+    sampling, dropped rows and clocks are determined and reported. What a file leaves open is asked
+    on a terminal, and refused in a pipe.
     """
     if output is not None and output.name.lower().endswith((".csv", ".csv.gz")):
         _make_tidy(inputs, output, as_json=as_json)

@@ -55,6 +55,26 @@ def test_files_of_a_stage_have_one_contact_within_its_error(contact, speeds, pre
     assert other == pytest.approx(zero, abs=1e-9)
 
 
+def test_quick_presses_that_start_at_contact_are_read_with_the_slow_ones(tmp_path):
+    """At 40 mm/s a press has four rows: with drag it shows no contact of its own."""
+    rng = np.random.default_rng(4)
+    files = []
+    for speed in (0.2, 1.0, 5.0, 15.0, 40.0):
+        ends = np.cumsum([0.5, 1.6 / speed, 20.0, 0.8, 15.0])
+        time = np.arange(0.0, ends[-1], 0.01)
+        way = np.interp(time, [0.0, *ends], [0.0, 0.0, 1.6, 1.6, 0.8, 0.8])
+        load = 0.35 / 1.1 * np.expm1(1.1 * way) + 0.016 * np.gradient(way, time) * way / 1.6
+        load += rng.normal(0.0, 0.008, len(time))
+        way = way + rng.normal(0.0, 0.0005, len(time))
+        path = tmp_path / f"at_{speed:g}.csv"
+        lines = (f"{t:.3f},{d:.4f},{f:.4f}\n" for t, d, f in zip(time, way, load, strict=True))
+        path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + "".join(lines))
+        files.append(path)
+    tests = convert(files, ONE).tests
+    assert len(tests) == 5
+    assert all(abs(test.zero) < 0.1 for test in tests)
+
+
 def test_contacts_that_differ_stay_apart_and_are_told_with_the_option(tmp_path):
     files = stage(tmp_path, 7.0, (0.5, 1.0, 2.0))
     alone = {test.test: test.zero for test in convert(files, ONE).tests}

@@ -145,13 +145,19 @@ def _joint_position(known: Sequence[Approach]) -> tuple[float, float]:
     speeds = np.array([one.speed for one in known])
     peak = max(float(one.load.max()) for one in known)
     drags = _DRAGS if speeds.max() > _APART * speeds.min() else _DRAGS[:1]
-    shown = []
+    found = []
     for one in known:
         jumps = [drag * peak * one.speed / speeds.max() for drag in drags]
         forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
-        shown.append(onsets_of(one.way, one.load, one.contact.level, forms))
-    spacings = np.array([one.contact.spacing for one in known])
-    joint = [_over_files(onsets, spacings, speeds) for onsets in zip(*shown, strict=True)]
+        found.append(onsets_of(one.way, one.load, one.contact.level, forms))
+    if sum(map(bool, found)) < 2:  # without drag each shows its own contact
+        found = [onsets_of(one.way, one.load, one.contact.level, FORMS) for one in known]
+    # A press of few rows may show a contact without drag, and none where drag is likelier.
+    telling = [k for k, onsets in enumerate(found) if onsets]
+    shown, speeds = [found[k] for k in telling], speeds[telling]
+    spacings = np.array([known[k].contact.spacing for k in telling])
+    own = np.array([known[k].contact.sd for k in telling])
+    joint = [_over_files(onsets, spacings, own, speeds) for onsets in zip(*shown, strict=True)]
     position, sd = mean_over_forms(joint)
     weights = np.array([one.contact.sd for one in known]) ** -2.0
     choices = np.array([one.contact.choice for one in known])
@@ -159,10 +165,11 @@ def _joint_position(known: Sequence[Approach]) -> tuple[float, float]:
     return position, float(np.sqrt(sd**2 + common))
 
 
-def _over_files(onsets: Sequence[Onset], spacings: Floats, speeds: Floats) -> Onset:
+def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: Floats) -> Onset:
     """Return the contact that all files show if the force begins with one form."""
     height = sum(max(onset.height, -UNLIKELY) for onset in onsets)
     errors = np.hypot([onset.sd for onset in onsets], spacings)
+    errors = np.where(errors > 0.0, errors, own)  # an unlikely form has no error of its own
     positions = np.array([onset.position for onset in onsets])
     line = _line(positions, errors, speeds - speeds.min())
     scatter = max(line.misfit / (len(onsets) - 1), 1.0)
