@@ -230,7 +230,7 @@ def test_a_file_says_what_was_prescribed(tmp_path):
 
 
 def test_a_weight_may_be_all_that_a_file_has(tmp_path):
-    """The displacement creeps under a force that never changes; without any it is a dead channel."""
+    """The displacement creeps under a force that never changes; at none it is a dead channel."""
     rows = [f"{0.1 * k:.1f},{1.0 + 0.1 * np.log1p(k):.4f},1.0" for k in range(60)]
     file = tmp_path / "weight.csv"
     file.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
