@@ -121,6 +121,7 @@ class _Process:
         # idle threads of BLAS, as many as there are cores in each process, take memory
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         ours, self._lifeline = multiprocessing.Pipe(duplex=False)
+        self._ending, self._ended = threading.Lock(), False
         self._pool = ProcessPoolExecutor(
             1,
             mp_context=multiprocessing.get_context("spawn"),
@@ -133,9 +134,12 @@ class _Process:
         return self._pool.submit(function, *arguments).result()
 
     def end(self) -> None:
-        """End the process."""
-        self._lifeline.close()
-        self._pool.shutdown(cancel_futures=True)
+        """End the process; who closes all and who waits for this one may both ask for it."""
+        with self._ending:
+            if not self._ended:
+                self._ended = True
+                self._lifeline.close()
+                self._pool.shutdown(cancel_futures=True)
 
 
 def _begin(lifeline: Connection, threads: int) -> None:
