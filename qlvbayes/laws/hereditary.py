@@ -16,7 +16,6 @@ their average.)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -120,10 +119,7 @@ def _compiled(
     """Return the force (N,) of JAX arrays."""
     fractions, rates = relaxation.spectrum()
     shares = fractions[1:, None]
-    path = (time, depth, sagitta)
-    instant, local, left, starts = _recursion(
-        elastic, rates, path, lambda parts: jnp.sum(shares * parts, axis=0)
-    )
+    instant, local, left, starts = _recursion(elastic, rates, shares, (time, depth, sagitta))
     force = fractions[0] * instant + local + jnp.sum(left * (shares * starts), axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
 
@@ -131,10 +127,10 @@ def _compiled(
 def _recursion(
     elastic: AbstractElastic,
     rates: Array,
+    shares: Array,
     path: tuple[Array, Array, Array | None],
-    kept: Callable[[Array], Array],
 ) -> tuple[Array, Array, Array, Array]:
-    """Return what F_e and q_i are made of, with time down the columns of chunks."""
+    """Return F_e and the sum of c_i q_i as parts of chunks, with time down the columns."""
     time, depth, sagitta = path
     times, start_time = _chunks(time, time[0])
     depths, start_depth = _chunks(depth, jnp.zeros((), depth.dtype))
@@ -153,7 +149,7 @@ def _recursion(
         part = survival * part + step
         if sagitta_now is not None:
             part = part - sagitta_now * _sagitta_factor(decay, survival)
-        return (part, time_now, depth_now, instant_now), kept(part)
+        return (part, time_now, depth_now, instant_now), jnp.sum(shares * part, axis=0)
 
     shape = (rates.shape[0], times.shape[1])
     first = (jnp.zeros(shape), start_time, start_depth, elastic.force(start_depth))
