@@ -213,7 +213,7 @@ def _rig(scene: str, rng: np.random.Generator) -> Rig:
         steps = tuple(_creeping(step, creep) for step in program)
         motion = JerkLimited(steps, plan.jerk, -plan.lead, clock, number)
         motions[name] = motion
-        times.append(_sampled(motion, logger, rows))
+        times.append(sampled(motion, logger, rows))
         clock += motion.duration + _PAUSE_S
     width = float(rng.uniform(*_WIDTH_MM))
     return Rig(plan, contact, width, motions, logger, tuple(times))
@@ -231,7 +231,7 @@ def _lifted(program: tuple[Step, ...], off: float) -> tuple[Step, ...]:
     )
 
 
-def _sampled(motion: JerkLimited, logger: str, rows: int) -> Array:
+def sampled(motion: JerkLimited, logger: str, rows: int) -> Array:
     """Return the times (s) that the logger keeps: thinned from 1 kHz, or at one rate a test."""
     if logger == "thinned":
         every = np.arange(int(motion.duration * 1000.0 + 1e-6) + 1) / 1000.0

@@ -259,6 +259,57 @@ class RemainingStructure(
     small: bool  # whether all of it is below the tolerance
 
 
+class Closest(Part, frozen=True):
+    """A listed effect whose force is like that of a described law."""
+
+    effect: str
+    cosine: float  # of the two forces, after the constants have followed what they can
+    differs_most_in: str  # name of the test
+
+
+class TermFamily(Part, frozen=True):
+    """A kind of terms of described laws, and what its best term could remove of the fit's error."""
+
+    family: str
+    share: float  # of the error, at most
+
+
+class Description(
+    Part,
+    frozen=True,
+    rename={
+        "rmse_before": "rmse_before_N",
+        "rmse_after": "rmse_after_N",
+        "heldout_before": "heldout_rmse_before_N",
+        "heldout_after": "heldout_rmse_after_N",
+        "sds": "standard_errors",
+    },
+):
+    """A law that describes what no listed effect explains; it names no cause (`description`).
+
+    effect: Name of the effect in ``described_effect.py``; formula: The law; base, effects: Laws and
+    named effects beside which it was fitted; parameters: Its constants, with sds by the jackknife
+    over tests left out; rmse_before, rmse_after: Error of all samples (N) without it and with it;
+    heldout_before, heldout_after: The same of tests left out in turn; sds: Mean relative fall of
+    that error over its standard error; cells: What is left, by test and phase; strengths: Its
+    strength in each test; closest: Listed effects whose forces are most like its.
+    """
+
+    effect: str
+    formula: str
+    base: LawPair
+    effects: tuple[str, ...]
+    parameters: dict[str, Estimate]
+    rmse_before: float
+    rmse_after: float
+    heldout_before: float
+    heldout_after: float
+    sds: float
+    cells: tuple[CellError, ...]
+    strengths: Strengths | None = None
+    closest: tuple[Closest, ...] = ()
+
+
 class Worst(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
     """Phase of a test in which the baseline model fails worst, with the error (N) there."""
 
@@ -314,7 +365,9 @@ class DiagnosisResult(
     Relative sd from test to test of the ``stiffness``, and of the strength of each effect of the
     selected hypothesis, where these differ; tolerance: Share of the peak force below which that
     does not matter; remainder: Size of the structure that the selected hypothesis leaves; worst:
-    Where the baseline model fails worst; settings: The settings that were used.
+    Where the baseline model fails worst; description: The law that describes what no listed effect
+    explains; could_remove: What terms of each kind could remove of the error at most; settings: The
+    settings that were used.
     """
 
     pad: str
@@ -345,6 +398,8 @@ class DiagnosisResult(
     tolerance: float | None = None
     remainder: RemainingStructure | None = None
     worst: Worst
+    description: Description | None = None
+    could_remove: tuple[TermFamily, ...] = ()
     settings: Used | None = None
 
     @property

@@ -88,6 +88,21 @@ class Imitation:
 
 
 @dataclass(frozen=True)
+class DescriptionSettings:
+    """Settings of the law that describes what no listed effect explains."""
+
+    shapes: int = 4  # quantiles of the prior of a term's shape at which its force is tried
+    # terms, those that promise most, that are fitted with all constants; 0: no law is looked for
+    fitted: int = 12
+    judged: int = 6  # of these, the best fits, whose predictions of tests left out are judged
+    # mean relative fall of the error on tests left out, in its standard errors, from which a term
+    # is kept: the best of a few is taken, and one standard error comes about by chance in a sixth
+    sds: float = 2.0
+    # share by which the error on tests left out must fall for each constant of a term
+    price: float = 0.05
+
+
+@dataclass(frozen=True)
 class DiagnosisSettings:
     """Prior probabilities, and probabilities and sizes from which the verdict says something."""
 
@@ -133,6 +148,7 @@ class DiagnosisSettings:
     returned: float = NEARLY
     cells: CellTests = CellTests()  # how structure is tested for
     imitation: Imitation = Imitation()  # how strengths in single tests are told
+    description: DescriptionSettings = DescriptionSettings()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

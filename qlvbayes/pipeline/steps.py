@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
+from qlvbayes.diagnosis.summary.law import FILE as LAW
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
@@ -210,6 +211,7 @@ class DiagnoseStep:
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
+            _write_law(diagnosis.work.law, folder / LAW)
             diagnosis.result.write(folder / "diagnosis.json")
             drawn = drawn_hypotheses(diagnosis, self.choices, seed=self.seed)
             drawn.write(folder / HYPOTHESES)
@@ -224,6 +226,14 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
+
+
+def _write_law(text: str, path: Path) -> None:
+    """Write the described law; that of an earlier diagnosis is removed where there is none now."""
+    if text:
+        write_whole(path, text.encode())
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:

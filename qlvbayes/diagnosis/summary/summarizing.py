@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from msgspec import structs
+
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.contact import contact_notices, is_gap
 from qlvbayes.diagnosis.checks.naming import final_decision
@@ -19,6 +21,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
 )
 from qlvbayes.diagnosis.checks.support import supported
 from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.description.describe import NOTHING, Described, describe
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
     Base,
@@ -72,8 +75,23 @@ def summarize(
         direct_evidence=evidence,
     )
     adequacies = tuple(outcome.adequacy(one) for one in path)
-    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies)
+    law = _law(outcome, decision, selected, bonded, report)
+    result = structs.replace(result, description=law.record, could_remove=law.families)
+    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies, law.text)
     return Diagnosis(result, work)
+
+
+def _law(
+    outcome: SearchOutcome, decision: Decision, selected: Candidate, bonded: bool, report: Report
+) -> Described:
+    """Return the law that describes what is left beside the named effects, where that matters."""
+    search = outcome.search
+    if not decision.verdict.has_unmodelled or not search.settings.description.fitted:
+        return NOTHING
+    forms = search.families.forms_in(selected.hypothesis.effects)
+    named = {forms[name] for name in decision.effects if name in forms}
+    protocol = protocol_of(outcome.experiment, bonded=bonded, settings=search.settings)
+    return describe(outcome, search.baseline.effects | named, protocol, report)
 
 
 def _decided(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from functools import partial
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
+from qlvbayes.diagnosis.summary.law import law_paragraphs, law_step
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.catalogue import FORMS
@@ -40,6 +41,7 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         f"What to do next: {_first(d, pulls)}{_next(d, work)}",
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
+        *law_paragraphs(d),
         *_measured(d),
         *_certainty(d),
         *_strengths(d),
@@ -106,6 +108,7 @@ def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
         f"look at the {NAMES[worst.phase]} of {worst.test} in the figure forces_before_after. "
         "Its cause may be the rig, the record, or an effect that is not on the list "
         "(--effects-file). Until it is known, the constants are those of a wrong model."
+        f"{law_step(d)}"
     )
 
 

@@ -21,6 +21,7 @@ class DiagnosisWork:
     # the hypotheses from the baseline to the selected one, each at its highest mode
     path: tuple[Candidate, ...]
     adequacies: tuple[Adequacy, ...]  # adequacy test of each hypothesis of the path
+    law: str = ""  # ``described_effect.py``; empty where nothing is described
 
     @property
     def selected(self) -> Candidate:

@@ -1,0 +1,196 @@
+r"""The terms of which a described law is made: forces, factors and shifts of depth.
+
+With d the depth over a reference depth D, v the speed over a reference speed V, and k the amplitude
+of a term, a term is one of
+
+* a rate term, :math:`F \mathrel{+}= k\, g(d)\, h(v)` with g one of 1, d, d^2, d^3 and
+  :math:`e^{a(d - 1)}`, and h one of sgn v, :math:`|v|^n` sgn v, v, v^2 sgn v and the acceleration;
+* a memory term, with :math:`\dot q = (u - q)/\tau` and u the depth, the elastic force, the
+  velocity, the speed or the largest depth so far. It enters as a force k q, as a factor 1 + k q of
+  the force beneath, or as a shift of the depth by -k D q;
+* a term of the clock: a force or a factor that grows with the time since the pad's first test or
+  with the number of tests before.
+
+Every term is causal and physical in its arguments; a rate term takes energy, so k is zero or more.
+The reference values make k the force (N) that a term adds at the pad's own depth and speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A constant of a term other than its amplitude.
+
+    ``prior`` is the expression of its prior, in terms of ``scales``.
+    """
+
+    name: str
+    unit: str
+    words: str
+    prior: str
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a memory follows.
+
+    In expressions ``moved`` is the motion or the line, ``below`` the law beneath. ``lags`` says
+    whether the memory approaches what it follows, or else fades after its changes.
+    """
+
+    name: str
+    formula: str
+    along: str  # what is followed at all points of a motion
+    first: str  # the same at the first displacement
+    after: str  # the same after a line, from ``was``, its last value, and ``place``, the last depth
+    lags: bool
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of a described law, with the text of its formula and of its code.
+
+    ``value`` is the expression that the amplitude multiplies, ``response`` its largest value at
+    given scales (of ``depth``, ``speed``, ``acceleration`` over the references).
+    """
+
+    name: str
+    family: str  # for reports of how much each family could explain
+    enters: str  # as a "force", a "factor" or a "shift"; as a force also off the pad: "guide"
+    formula: str
+    value: str
+    response: str
+    shapes: tuple[Shape, ...] = ()
+    memory: Memory | None = None
+    signed: bool = True
+    needs: str = "displacement"
+    stepped: bool = True
+
+    def joins(self, other: Term) -> bool:
+        """Return whether both may be terms of one law: they act at places that one layer holds."""
+        places = {self.enters, other.enters}
+        return len(places) == 1 or places <= {"force", "factor"} or places <= {"shift", "factor"}
+
+
+_DEPTHS = (
+    ("", "", "", "1.0", ()),
+    ("_of_depth", " d", " * depth", "depth", ()),
+    ("_of_depth_squared", " d^2", " * depth**2", "depth**2", ()),
+    ("_of_depth_cubed", " d^3", " * depth**3", "depth**3", ()),
+    (
+        "_exponential_in_depth",
+        " e^(a (d - 1))",
+        " * xp.exp({a} * (depth - 1.0))",
+        "1.0",
+        (Shape("a", "fraction", "growth over the reference depth", "HalfNormal(3.0)"),),
+    ),
+)
+"""g(d): suffix of the name, formula, factor of the value, largest value, constants."""
+
+_EXPONENT = Shape("n", "fraction", "exponent of the speed", "Uniform(0.05, 2.0)")
+
+_SPEEDS = (
+    ("sliding_friction", "sgn v", "xp.sign(velocity)", "1.0", ()),
+    ("power_drag", "|v|^n sgn v", "_power(velocity, {n})", "speed", (_EXPONENT,)),
+    ("linear_drag", "v", "velocity", "speed", ()),
+    ("quadratic_drag", "v^2 sgn v", "velocity * xp.abs(velocity)", "speed**2", ()),
+    ("moving_mass", "acceleration", "acceleration", "acceleration", ()),
+)
+"""h(v): name, formula, value, largest value, constants."""
+
+_MEMORIES = (
+    Memory(
+        "depth", "d", "moved.displacement / DEPTH", "displacement / DEPTH",
+        "line.displacement / DEPTH", lags=True,
+    ),
+    Memory(
+        "elastic_force", "elastic force", "below.elastic.force(moved.displacement) / FORCE",
+        "below.elastic.force(displacement) / FORCE",
+        "below.elastic.force(line.displacement) / FORCE", lags=True,
+    ),
+    Memory(
+        "largest_depth", "largest d", "largest(moved.displacement) / DEPTH",
+        "displacement / DEPTH", "xp.maximum(was, line.displacement / DEPTH)", lags=True,
+    ),
+    Memory(
+        "velocity", "dd/dt", "moved.displacement / DEPTH", "displacement / DEPTH",
+        "line.displacement / DEPTH", lags=False,
+    ),
+    Memory(
+        "speed", "|dd/dt|", "xp.cumsum(xp.abs(xp.steps(moved.displacement))) / DEPTH",
+        "xp.zeros_like(displacement)", "was + xp.abs(line.displacement - place) / DEPTH",
+        lags=False,
+    ),
+)  # fmt: skip
+
+_ENTERS = (
+    ("force", "F += k q", "1.0"),
+    ("factor", "F *= 1 + k q", "scales.force"),
+    ("shift", "delta -= k D q", "scales.stiffness * DEPTH"),
+)
+"""How a memory enters: as what, formula, and what one unit of it adds to the force (N)."""
+
+_CLOCKS = (
+    ("clock", "t/T", "clock", "1.0"),
+    ("loadings", "ln(1 + number of tests before)", "xp.log1p(tests)", "2.0"),
+)
+
+
+def grammar() -> tuple[Term, ...]:
+    """Return every term."""
+    return (*_rate_terms(), *_memory_terms(), *_clock_terms())
+
+
+def _rate_terms() -> Iterator[Term]:
+    for speed, depth in product(_SPEEDS, _DEPTHS):
+        name, formula, value, response, own = speed
+        suffix, of_depth, factor, reached, growth = depth
+        mass = name == "moving_mass"
+        for enters in ("force", "guide") if not suffix else ("force",):
+            off = enters == "guide"
+            yield Term(
+                ("rig_" if off else "") + name + suffix,
+                "mass" if mass else "friction" if "sliding" in name else "drag",
+                enters,
+                f"F += k{of_depth} {formula}" + (", also off the pad" if off else ""),
+                value + factor,
+                f"{response} * {reached}",
+                (*own, *growth),
+                signed=False,
+                needs="acceleration" if mass else "velocity",
+                stepped=not mass,
+            )
+
+
+def _memory_terms() -> Iterator[Term]:
+    for memory, (enters, formula, unit) in product(_MEMORIES, _ENTERS):
+        yield Term(
+            f"{enters}_of_remembered_{memory.name}",
+            "memory",
+            enters,
+            f"{formula}, dq/dt = {memory.formula} - q/tau"
+            if not memory.lags
+            else f"{formula}, dq/dt = ({memory.formula} - q)/tau",
+            "q",
+            unit,
+            (Shape("tau", "time", "memory", "LogUniform(*resolved_times(scales))"),),
+            memory,
+        )
+
+
+def _clock_terms() -> Iterator[Term]:
+    for (name, formula, value, reached), enters in product(_CLOCKS, ("force", "factor")):
+        yield Term(
+            f"{enters}_of_{name}",
+            "clock",
+            enters,
+            f"F += k {formula}" if enters == "force" else f"F *= 1 + k {formula}",
+            value,
+            reached if enters == "force" else f"{reached} * scales.force",
+            stepped=name == "clock",
+        )

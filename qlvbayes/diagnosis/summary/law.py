@@ -1,0 +1,75 @@
+"""The described law in words: what it removes, how it is added, and what it is not."""
+
+from __future__ import annotations
+
+from qlvbayes.diagnosis.result import Description, DiagnosisResult
+from qlvbayes.io.wording import joined, plain, to_noise
+from qlvbayes.model.choices import Choices
+
+FILE = "described_effect.py"
+"""Name of the file, in the pad's folder of results, that holds a described law as an effect."""
+_NOTABLE = 0.02  # share of the error below which it is not said what a kind of terms could remove
+
+
+def law_step(d: DiagnosisResult) -> str:
+    """Return how the described law is added, as what to do next; empty where there is none."""
+    if d.description is None:
+        return ""
+    return f" To predict all the same, add the described law: {_command(d, d.description)}"
+
+
+def law_paragraphs(d: DiagnosisResult) -> list[str]:
+    """Return what the described law removes, or what no law could."""
+    if d.description is not None:
+        return [_found(d, d.description), *_closest(d.description)]
+    notable = [one for one in d.could_remove if one.share >= _NOTABLE]
+    if not notable:
+        return []
+    shares = joined([f"{one.family} {100.0 * one.share:.0f} %" for one in notable])
+    return [
+        "No law of one or two terms was found that predicts tests left out better. The best single "
+        f"terms could remove of the fit's error at most: {shares}."
+    ]
+
+
+def _found(d: DiagnosisResult, law: Description) -> str:
+    unit = d.units.force
+    before, after = (f"{to_noise(x, d.noise)}" for x in (law.heldout_before, law.heldout_after))
+    beside = f" beside {joined(list(law.effects))}" if law.effects else ""
+    count = len(law.parameters)
+    constants = joined([f"{name} = {one}" for name, one in law.parameters.items()])
+    lead = (
+        "What is left" if law.effects else "No listed effect explains these tests: what they show"
+    )
+    differs = ""
+    if law.strengths is not None and law.strengths.spread > 0.0:
+        low, high = law.strengths.range
+        differs = (
+            f" From test to test its strength is {plain(low, 2)} to {plain(high, 2)} times its "
+            "mean."
+        )
+    return (
+        f"{lead}{beside} is described by {law.formula}, with {constants} ({count} "
+        f"constant{'s' if count > 1 else ''}). The error on tests left out falls from {before} to "
+        f"{after} {unit}.{differs} This law describes the tests and does not name a cause."
+    )
+
+
+def _closest(law: Description) -> list[str]:
+    if not law.closest:
+        return []
+    some = [
+        f"{one.effect} (cosine {one.cosine:.2f}; it differs most in {one.differs_most_in})"
+        for one in law.closest
+    ]
+    return [f"The listed effects whose forces are most like its: {joined(some)}."]
+
+
+def _command(d: DiagnosisResult, law: Description) -> str:
+    """Return the command that fits the model with the law to all tests."""
+    default = Choices()
+    words = [f"qlvbayes fit FILE -o OUT --all-tests --effects-file {FILE}"]
+    words += [f"--elastic {law.base.elastic}"] * (law.base.elastic != default.elastic)
+    words += [f"--relaxation {law.base.relaxation}"] * (law.base.relaxation != default.relaxing)
+    added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in law.effects), law.effect)
+    return " ".join([*words, *(f"--add {name}" for name in added)])

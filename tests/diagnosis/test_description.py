@@ -1,0 +1,109 @@
+"""Described laws: every term keeps the rules of an effect, and a hidden one outside the list is
+described so that fresh tests are predicted better."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from qlvbayes.diagnosis.description.grammar import grammar
+from qlvbayes.diagnosis.description.source import (
+    References,
+    formula_of,
+    load,
+    name_of,
+    source_of,
+)
+from qlvbayes.effects.catalogue import EVERY, own_effects
+from qlvbayes.effects.conformance import check_effect
+from qlvbayes.io.units import PAD, STRAIN
+
+REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
+TERMS = {term.name: term for term in grammar()}
+QUICK = (
+    "rig_power_drag",
+    "linear_drag_exponential_in_depth",
+    "moving_mass_of_depth",
+    "factor_of_remembered_speed",
+    "shift_of_remembered_largest_depth",
+    "force_of_clock",
+    "factor_of_loadings",
+)
+"""Terms of every way to enter, with every kind of state."""
+PAIRS = (
+    ("factor_of_remembered_elastic_force", "power_drag_of_depth_squared"),
+    ("shift_of_remembered_speed", "factor_of_clock"),
+)
+
+
+def _source(*names: str) -> str:
+    return source_of([TERMS[name] for name in names], REFERENCES, PAD, "It describes tests.")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_terms_keep_the_rules_of_effects(name: str) -> None:
+    check_effect(load(_source(name)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(TERMS) - set(QUICK)))
+def test_every_term_keeps_the_rules_of_effects(name: str) -> None:
+    check_effect(load(_source(name)))
+
+
+@pytest.mark.parametrize("names", PAIRS)
+def test_pairs_keep_the_rules_of_effects(names: tuple[str, str]) -> None:
+    assert TERMS[names[0]].joins(TERMS[names[1]])
+    check_effect(load(_source(*names)))
+
+
+def test_pairs_that_no_layer_holds_do_not_join() -> None:
+    assert not TERMS["rig_linear_drag"].joins(TERMS["linear_drag_of_depth"])
+    assert not TERMS["shift_of_remembered_depth"].joins(TERMS["linear_drag"])
+
+
+def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
+    path = tmp_path / "described_effect.py"
+    path.write_text(_source(*PAIRS[0]), encoding="utf-8")
+    (kind,) = own_effects(path)
+    assert kind.name == name_of([TERMS[name] for name in PAIRS[0]])
+    assert set(kind.null) == {"k1", "k2"}
+
+
+def test_names_are_no_listed_effects() -> None:
+    assert not set(TERMS) & {kind.name for kind in EVERY}
+
+
+def test_every_pair_that_joins_is_python() -> None:
+    for first, second in combinations(TERMS.values(), 2):
+        if first.joins(second):
+            compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")
+
+
+def test_formula_says_what_its_letters_are() -> None:
+    formula = formula_of([TERMS["power_drag_of_depth_squared"]], REFERENCES, PAD)
+    assert formula == "F += k d^2 |v|^n sgn v (with d = depth/(1.6 mm), v = velocity/(100 mm/s))"
+    strain = formula_of([TERMS["linear_drag_of_depth"]], REFERENCES, STRAIN)
+    assert strain == "F += k d v (with d = strain/(1.6), v = velocity/(100 1/s))"
+
+
+def test_forces_on_many_sets_are_those_of_each() -> None:
+    from qlvbayes.laws.elastic.exponential import Exponential
+    from qlvbayes.laws.layered import Law
+    from qlvbayes.laws.motion import Motion
+    from qlvbayes.laws.relaxation.prony import Prony
+
+    time = np.linspace(0.0, 4.0, 81)
+    depth = 1.5 * np.sin(time) ** 2
+    columns = [x[:, None, None] for x in (time, depth, np.gradient(depth, time), 0.0 * time)]
+    motion = Motion(*columns, start=np.zeros((1, 1)))
+    law = Law(Exponential(0.34, 1.1), Prony(np.array([0.4, 0.6]), np.array([2.0])))
+    kind = load(_source(*PAIRS[0]))
+    sets = np.array([[0.1, 2.0, 0.3, 0.5], [0.0, 1.0, 0.0, 1.0], [-0.1, 5.0, 0.2, 1.5]])
+    together = kind(*sets.T).force(law, motion)
+    for k, own in enumerate(sets):
+        alone = kind(*(own[:, None])).force(law, motion)
+        np.testing.assert_allclose(together[:, :, k], alone[:, :, 0], rtol=1e-12)
+    np.testing.assert_allclose(together[:, :, 1], law.force(motion)[:, :, 0], rtol=1e-12)
