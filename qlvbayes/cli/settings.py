@@ -195,11 +195,11 @@ class Settings:
 
     @property
     def formats(self) -> tuple[Format, ...]:
-        """Formats of the package, then those of the user's file."""
-        from qlvbayes.io.formats.catalogue import FORMATS, own_formats
+        """Formats of the package, then those of installed packages and of the user's file."""
+        from qlvbayes.io.formats.catalogue import known_formats, own_formats
 
         file = self["formats-file"]
-        return (*FORMATS, *(() if file is None else own_formats(file)))
+        return (*known_formats(), *(() if file is None else own_formats(file)))
 
     def answers(self, pads: tuple[str, ...] = ()) -> Answers:
         """Return the answers for reading machines' files; InputError where one is unusable."""

@@ -47,7 +47,10 @@ from qlvbayes.effects.relaxing import (
     StrainDependentStrength,
 )
 from qlvbayes.effects.softening import Conditioning, PermanentSet, StressSoftening, Thixotropy
+from qlvbayes.io.catalogue import at
 from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.installed import EFFECTS as EFFECT_POINTS
+from qlvbayes.io.installed import installed
 from qlvbayes.io.usermodule import check_own, own_classes
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
@@ -121,6 +124,15 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
     """Return the effect of that name; an InputError lists the known ones otherwise."""
     check_known("effect", name, names(kinds))
     return next(kind for kind in kinds if kind.name == name)
+
+
+def installed_effects() -> tuple[type[AbstractEffect], ...]:
+    """Return the effects that installed packages add, by the entry points ``qlvbayes.effects``."""
+
+    def check(kind: type[AbstractEffect]) -> None:
+        at("effects.conformance.check_effect")(kind)
+
+    return installed(EFFECT_POINTS, "effect", names(EVERY), check)
 
 
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:

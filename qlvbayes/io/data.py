@@ -17,7 +17,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed, prints
 from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
-from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.catalogue import known_formats
 from qlvbayes.io.formats.conversion import Conversion, convert
 from qlvbayes.io.formats.layouts import TWO_CLOCKS
 from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_timeless
@@ -492,7 +492,7 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
         head = head_of(file)
     except InputError:
         return None
-    whole, _, _ = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else FORMATS)
+    whole, _, _ = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
     if len(whole) != 1:
         if isinstance(tidy, InputError) and is_text(head):
             refuse_results(head, file)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from qlvbayes.io.catalogue import ELASTIC, RELAXATION, loaded
+from qlvbayes.io.catalogue import ELASTIC, RELAXATION, at, loaded
 from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.installed import LAWS as LAW_POINTS
+from qlvbayes.io.installed import installed
 from qlvbayes.io.usermodule import check_own, own_classes
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -57,6 +59,18 @@ def find_relaxation(name: str, laws: Laws = LAWS) -> type[AbstractRelaxation]:
 def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
     check_known(what, name, names(kinds))
     return next(kind for kind in kinds if kind.name == name)
+
+
+def installed_laws() -> Laws:
+    """Return the laws that installed packages add, by the entry points ``qlvbayes.laws``."""
+
+    def check(kind: type[AbstractElastic] | type[AbstractRelaxation]) -> None:
+        at("laws.conformance.check_law")(kind)
+
+    known = (*names(LAWS.elastic), *names(LAWS.relaxation))
+    found = installed(LAW_POINTS, "law", known, check)
+    elastic = tuple(kind for kind in found if issubclass(kind, AbstractElastic))
+    return Laws(elastic, tuple(kind for kind in found if kind not in elastic))
 
 
 def own_laws(path: str | Path) -> Laws:

@@ -7,11 +7,25 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find, own_effects
+from qlvbayes.effects.catalogue import (
+    EFFECTS,
+    FORMS,
+    OUTSIDE,
+    find,
+    installed_effects,
+    own_effects,
+)
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.data import Pad
-from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation, own_laws
+from qlvbayes.laws.catalogue import (
+    LAWS,
+    Laws,
+    find_elastic,
+    find_relaxation,
+    installed_laws,
+    own_laws,
+)
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
@@ -181,15 +195,16 @@ class Choices:
         return (*EFFECTS, *self._own_effects())
 
     def _own_effects(self) -> tuple[type[AbstractEffect], ...]:
-        return own_effects(Path(self.effects_file)) if self.effects_file else ()
+        own = own_effects(Path(self.effects_file)) if self.effects_file else ()
+        return (*installed_effects(), *own)
 
     @property
     def laws(self) -> Laws:
         """Return every law that can be chosen: those of the package and the user's own."""
-        if not self.laws_file:
-            return LAWS
-        own = own_laws(Path(self.laws_file))
-        return Laws(LAWS.elastic + own.elastic, LAWS.relaxation + own.relaxation)
+        parts = [LAWS, installed_laws()]
+        parts += [own_laws(Path(self.laws_file))] if self.laws_file else []
+        elastic = tuple(kind for part in parts for kind in part.elastic)
+        return Laws(elastic, tuple(kind for part in parts for kind in part.relaxation))
 
     @property
     def is_prony(self) -> bool:

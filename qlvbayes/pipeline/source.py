@@ -18,7 +18,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, measurements_of, read_measurements
 from qlvbayes.io.files import folder_fault, results_folder, same_folder
 from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.catalogue import known_formats
 from qlvbayes.io.formats.conversion import Conversion, convert
 from qlvbayes.io.formats.format import Format
 from qlvbayes.io.formats.layouts import TWO_CLOCKS
@@ -230,7 +230,7 @@ def _is_tidy(file: Path, asked: bool) -> bool:
     try:
         dialect = sniff(file)
     except InputError:
-        return not asked and not _matches(file, FORMATS)
+        return not asked and not _matches(file, known_formats())
     return not dialect.columns.ignored or not (asked or _matches(file, (TWO_CLOCKS,)))
 
 

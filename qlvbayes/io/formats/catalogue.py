@@ -10,6 +10,8 @@ from qlvbayes.io.formats import layouts
 from qlvbayes.io.formats.binary import BINARY
 from qlvbayes.io.formats.format import AbstractFormat, Format
 from qlvbayes.io.formats.ros import RosTable
+from qlvbayes.io.installed import FORMATS as FORMAT_POINTS
+from qlvbayes.io.installed import installed
 from qlvbayes.io.usermodule import check_own, own_classes, own_values
 
 FORMATS: tuple[Format, ...] = (
@@ -28,6 +30,25 @@ FORMATS: tuple[Format, ...] = (
     layouts.TABLE,
 )
 """Every known layout, in the order in which they are tried."""
+
+
+def known_formats() -> tuple[Format, ...]:
+    """Return the package's layouts, then those that installed packages add.
+
+    Their entry points are those of the group ``qlvbayes.formats``.
+    """
+
+    def check(kind: Format) -> None:
+        if not isinstance(kind, layouts.Layout) and not _is_format(kind):
+            raise TypeError("it is no Layout, and no class that extends AbstractFormat")
+
+    known = [kind.name for kind in FORMATS]
+    return (*FORMATS, *installed(FORMAT_POINTS, "format", known, check))
+
+
+def _is_format(kind: object) -> bool:
+    whole = isinstance(kind, type) and issubclass(kind, AbstractFormat)
+    return whole and not getattr(kind, "__abstractmethods__", None)
 
 
 def own_formats(path: Path) -> tuple[Format, ...]:

@@ -14,7 +14,7 @@ from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.binary import WORKBOOK
-from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.catalogue import known_formats
 from qlvbayes.io.formats.contact import FirstContact, Signs
 from qlvbayes.io.formats.format import Format, Recording
 from qlvbayes.io.formats.layouts import Layout, stated_layout
@@ -144,11 +144,12 @@ def in_short(notices: Sequence[str]) -> list[str]:
 def convert(
     files: Sequence[Path],
     answers: Answers = Answers(),  # noqa: B008 (frozen)
-    kinds: Sequence[Format] = FORMATS,
+    kinds: Sequence[Format] | None = None,
     *,
     without_faulty: bool = False,
 ) -> Conversion:
-    """Read machine files and convert them to tidy tests."""
+    """Read machine files and convert them to tidy tests; ``kinds`` are all known by default."""
+    kinds = known_formats() if kinds is None else kinds
     pads = pads_of(files, answers.pads)  # None: one a test
     faults: dict[Path, InputError] = {}
     loaded: list[Loaded] = []

@@ -1,0 +1,110 @@
+"""Effects, laws and formats that installed packages add by entry points."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from qlvbayes.effects.catalogue import installed_effects
+from qlvbayes.io import installed
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.catalogue import FORMATS, known_formats
+from qlvbayes.laws.catalogue import installed_laws
+from qlvbayes.model.choices import Choices
+
+EFFECT = '''
+from typing import ClassVar
+
+from qlvbayes import xp
+from qlvbayes.effects import AbstractEffect, Level
+from qlvbayes.priors import Constant
+
+
+class LabDrag(AbstractEffect):
+    """F = F_below + k v |v|."""
+
+    k: Constant
+    name: ClassVar[str] = "{name}"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 41
+    units: ClassVar[dict] = {{"k": "count"}}
+    null: ClassVar[dict] = {{"k": 0.0}}
+    law: ClassVar[str] = "F += k v |v|"
+    seen: ClassVar[str] = "steps"
+    reference: ClassVar[str] = "a lab"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(scales.positive(scales.speed**2))
+
+    def force(self, below, motion):
+        return below.force(motion) + {term}
+'''
+RIGHT = "self.k * motion.velocity * xp.abs(motion.velocity)"
+LAYOUT = """
+from qlvbayes.io.formats.layouts import CHIARO
+from dataclasses import replace
+
+OURS = replace(CHIARO, name="our-lab")
+"""
+Install = Callable[[str, str, str], None]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Return a function that installs a package of one module, with one entry point."""
+    monkeypatch.setenv("QLVBAYES_CACHE", str(tmp_path / "cache" / "jax"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(group: str, target: str, text: str) -> None:
+        info = tmp_path / "our_lab-1.0.dist-info"
+        info.mkdir(exist_ok=True)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: our-lab\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[{group}]\nours = our_lab:{target}\n")
+        (tmp_path / "our_lab.py").write_text(text)
+        importlib.invalidate_caches()
+        sys.modules.pop("our_lab", None)
+        installed.points.cache_clear()
+
+    yield install
+    sys.modules.pop("our_lab", None)
+    installed.points.cache_clear()
+
+
+def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_path) -> None:
+    install(installed.EFFECTS, "LabDrag", EFFECT.format(name="lab_drag", term=RIGHT))
+    assert [kind.name for kind in installed_effects()] == ["lab_drag"]
+    assert (tmp_path / "cache" / "checked.json").exists()
+    assert "lab_drag" in [kind.name for kind in Choices(effects=("lab_drag",)).candidates]
+
+
+@pytest.mark.parametrize(
+    ("name", "term", "word"),
+    [
+        ("lab_drag", "self.k * motion.velocity[-1] ** 2 + motion.velocity", "null"),
+        ("friction", RIGHT, "taken"),
+        ("lab_drag", "(", "SyntaxError"),
+    ],
+)
+def test_a_broken_one_is_refused_by_its_name(install, name: str, term: str, word: str) -> None:
+    install(installed.EFFECTS, "LabDrag", EFFECT.format(name=name, term=term))
+    with pytest.raises(InputError, match=f"effect ours of the installed package our-lab.*{word}"):
+        installed_effects()
+
+
+def test_an_installed_layout_is_tried_after_the_packages_own(install) -> None:
+    install(installed.FORMATS, "OURS", LAYOUT)
+    assert [kind.name for kind in known_formats()] == [*(f.name for f in FORMATS), "our-lab"]
+    install(installed.FORMATS, "replace", LAYOUT)
+    with pytest.raises(InputError, match="no Layout"):
+        known_formats()
+
+
+def test_an_installed_law_that_is_none_is_refused(install) -> None:
+    install(installed.LAWS, "OURS", LAYOUT)
+    with pytest.raises(InputError, match="law ours of the installed package our-lab"):
+        installed_laws()
