@@ -176,7 +176,7 @@ def _memory_terms() -> Iterator[Term]:
             f"{formula}, dq/dt = {memory.formula} - q/tau"
             if not memory.lags
             else f"{formula}, dq/dt = ({memory.formula} - q)/tau",
-            "q",
+            "q * (depth > 0.0)" if enters == "force" else "q",  # a pad off the platen adds none
             unit,
             (Shape("tau", "time", "memory", "LogUniform(*resolved_times(scales))"),),
             memory,
@@ -184,13 +184,13 @@ def _memory_terms() -> Iterator[Term]:
 
 
 def _clock_terms() -> Iterator[Term]:
-    for (name, formula, value, reached), enters in product(_CLOCKS, ("force", "factor")):
+    for (name, formula, value, reached), adds in product(_CLOCKS, (True, False)):
         yield Term(
-            f"{enters}_of_{name}",
+            f"{'force' if adds else 'factor'}_of_{name}",
             "clock",
-            enters,
-            f"F += k {formula}" if enters == "force" else f"F *= 1 + k {formula}",
+            "guide" if adds else "factor",  # a sensor drifts off the pad too
+            f"F += k {formula}, also off the pad" if adds else f"F *= 1 + k {formula}",
             value,
-            reached if enters == "force" else f"{reached} * scales.force",
+            reached if adds else f"{reached} * scales.force",
             stepped=name == "clock",
         )

@@ -17,6 +17,9 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
 
+_WIDE = 0.3
+"""Share of a term's response for which its prior is made: a sixth of the peak force, three times as
+much as a listed effect's, since something that large was seen to be left."""
 _RANK = 90  # within a level: outside every listed effect of that level
 _LEVELS = {"force": "ADDING", "factor": "SCALING", "shift": "DEPTH", "guide": "GUIDE"}
 _KINDS = {"force": "force", "guide": "force", "factor": "fraction", "shift": "fraction"}
@@ -260,7 +263,7 @@ class _Writer:
         priors = []
         for term in self.terms:
             sign = "signed" if term.signed else "positive"
-            priors.append(f"            scales.{sign}({_product(term.response)}),")
+            priors.append(f"            scales.{sign}({_product(f'{_WIDE} * {term.response}')}),")
             priors += [f"            {one.prior}," for one in term.shapes]
         return [
             "    @classmethod",
