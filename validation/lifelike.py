@@ -222,7 +222,8 @@ def write(seed: int, index: int, output: Path) -> None:
     write_json(output.with_name(f"{output.name.split('.')[0]}.truth.json"), truth_of(study))
 
 
-def _commit() -> str:
+def commit() -> str:
+    """Return the commit of the code, with ``-dirty`` where files differ from it."""
     command = ("git", "describe", "--always", "--dirty", "--abbrev=12")
     found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return found.stdout.strip() or "unknown"
@@ -248,7 +249,7 @@ def main() -> int:
         keep(store, options.seed, count)
         return 0
     with opened_engine(options.jobs) as engine, counting("studies") as done:
-        case = partial(run_case, options.seed, _commit())
+        case = partial(run_case, options.seed, commit())
         run_missing(case, store, range(count), done, engine)
     found = report(store.first(count))
     write_json(options.output / "lifelike.json", found)

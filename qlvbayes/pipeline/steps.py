@@ -211,7 +211,7 @@ class DiagnoseStep:
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
-            _write_law(diagnosis.work.law, folder / LAW)
+            _write_law(diagnosis.work.law.text, folder / LAW)
             diagnosis.result.write(folder / "diagnosis.json")
             drawn = drawn_hypotheses(diagnosis, self.choices, seed=self.seed)
             drawn.write(folder / HYPOTHESES)

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 from itertools import combinations
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.compiled_pad import STRICT, CompiledPad, needs_gcc
+from support.exported_pad import exported, reference
+from support.lawmotions import retracting
 
 from qlvbayes.diagnosis.description.grammar import grammar
 from qlvbayes.diagnosis.description.source import (
@@ -19,6 +23,12 @@ from qlvbayes.diagnosis.description.source import (
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports.c_header import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
 TERMS = {term.name: term for term in grammar()}
@@ -90,11 +100,6 @@ def test_formula_says_what_its_letters_are() -> None:
 
 
 def test_forces_on_many_sets_are_those_of_each() -> None:
-    from qlvbayes.laws.elastic.exponential import Exponential
-    from qlvbayes.laws.layered import Law
-    from qlvbayes.laws.motion import Motion
-    from qlvbayes.laws.relaxation.prony import Prony
-
     time = np.linspace(0.0, 4.0, 81)
     depth = 1.5 * np.sin(time) ** 2
     columns = [x[:, None, None] for x in (time, depth, np.gradient(depth, time), 0.0 * time)]
@@ -107,3 +112,25 @@ def test_forces_on_many_sets_are_those_of_each() -> None:
         alone = kind(*(own[:, None])).force(law, motion)
         np.testing.assert_allclose(together[:, :, k], alone[:, :, 0], rtol=1e-12)
     np.testing.assert_allclose(together[:, :, 1], law.force(motion)[:, :, 0], rtol=1e-12)
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "names",
+    [("factor_of_remembered_elastic_force", "power_drag_of_depth_squared"),
+     ("shift_of_remembered_speed", "factor_of_clock"),
+     ("force_of_remembered_largest_depth",)],
+)  # fmt: skip
+def test_the_exported_header_has_the_law(tmp_path, names: tuple[str, ...]) -> None:
+    path = tmp_path / "described_effect.py"
+    path.write_text(_source(*names), encoding="utf-8")
+    name = name_of([TERMS[one] for one in names])
+    choices = Choices(effects=(name,), effects_file=str(path))
+    pad = exported(tmp_path, choices, spread=0.0)
+    program = CompiledPad(tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-DONE_WAY"))
+    time, depth = retracting()
+    speed = np.concatenate([[0.0], np.diff(depth) / np.diff(time)])
+    motion = Motion(*map(jnp.asarray, (time, depth, speed, np.zeros_like(time))))
+    expected = np.asarray(reference(choices).force(motion))
+    force, _ = program.force(time, depth)
+    assert np.max(np.abs(force - expected)) <= 1e-10 * np.max(np.abs(expected))

@@ -32,25 +32,46 @@ from qlvbayes.diagnosis.result import Closest, Description, Estimate, LawPair, T
 from qlvbayes.diagnosis.search import Report
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Point
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.motion.record import Record
 
 _LEAST_PARTS = 3  # tests or phases left out, from which their scatter is known
 _CLOSEST = 2  # listed effects that are compared with a law
 
 
 @dataclass(frozen=True, eq=False)
+class Predictor:
+    """A hypothesis at fitted constants (P,), which predicts other tests."""
+
+    space: Space
+    hypothesis: Hypothesis
+    constants: Array
+
+    def forces(self, record: Record) -> Array:
+        """Return block means (T, B) of the force (N) of the tests of a record."""
+        return self.space.forces(self.hypothesis, self.constants[None], record)[0]
+
+
+@dataclass(frozen=True, eq=False)
 class Described:
-    """The law that was kept, if any: its record, and the text of its file."""
+    """The law that was kept, if any.
 
-    record: Description | None
-    text: str
-    families: tuple[TermFamily, ...]
+    record: What ``diagnosis.json`` says of it; text: Its file; families: What terms of each kind
+    could do; before, after: The hypothesis without it and with it.
+    """
+
+    record: Description | None = None
+    text: str = ""
+    families: tuple[TermFamily, ...] = ()
+    before: Predictor | None = None
+    after: Predictor | None = None
 
 
-NOTHING = Described(None, "", ())
+NOTHING = Described()
 
 
 def describe(
@@ -71,11 +92,22 @@ def describe(
     first = fits.proposed()
     families = tuple(_families(first, fits.base.point))
     if len(before.residuals) < _LEAST_PARTS:
-        return Described(None, "", families)
+        return Described(families=families)
     kept, left = _smallest(fits, before, first, report)
+    plain = _predictor(fits.density.space, fits.base.point)
     if kept is None:
-        return Described(None, "", families)
-    return Described(_record(fits, base, before, kept, left), kept.text, families)
+        return Described(families=families, before=plain)
+    return Described(
+        _record(fits, base, before, kept, left),
+        kept.text,
+        families,
+        plain,
+        _predictor(kept.density.space, kept.mode.point),
+    )
+
+
+def _predictor(space: Space, point: Point) -> Predictor:
+    return Predictor(space, point.own.hypothesis, point.constants)
 
 
 def _base(outcome: SearchOutcome, named: frozenset[str]) -> Candidate:

@@ -77,7 +77,7 @@ def summarize(
     adequacies = tuple(outcome.adequacy(one) for one in path)
     law = _law(outcome, decision, selected, bonded, report)
     result = structs.replace(result, description=law.record, could_remove=law.families)
-    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies, law.text)
+    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies, law)
     return Diagnosis(result, work)
 
 

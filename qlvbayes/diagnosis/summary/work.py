@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.description.describe import NOTHING, Described
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.motion.experiment import Experiment
 
@@ -21,7 +22,7 @@ class DiagnosisWork:
     # the hypotheses from the baseline to the selected one, each at its highest mode
     path: tuple[Candidate, ...]
     adequacies: tuple[Adequacy, ...]  # adequacy test of each hypothesis of the path
-    law: str = ""  # ``described_effect.py``; empty where nothing is described
+    law: Described = NOTHING  # what describes what no listed effect explains
 
     @property
     def selected(self) -> Candidate:
