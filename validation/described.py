@@ -74,11 +74,11 @@ def _described(study: Study, law: Described) -> Case:
             "formula": record.formula, "heldout": [record.heldout_before, record.heldout_after],
             "standard_errors": record.sds,
         }  # fmt: skip
-    errors = [_error(study, one) for one in (law.before, law.after) if one]
+    errors = [fresh_error(study, one) for one in (law.before, law.after) if one]
     return found | {"fresh": errors}
 
 
-def _error(study: Study, predictor: Predictor) -> float:
+def fresh_error(study: Study, predictor: Predictor) -> float:
     """Return the root mean square error (N) on the fresh tests."""
     whole = prepare(replace(study.pad, tests=(*study.pad.tests, *study.fresh)))
     names = {test.name for test in study.fresh}
