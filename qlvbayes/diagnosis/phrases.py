@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from qlvbayes.diagnosis.result import DiagnosisResult, LawPair, Stage
 from qlvbayes.diagnosis.verdict import Verdict
-from qlvbayes.io.wording import joined, pad_title, percent, percent_unbroken
+from qlvbayes.io.wording import joined, pad_title, percent, percent_unbroken, plain
 
 LIKELY = 0.5  # probability that nothing is missing from which the text says so
 _BASELINE = "plain model"  # the laws that were chosen, without any added effect
@@ -87,7 +87,8 @@ def box_line(d: DiagnosisResult) -> str:
         Verdict.PARTLY_EXPLAINED: "The plain model lacks "
         f"{'these effects' if many else 'this effect'}{sure}, and something that none of the known "
         "effects explains:",
-        Verdict.UNEXPLAINED: "Something is missing that none of the known effects explains.",
+        Verdict.UNEXPLAINED: "Something is missing that none of the known effects explains."
+        f"{_law(d)}",
     }[d.verdict]
 
 
@@ -96,12 +97,24 @@ def answer(d: DiagnosisResult, seen: Callable[[str], str]) -> str:
     if d.verdict == Verdict.ADEQUATE:
         return "nothing that these tests can show."
     if d.verdict == Verdict.UNEXPLAINED:
-        return "something that none of the known effects explains."
+        return f"something that none of the known effects explains.{_law(d)}"
     if d.verdict == Verdict.AMBIGUOUS:
         return f"one of {joined(list(d.group), 'or')}{_besides(d)}; these tests cannot tell which."
     rest = ", and something that none of them explains" * d.verdict.has_unmodelled
     named = [f"{name} ({what})" if (what := seen(name)) else name for name in d.effects]
-    return f"{joined(named)}{rest}."
+    return f"{joined(named)}{rest}.{_law(d)}"
+
+
+def _law(d: DiagnosisResult) -> str:
+    """Return a sentence on the law that describes what is left; empty where there is none."""
+    law, unit = d.description, d.units.force
+    if law is None:
+        return ""
+    before, after = plain(law.heldout_before, 2), plain(law.heldout_after, 2)
+    return (
+        f" It is described, and not explained, by {law.formula}: the error on tests left out falls "
+        f"from {before} to {after} {unit}."
+    )
 
 
 def heading(d: DiagnosisResult) -> str:

@@ -259,12 +259,13 @@ class RemainingStructure(
     small: bool  # whether all of it is below the tolerance
 
 
-class Closest(Part, frozen=True):
-    """A listed effect whose force is like that of a described law."""
+class Closest(Part, frozen=True, rename={"heldout": "heldout_rmse_N"}):
+    """A listed effect that is like a described law, or fits better than others alone."""
 
     effect: str
     cosine: float  # of the two forces, after the constants have followed what they can
     differs_most_in: str  # name of the test
+    heldout: float  # error on tests left out (N) with it in place of the law
 
 
 class TermFamily(Part, frozen=True):
@@ -292,7 +293,7 @@ class Description(
     over tests left out; rmse_before, rmse_after: Error of all samples (N) without it and with it;
     heldout_before, heldout_after: The same of tests left out in turn; sds: Mean relative fall of
     that error over its standard error; cells: What is left, by test and phase; strengths: Its
-    strength in each test; closest: Listed effects whose forces are most like its.
+    strength in each test; closest: Listed effects that fit best, or whose forces are like its.
     """
 
     effect: str

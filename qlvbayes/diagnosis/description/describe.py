@@ -34,6 +34,7 @@ from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.modes import Mode
 from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.parameters import unit_kinds
@@ -88,9 +89,9 @@ def describe(
     base = _base(outcome, named)
     report("a law for what is left")
     fits = LawFits(outcome, base, protocol)
-    before = fits.left_out()
-    first = fits.proposed()
-    families = tuple(_families(first, fits.base.point))
+    before = fits.left_out(fits.base)
+    first, listed = fits.proposed(), fits.listed()
+    families = tuple(_families(fits, first, listed))
     if len(before.residuals) < _LEAST_PARTS:
         return Described(families=families)
     kept, left = _smallest(fits, before, first, report)
@@ -98,7 +99,7 @@ def describe(
     if kept is None:
         return Described(families=families, before=plain)
     return Described(
-        _record(fits, base, before, kept, left),
+        _record(fits, base, before, kept, left, listed),
         kept.text,
         families,
         plain,
@@ -130,7 +131,7 @@ def _smallest(
         some.sort(key=lambda one: one.mode.loss)
         kept = []
         for one in some[: settings.judged]:
-            judged[id(one)] = fits.left_out(one)
+            judged[id(one)] = fits.left_out(one.mode, one)
             constants = one.count - (law.count if law else 0)
             if _is_better(fits, known, judged[id(one)], constants):
                 kept.append(one)
@@ -164,16 +165,35 @@ def sds_of(before: LeftOut, after: LeftOut, noise: float) -> float:
     return float(gains.mean()) / error if error > 0.0 else 0.0
 
 
-def _families(proposed: Sequence[Proposal], point: Point) -> Iterator[TermFamily]:
-    """Yield the share of the fit's error that the best term of each family could remove."""
-    whole = float(point.residual @ point.residual)
+def _families(
+    fits: LawFits, proposed: Sequence[Proposal], listed: Sequence[tuple[str, Mode]]
+) -> Iterator[TermFamily]:
+    """Yield the share of the fit's error that the best term of each family could remove.
+
+    That of terms is to first order; the listed effect that fits best is one of them.
+    """
+    residual = fits.base.point.residual
+    whole = float(residual @ residual)
+    shares = [(f"the listed {family}", _share(whole, mode.point)) for family, mode in listed[:1]]
     for family in dict.fromkeys(one.column.term.family for one in proposed):
         squares = max(one.squares for one in proposed if one.column.term.family == family)
-        yield TermFamily(family, 1.0 - math.sqrt(max(1.0 - squares / whole, 0.0)))
+        shares.append((family, 1.0 - math.sqrt(max(1.0 - squares / whole, 0.0))))
+    for family, share in sorted(shares, key=lambda one: -one[1]):
+        yield TermFamily(family, share)
+
+
+def _share(whole: float, point: Point) -> float:
+    """Return the share of the error that a fit removes, of a sum of squares before it."""
+    return max(1.0 - math.sqrt(float(point.residual @ point.residual) / whole), 0.0)
 
 
 def _record(
-    fits: LawFits, base: Candidate, before: LeftOut, law: Fitted, after: LeftOut
+    fits: LawFits,
+    base: Candidate,
+    before: LeftOut,
+    law: Fitted,
+    after: LeftOut,
+    listed: Sequence[tuple[str, Mode]],
 ) -> Description:
     """Return the record of a law that was kept."""
     outcome, samples, point = fits.outcome, law.samples, law.mode.point
@@ -201,45 +221,34 @@ def _record(
         sds=sds_of(before, after, fits.experiment.floor.total),
         cells=tuple(cell_errors(samples, residuals)),
         strengths=strengths(law.density, samples, candidate, law.name, settings.imitation),
-        closest=tuple(_closest(fits, base, law)),
+        closest=tuple(_closest(fits, law, listed)),
     )
 
 
-def _closest(fits: LawFits, base: Candidate, law: Fitted) -> Iterator[Closest]:
-    """Yield the listed effects whose forces are nearest to the law's, and where they differ."""
-    outcome, real = fits.outcome, fits.density.space.real
-    point = law.mode.point
-    own = _force(fits, law.density.space, point, law.name)
-    taken, _ = np.linalg.qr(fits.base.point.responses[:, real].T)
-    own = own - taken @ (taken.T @ own)
+def _closest(fits: LawFits, law: Fitted, listed: Sequence[tuple[str, Mode]]) -> Iterator[Closest]:
+    """Yield the listed effect that fits best, and those whose forces are nearest to the law's."""
+    own = _force(fits, law.density.space, law.mode.point, law.name)
     found = []
-    for candidate in outcome.candidates:
-        added = candidate.hypothesis.effects - base.hypothesis.effects
-        if len(added) != 1 or not base.hypothesis.effects <= candidate.hypothesis.effects:
-            continue
-        (form,) = added
-        family = outcome.search.families.family_of[form]
-        if family not in outcome.search.families.nameable:
-            continue
-        other = _force(fits, fits.density.space, candidate.point, form)
-        other = other - taken @ (taken.T @ other)
+    for family, mode in listed:
+        (form,) = mode.point.own.hypothesis.effects - fits.hypothesis.effects
+        other = _force(fits, fits.density.space, mode.point, form)
         size = float(np.linalg.norm(own) * np.linalg.norm(other))
         if size > 0.0 and math.isfinite(size):
-            found.append((float(own @ other) / size, family, other))
-    found.sort(key=lambda one: -one[0])
+            found.append((float(own @ other) / size, family, other, mode))
+    nearest = sorted(found, key=lambda one: -one[0])[:_CLOSEST]
+    real = fits.density.space.real
     tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
-    seen: set[str] = set()
-    for alike, family, other in found:
-        if family in seen or len(seen) == _CLOSEST:
-            continue
-        seen.add(family)
+    for cosine, family, other, mode in {one[1]: one for one in (*found[:1], *nearest)}.values():
         scaled = other * float(own @ other) / float(other @ other)
         apart = np.bincount(tests, (own - scaled) ** 2)
-        name = outcome.samples.trials[int(np.argmax(apart))].name
-        yield Closest(family, alike, name)
+        name = fits.outcome.samples.trials[int(np.argmax(apart))].name
+        yield Closest(family, cosine, name, rmse(fits.left_out(mode).residuals))
 
 
 def _force(fits: LawFits, space: Space, point: Point, effect: str) -> Array:
-    """Return the force (n,) in N of one effect at a point, at the block means."""
+    """Return the force (n,) in N of one effect, less what the base's constants can follow."""
+    real = fits.density.space.real
     rest = space.forces(*without(space, point, effect))[0]
-    return np.asarray((point.predicted - rest)[fits.density.space.real])
+    force = (point.predicted - rest)[real]
+    taken, _ = np.linalg.qr(fits.base.point.responses[:, real].T)
+    return np.asarray(force - taken @ (taken.T @ force))

@@ -95,11 +95,13 @@ class LawFits:
         none = Discrepancy.none(whitener, density.discrepancy.peak)
         return Density(space, whitener, none)
 
-    def left_out(self, law: Fitted | None = None) -> LeftOut:
-        """Return what fits to all but one part predict of that part, with a law or without one."""
-        density, samples, mode = self.density, self.outcome.samples, self.base
-        if law is not None:
-            density, samples, mode = law.density, law.samples, law.mode
+    def left_out(self, mode: Mode, law: Fitted | None = None) -> LeftOut:
+        """Return what fits to all but one part predict of that part, from a mode on all parts.
+
+        The mode is that of a law, or of a hypothesis of listed effects.
+        """
+        density = law.density if law else self.density
+        samples = law.samples if law else self.outcome.samples
         residuals, fitted = [], []
         hypothesis = mode.point.own.hypothesis
         for part in leave_out(density, samples):
@@ -129,6 +131,23 @@ class LawFits:
         }
         space = self.density.space
         return self.plain(space.with_effects({**space.effects, **own}))
+
+    def listed(self) -> list[tuple[str, Mode]]:
+        """Return listed effects beside the hypothesis, each by its family, the best fits first."""
+        outcome, families = self.outcome, self.outcome.search.families
+        some = []
+        for one in outcome.candidates:
+            added = one.hypothesis.effects - self.hypothesis.effects
+            if len(added) == 1 and self.hypothesis.plus(*added) == one.hypothesis:
+                some.append((families.family_of[next(iter(added))], one))
+        some = [(family, one) for family, one in some if family in families.nameable]
+        some.sort(key=lambda pair: outcome.samples.error(outcome.residuals(pair[1])))
+        found: dict[str, Mode] = {}
+        for family, one in some:
+            if family not in found and len(found) < self.settings.judged:
+                mode = find_mode(self.density, one.hypothesis, one.point.theta)
+                found |= {family: mode} if mode is not None else {}
+        return sorted(found.items(), key=lambda pair: pair[1].loss)
 
     def proposed(self, law: Fitted | None = None) -> list[Proposal]:
         """Return terms to add to the base, or to a law that was fitted."""

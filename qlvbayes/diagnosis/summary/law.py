@@ -21,14 +21,14 @@ def law_step(d: DiagnosisResult) -> str:
 def law_paragraphs(d: DiagnosisResult) -> list[str]:
     """Return what the described law removes, or what no law could."""
     if d.description is not None:
-        return [_found(d, d.description), *_closest(d.description)]
+        return [_found(d, d.description), *_closest(d, d.description)]
     notable = [one for one in d.could_remove if one.share >= _NOTABLE]
     if not notable:
         return []
     shares = joined([f"{one.family} {100.0 * one.share:.0f} %" for one in notable])
     return [
-        "No law of one or two terms was found that predicts tests left out better. The best single "
-        f"terms could remove of the fit's error at most: {shares}."
+        "No law of one or two terms was found that predicts tests left out better. Of the fit's "
+        f"error the best single terms could remove at most: {shares}."
     ]
 
 
@@ -55,14 +55,16 @@ def _found(d: DiagnosisResult, law: Description) -> str:
     )
 
 
-def _closest(law: Description) -> list[str]:
+def _closest(d: DiagnosisResult, law: Description) -> list[str]:
     if not law.closest:
         return []
     some = [
-        f"{one.effect} (cosine {one.cosine:.2f}; it differs most in {one.differs_most_in})"
+        f"{one.effect} (cosine of the forces {one.cosine:.2f}, they differ most in "
+        f"{one.differs_most_in}; with it instead the error on tests left out is "
+        f"{to_noise(one.heldout, d.noise)} {d.units.force})"
         for one in law.closest
     ]
-    return [f"The listed effects whose forces are most like its: {joined(some)}."]
+    return [f"The closest listed effects: {joined(some)}."]
 
 
 def _command(d: DiagnosisResult, law: Description) -> str:
