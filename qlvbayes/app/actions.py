@@ -15,7 +15,7 @@ from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
 from qlvbayes.app.sessions import DATA, BenchPad, HistoryState, Made, Session, Sessions
 from qlvbayes.app.warm import WarmWorker
-from qlvbayes.io.files import bundled
+from qlvbayes.io.files import DESCRIBED, bundled
 
 BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",
@@ -230,6 +230,8 @@ class Actions:
                 state = own.current
             model = body.get("model") or (None if own is None else own.state(own.current).model)
             spec |= {"pad": pad, "model": model, **self._where(session, pad)}
+            if kind == "diagnose":  # which describes anew
+                spec["effects_file"] = self._effects_file
         return self.jobs.add(
             session.id, kind, pad, spec, lambda job: self._finished(session, job, state)
         )
@@ -245,7 +247,10 @@ class Actions:
     # all else
 
     def _where(self, session: Session, pad: str) -> dict[str, Any]:
-        return {"data": session.data, "pad": pad, "effects_file": self._effects_file}
+        """Return where a pad is, with the user's effects or else the law that was described."""
+        law = session.folder / pad / DESCRIBED
+        file = self._effects_file or (str(law) if law.exists() else None)
+        return {"data": session.data, "pad": pad, "effects_file": file}
 
     async def _ask(self, call: str, /, **arguments: Any) -> Any:
         """Return the answer to a call that no request waits for."""

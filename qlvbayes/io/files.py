@@ -25,6 +25,8 @@ _IN_RESULTS = (
     *("bench.json", "data.csv", "data.csv.gz", "-"),  # of the bench, which calls all pads '-'
 )
 """Names in a folder of results that are not those of pads' folders."""
+DESCRIBED = "described_effect.py"
+"""Name of the file, in a pad's folder of results, that holds a described law as an effect."""
 _PICTURE = re.compile(r"look_.*\.png")  # the picture of a pad's first look
 _HALF_WRITTEN = re.compile(r"\.\d+\.part$")  # temporary names of `write_whole`
 _LONGEST = 120  # bytes of a name: two of them fit into the 255 of a comparison's folder

@@ -14,7 +14,6 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
-from qlvbayes.diagnosis.summary.law import FILE as LAW
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
@@ -24,7 +23,7 @@ from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load, save, to_arviz
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements
-from qlvbayes.io.files import results_folder, write_whole
+from qlvbayes.io.files import DESCRIBED, results_folder, write_whole
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
@@ -211,7 +210,7 @@ class DiagnoseStep:
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
-            _write_law(diagnosis.work.law.text, folder / LAW)
+            _write_law(diagnosis.work.law.text, folder / DESCRIBED)
             diagnosis.result.write(folder / "diagnosis.json")
             drawn = drawn_hypotheses(diagnosis, self.choices, seed=self.seed)
             drawn.write(folder / HYPOTHESES)

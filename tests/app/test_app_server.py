@@ -24,6 +24,10 @@ from support.two_tests import two_tests  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
 from qlvbayes.app.sessions import BenchPad, Sessions  # noqa: E402
+from qlvbayes.diagnosis.description.grammar import grammar  # noqa: E402
+from qlvbayes.diagnosis.description.source import References, source_of  # noqa: E402
+from qlvbayes.io.files import DESCRIBED  # noqa: E402
+from qlvbayes.io.units import PAD  # noqa: E402
 
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
@@ -312,6 +316,25 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     assert len(served.get(f"/api/s/{second}")["pad"]["C"]["history"]) == 1
 
     assert "--add squeeze_film" in served.client.get(f"{pad}/repeat.sh").text
+
+
+def test_a_described_law_can_be_added(served, two):
+    """What a diagnosis has left in the pad's folder is an effect of the bench."""
+    session = served.upload(("two.csv", two.read_bytes()))
+    served.until(session, "ready")
+    pad = f"/api/s/{session}/pads/C"
+    term = next(term for term in grammar() if term.name == "linear_drag_of_depth_squared")
+    text = source_of([term], References(1.6, 100.0, 1000.0, 1.5, 500.0), PAD, "It describes.")
+    folder = served.sessions / session / "C"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / DESCRIBED).write_text(text, encoding="utf-8")
+    shown = {one["name"]: one["listed"] for one in served.get(f"{pad}/catalogue")["effects"]}
+    assert shown[term.name] is True
+    start = served.get(f"/api/s/{session}")["pad"]["C"]["history"][0]
+    model = {key: start[key] for key in ("elastic", "relaxation", "effects", "values")}
+    added = served.post(f"{pad}/states", {"add": term.name, "model": model})["state"]
+    assert added["effects"] == [term.name]
+    assert added["rmse"] <= start["rmse"]
 
 
 def test_a_model_that_is_none_is_told(served, opened):

@@ -109,7 +109,12 @@ export class Session {
     const again = () => trying(() => this.refresh());
     on("hello", () => { if (this.lost) { this.lost = false; calm(); } again(); });
     on("session", again);
-    on("result", again);
+    on("result", async ({ pad, what }) => {
+      await again();
+      if (what !== "diagnose" || pad !== this.store.now.pad) return;
+      const catalogue = await trying(() => get(`${this.padPath(pad)}/catalogue`)); // a described law has come
+      if (catalogue) this.store.set({ catalogue });
+    });
     on("job", (job) => this.heardJob(job));
     on("state", ({ pad, state }) => this.heardState(pad, state));
     on("ranking", ({ pad, ranking, laws }) => this.amend(pad, laws ? { ranking, laws } : { ranking }));

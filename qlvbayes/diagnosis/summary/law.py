@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from qlvbayes.diagnosis.result import Description, DiagnosisResult
+from qlvbayes.io.files import DESCRIBED
 from qlvbayes.io.wording import joined, plain, to_noise
 from qlvbayes.model.choices import Choices
 
-FILE = "described_effect.py"
-"""Name of the file, in the pad's folder of results, that holds a described law as an effect."""
 _NOTABLE = 0.02  # share of the error below which it is not said what a kind of terms could remove
 
 
@@ -70,7 +69,7 @@ def _closest(d: DiagnosisResult, law: Description) -> list[str]:
 def _command(d: DiagnosisResult, law: Description) -> str:
     """Return the command that fits the model with the law to all tests."""
     default = Choices()
-    words = [f"qlvbayes fit FILE -o OUT --all-tests --effects-file {FILE}"]
+    words = [f"qlvbayes fit FILE -o OUT --all-tests --effects-file {DESCRIBED}"]
     words += [f"--elastic {law.base.elastic}"] * (law.base.elastic != default.elastic)
     words += [f"--relaxation {law.base.relaxation}"] * (law.base.relaxation != default.relaxing)
     added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in law.effects), law.effect)
