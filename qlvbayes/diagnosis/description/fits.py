@@ -29,6 +29,7 @@ from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.inference.modes import Mode, find_mode
 from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
@@ -77,14 +78,17 @@ class LawFits:
         self.outcome, self.experiment = outcome, outcome.experiment
         self.references = References.from_scales(self.experiment.scales)
         bonded = outcome.search.density.space.bonded
-        terms = [t for t in grammar() if not (bonded and t.enters in ("guide", "shift"))]
+        # a bonded specimen has no contact that a shift could move, and the rig is not off it
+        lasting = [t for t in grammar() if t.enters in ("force", "factor") or t.family == "clock"]
+        terms = lasting if bonded else grammar()
         kinds = {term: load(self.text([term])) for term in terms}
         self.kinds = {t: k for t, k in kinds.items() if k.blind(protocol) is None}
         self.hypothesis = base.hypothesis
         self.error = outcome.samples.error(outcome.residuals(base))
         self.density = self.plain(outcome.search.density.space)
         found = find_mode(self.density, base.hypothesis, base.point.theta)
-        assert found is not None
+        if found is None:
+            raise NoFiniteForceError
         self.base: Mode = found
         self.settings = outcome.search.settings.description
 

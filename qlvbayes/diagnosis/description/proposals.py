@@ -25,6 +25,10 @@ from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
 from qlvbayes.io.arrays import Array
 
 
+_SAME = 0.9999
+"""Cosine of two columns from which they are one: off the pad nothing was measured, say."""
+
+
 @dataclass(frozen=True, eq=False)
 class Column:
     """The force of a term at one of its shapes."""
@@ -93,16 +97,15 @@ def proposals(
     sized = density.discrepancy.at(base.size, point.separation)
     forces = density.whitener(np.stack([column.force for column in fitting]))
     gradient, curvature = point.added_terms(forces, sized)
-    own = np.maximum(np.diag(curvature), 0.0)
+    own = np.maximum(np.diag(curvature), np.finfo(float).tiny)
     sizes = -gradient / (own + 1.0)
     gains = -0.5 * gradient * sizes - 0.5 * np.log1p(own)
-    best: dict[str, Proposal] = {}
-    squares = gradient**2 / np.maximum(own, np.finfo(float).tiny)
-    for column, *figures in zip(
-        fitting, sizes.tolist(), gains.tolist(), squares.tolist(), strict=True
-    ):
-        proposal, name = Proposal(column, *figures), column.term.name
-        allowed = column.term.signed or proposal.size > 0.0
-        if allowed and (name not in best or proposal.gain > best[name].gain):
-            best[name] = proposal
-    return sorted(best.values(), key=lambda one: -one.gain)
+    alike = np.abs(curvature) / np.sqrt(np.outer(own, own))
+    kept: list[int] = []
+    for k in np.argsort(-gains, kind="stable").tolist():
+        term = fitting[k].term
+        known = any(fitting[j].term.name == term.name or alike[j, k] > _SAME for j in kept)
+        if not known and (term.signed or sizes[k] > 0.0):
+            kept.append(k)
+    figures = np.column_stack([sizes, gains, gradient**2 / own])
+    return [Proposal(fitting[k], *figures[k].tolist()) for k in kept]
