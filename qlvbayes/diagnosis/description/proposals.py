@@ -24,7 +24,6 @@ from qlvbayes.inference.modes import Mode
 from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
 from qlvbayes.io.arrays import Array
 
-
 _SAME = 0.9999
 """Cosine of two columns from which they are one: off the pad nothing was measured, say."""
 
