@@ -43,7 +43,7 @@ def candidate_at(
             k = leaf.theta[0]
             sd = math.sqrt(max(laplace.covariance[k, k], 0.0))
             log += log_noticeable(leaf.prior.inner, float(laplace.mean[k]), sd, tolerance)
-    mode.point.separation.forget_but(mode.size)
+    mode.point.separation.forget()
     return Candidate(hypothesis, mode, laplace, log)
 
 

@@ -99,7 +99,7 @@ def _sample_next(search: Search, sampled: set[Hypothesis]) -> bool:
     close = CLOSE * (1.0 + gap)
     estimate = sampled_evidence(search.density, pairs, search.settings.tolerance, close)
     for mode, _ in pairs:
-        mode.point.separation.forget_but(mode.size)
+        mode.point.separation.forget()
     if estimate is not None:
         evidence = replace(first.evidence, by_size=estimate.by_size, log=estimate.log)
         best = replace(first, evidence=evidence, log_evidence=estimate.log, error=estimate.error)

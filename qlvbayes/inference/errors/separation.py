@@ -155,11 +155,10 @@ class Separation:
         product = basis.T @ ties
         return np.asarray(product + product.T)
 
-    def forget_but(self, size: float) -> None:
-        """Discard what was computed for sizes other than one (N), to save megabytes a point."""
-        for other in [known for known in self._by_size if known != size]:
-            self._by_size.pop(other, None)
-        for rows in ("scaled_rows", "separated_rows"):
+    def forget(self) -> None:
+        """Discard what can be computed again in a millisecond, to save a megabyte a point."""
+        self._by_size.clear()
+        for rows in ("rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors"):
             self.__dict__.pop(rows, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
