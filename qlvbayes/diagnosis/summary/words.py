@@ -418,7 +418,26 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
 
 def _refused(d: DiagnosisResult) -> list[str]:
     """Return the effects that are probable by the fit but were refused."""
-    return [f"{one.effect} is likely by the fit, but not named: {one.reason}." for one in d.refused]
+    return [
+        f"{one.effect} is likely by the fit, but not named: {one.reason}.{_varies(d, one.effect)}"
+        for one in d.refused
+    ]
+
+
+def _varies(d: DiagnosisResult, effect: str) -> str:
+    """Return between which tests the strength of a refused effect differs most; empty if none."""
+    ranked = d.ranked(effect)
+    own = ranked.support.strengths if ranked and ranked.support else None
+    if own is None or own.spread == 0.0:
+        return ""
+    some = [one for one in own.parts if one.share > _LITTLE]
+    if len(some) < 2:
+        return ""
+    least, most = (pick(some, key=lambda one: one.ratio) for pick in (min, max))
+    return (
+        f" Its strength would be {plain(least.ratio, 2)} times its mean in {least.test}, and "
+        f"{plain(most.ratio, 2)} times in {most.test}."
+    )
 
 
 def _not_ruled_out(d: DiagnosisResult) -> list[str]:
