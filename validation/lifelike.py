@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 from blind.case import FAILED, THRESHOLDS, verdict_of
@@ -47,6 +48,7 @@ from qlvbayes.parallel.engines import opened_engine
 from qlvbayes.simulate import Record, SimulatedTest, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
+_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of ranges of certainty
 LEAST = 0.02  # probability of an effect that is stored with its evidence
 
 
@@ -201,12 +203,29 @@ def keep(store: Store, seed: int, count: int) -> None:
         f"{len(cases)} of {count} registered studies were finished, {found['seen']} can be seen; "
         f"{found['cpu_s'] / max(len(cases), 1):.0f} s of CPU a study; wrong names: {each}."
     )
+    notes = [note, _calibration(cases)]
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     command = f"python validation/lifelike.py --studies {count} --seed {seed}"
     origin = Origin(command, Origin.today(), cases[0]["commit"][:8], machine)
-    Table(origin, len(cases), ["hidden: verdict", "studies", "bound"], rows, [note]).write(
+    Table(origin, len(cases), ["hidden: verdict", "studies", "bound"], rows, notes).write(
         "lifelike"
     )
+
+
+def _calibration(cases: Sequence[Case]) -> str:
+    """Return how many effects of each range of certainty are there, in studies that can be seen."""
+    stated = [
+        (one["certainty"], one["effect"] in true_names(case))
+        for case in cases
+        if case["seen"]
+        for one in case.get("ranking", ())
+        if one["certainty"] is not None
+    ]
+    words = []
+    for low, high in pairwise(_EDGES):
+        there = [own for sure, own in stated if low <= sure < high or sure == high == 1.0]
+        words.append(f"{low:g} to {high:g}: {share(sum(there), len(there))}")
+    return f"Effects that are there, by their certainty: {'; '.join(words)}."
 
 
 def write(seed: int, index: int, output: Path) -> None:
