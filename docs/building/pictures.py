@@ -50,10 +50,10 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             "simulate -o creep.csv --pads B --rates none --loads 0.3,1 --max-rows 400",
             "fit creep.csv -o creep --all-tests",
-            f'predict creep --program "{LOADS}"',
+            f'check creep --program "{LOADS}"',
         ),
     ),
-    "convert": ("tidy.png", ("convert press.csv --pad B -o tidy.csv",)),
+    "convert": ("tidy.png", ("look press.csv --pad B -o tidy.csv",)),
 }
 # Of this figure the head and the two slowest of six tests, as a share of its height.
 TOP = {"forces_before_after": 0.352}

@@ -93,9 +93,7 @@ def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):
     assert "the direction that presses cannot be determined" in err
     assert "--sign none|displacement|force|both" in err
     assert not (tmp_path / "tidy.csv").exists()
-    with pytest.raises(
-        InputError, match=rf"say it to qlvbayes convert {source} -o tidy.csv --sign"
-    ):
+    with pytest.raises(InputError, match=rf"say it to qlvbayes look {source} -o tidy.csv --sign"):
         read_measurements(source)
 
 

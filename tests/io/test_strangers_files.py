@@ -717,6 +717,8 @@ def test_a_contact_beyond_the_largest_depth_is_refused(tmp_path):
         ),
         ("Position (mm),Force (N)", "{1},{2}", "line 1: there is no column of time"),
         ("Index,Position (mm),Force (N)", "7,{1},{2}", "line 1: there is no column of time"),
+        ("Time_s,Displacement_mm", "{0},{1}", r"line 1: there is no column of force .*; export"),
+        ("time_s,displacement_mm,T", "{0},{1},20", r"line 1: no column for force .*; the columns"),
     ],
 )
 def test_cells_that_are_no_numbers_are_shown(tmp_path, head, cells, says):

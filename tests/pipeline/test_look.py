@@ -313,7 +313,7 @@ def test_a_machine_file_that_leaves_something_open_takes_the_answer_of_convert(t
     assert result.exit_code == 0, result.exception
     found = FirstLook.read(tmp_path / "out" / "look.json")
     assert found.pads[0].tests[0].depth == pytest.approx(1.0)
-    assert found.next[0].startswith("qlvbayes convert ")
+    assert found.next[0].startswith("qlvbayes look ")
     assert "--sign both --contact file" in found.next[0]
 
 

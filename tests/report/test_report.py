@@ -239,7 +239,7 @@ def test_methods_say_how_to_repeat_it(page):
 
 def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
     use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
-    assert f"qlvbayes predict {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
+    assert f"qlvbayes check {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
     assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
     assert "Exported already" not in use
 
