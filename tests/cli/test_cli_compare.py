@@ -7,8 +7,6 @@ import pytest
 from support.endtoend import call, read_json
 from support.posteriors import drawn, vectors, written
 
-from qlvbayes.comparison.contrast import Comparison
-
 PLACES = ("--depth", 1, "--rates", "1", "--frequencies", "0.3")
 
 
@@ -39,15 +37,6 @@ def test_files_are_left(compared):
     assert [path.name for path in folder.parent.iterdir()] == ["B-vs-C"]
 
 
-def test_the_terminal_shows_the_answer(compared):
-    folder, out = compared
-    text = (folder / "compare.txt").read_text()
-    assert text.startswith("Yes: B and C differ")
-    assert text.split("\n")[0] in out
-    assert "cannot tell" in out
-    assert "\x1b" not in out
-
-
 def test_table_and_json_agree(compared):
     folder, _ = compared
     content = read_json(folder / "compare.json")
@@ -58,13 +47,6 @@ def test_table_and_json_agree(compared):
         assert row["quantity"] == entry["quantity"]
         assert row["answer"] == entry["answer"]
         assert float(row["difference_low90"]) == pytest.approx(entry["difference"]["low"], rel=1e-5)
-
-
-def test_the_file_is_read_back_and_written_again_byte_for_byte(compared):
-    text = (compared[0] / "compare.json").read_bytes()
-    found = Comparison.from_json(text)
-    assert found.to_json().encode() == text
-    assert "\n\n".join(found.words) + "\n" == (compared[0] / "compare.txt").read_text()
 
 
 def test_a_seed_repeats_and_json_is_all_that_is_printed(compared, pads):

@@ -13,9 +13,8 @@ from qlvbayes import read_study
 from qlvbayes.cli.settings import Settings
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
-from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects import check_effect
-from qlvbayes.effects.catalogue import EFFECTS, EVERY, OUTSIDE, find
+from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
@@ -95,17 +94,6 @@ def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
             assert kinds[file.stem].from_json(found.to_json()) == found
 
 
-def test_what_was_tried_travels_in_the_verdict(study, case):
-    used = DiagnosisResult.read(study[0] / "diagnosis.json").settings
-    assert used.thresholds == DiagnosisSettings()
-    assert {"exponential", "hertz"} <= set(used.elastic)
-    assert "prony:2" in used.relaxation
-    families = {kind.family() for kind in (*case[1], *OUTSIDE)}
-    families -= {"interface_slip"}  # of a specimen that is held
-    assert set(used.effects) == {kind.name for kind in EVERY if kind.family() in families}
-    assert used.seed == 0
-
-
 def test_study_ends_with_the_report(study, case, answer):
     folder, out = study
     report = folder.parent / "report.html"
@@ -181,13 +169,6 @@ def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(stu
     assert is_finished(out, "plain-fit", "C", key, study[0])
     other = replace(fit, settings=given.sampler(1))
     assert not is_finished(out, "plain-fit", "C", key_of(other, study[0], alone, {}), study[0])
-
-
-@pytest.mark.slow
-def test_diagnose_says_what_study_says(tmp_path, answer):
-    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", "--json", drawn=True)
-    assert (status, err) == (0, "")
-    assert json.loads(out)[0]["effects"] == [answer["effects"][0]["effect"]]
 
 
 def test_an_unknown_effect_is_refused_before_anything_is_written(tmp_path):

@@ -63,26 +63,6 @@ def test_a_setting_that_cannot_be_used_is_refused_before_anything_is_written(tmp
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (None, "no such file"),
-        (b"", "the file is empty"),
-        (b"time_s,displacement_mm\n0,0\n", "force"),
-        (b"time_s,displacement_mm,force_N\n0,0,0\n1,0.1,abc\n2,0.2,1\n", "line 3"),
-        (b"\x00\x01\x02\x03", "data.csv"),
-    ],
-)
-def test_a_file_that_cannot_be_used_is_named(tmp_path, content, says):
-    data = tmp_path / "data.csv"
-    if content is not None:
-        data.write_bytes(content)
-    line = refused("fit", data, "-o", tmp_path / "out")
-    assert line.startswith(str(data))
-    assert says in line
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("place", [".", "deeper"])
 def test_a_file_where_the_results_should_go_is_left_alone(tmp_path, place):
     taken = tmp_path / "taken"
@@ -173,14 +153,6 @@ def test_check_refuses_damaged_results(fitted_folder, tmp_path, damage):
     assert [path.name for path in file.parent.iterdir()] == ["posterior.nc"]
 
 
-def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
-    (tmp_path / "B").mkdir()
-    (tmp_path / "B" / "posterior.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    process = qlvbayes("check", tmp_path)
-    assert process.returncode == 2
-    assert "not a results file" in one_line(process.stderr)
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -194,12 +166,6 @@ def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
 def test_simulate_refuses(tmp_path, words, says):
     assert says in refused("simulate", "-o", tmp_path / "x.csv", *words)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_simulate_tells_of_a_missing_folder_before_it_simulates(tmp_path):
-    missing = tmp_path / "missing"
-    many = ("--pads", "finger:400")  # would take minutes
-    assert refused("simulate", "-o", missing / "x.csv", *many).startswith(f"{missing}: no such")
 
 
 @pytest.mark.slow

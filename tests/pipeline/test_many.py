@@ -12,7 +12,6 @@ from support.endtoend import PADS, call, one_line, read_json, with_tests
 from support.work import MeanStep, pads
 
 from qlvbayes import read_study, write_report
-from qlvbayes.cli.compare import _pairs as pairs_of
 from qlvbayes.fitting.runs import RunLog
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
@@ -153,12 +152,6 @@ def test_pads_that_fail_in_a_process_are_named(two):
     assert [fault.of for fault in failed.value.faults] == ["pad A", "pad B", "pad C"]
 
 
-def test_two_pads_of_one_name_are_refused(tmp_path):
-    found, _ = run(tmp_path, ["A", "a"])
-    assert found.pads == ("A",)
-    assert "another pad of these files is called 'a' too" in found.faults[0].text
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Pads of the example data in files of their own, and one that cannot be read."""
@@ -214,12 +207,6 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
     assert RunLog.read(tmp_path / "run.json").runs["fit"].source == str(folder)
 
 
-def test_a_part_without_pads_is_no_error(folder, tmp_path):
-    status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--shard", "9/9")
-    assert (status, output, err) == (0, "there are no pads in this part\n", "")
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_name_that_no_file_has_is_refused(folder, tmp_path):
     status, _, err = call("fit", folder / "A.csv", folder / "B.csv", "-o", tmp_path, "--pads", "X")
     assert status == 2
@@ -273,13 +260,6 @@ def test_of_many_fits_only_the_named_ones_are_read(alone, tmp_path):
     assert [fit.pad for fit in fits] == ["B", "B"]
     with pytest.raises(InputError, match=r"pad 0/posterior\.nc: not a results file"):
         saved_pads(tmp_path)
-
-
-def test_many_pads_are_not_compared_with_each_other(monkeypatch, tmp_path):
-    fits = [SimpleNamespace(pad=str(k), fluid=None) for k in range(1000)]
-    with pytest.raises(InputError, match="499500 pairs"):
-        pairs_of(fits, tmp_path, named=False, fluids=None)
-    assert len(pairs_of(fits[:4], tmp_path, named=True, fluids=None)) == 6
 
 
 def test_a_message_does_not_list_ten_thousand_names():

@@ -110,12 +110,6 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
             assert np.abs(force - expected).max() < 1e-8 * expected.max()
 
 
-def test_without_effects_it_is_the_pad_also_on_the_far_side_of_zero():
-    platen, times = paired(lambda rate: (Move(1.0, rate), Move(-0.5, rate), Hold(2.0)))
-    force = force_of(platen=platen, times=times, bonded=True)
-    assert np.abs(force - Pad(B, bonded=True).force(platen, times)).max() < 1e-8
-
-
 @pytest.mark.parametrize("name", EVERY)
 def test_each_effect_vanishes_at_its_null(name):
     null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
@@ -331,15 +325,6 @@ def test_adhesion_pulls_with_its_strength_at_most():
         assert force.min() == pytest.approx(-strength, rel=1e-3)
 
 
-def test_a_yielding_frame_satisfies_its_equation():
-    """Without relaxation the law is algebraic."""
-    constants = Constants(0.5, 0.6, (1.0,))
-    platen, times = paired(full_retraction_protocol)
-    force = force_of(effect("frame_compliance"), platen=platen, times=times, constants=constants)
-    depth = platen.displacement(times) - 0.05 * force
-    assert force == pytest.approx(0.5 / 0.6 * np.expm1(0.6 * depth), abs=1e-9)
-
-
 def test_inertia_and_lag():
     platen, times = paired(paper_protocol)
     expected = 8e-5 * platen.acceleration(times)
@@ -347,23 +332,6 @@ def test_inertia_and_lag():
     late = force_of(effect("channel_lag"), platen=platen, times=times)
     before = force_of(platen=platen, times=np.maximum(times - 0.002, 0.0))
     assert late == pytest.approx(before, abs=1e-9)
-
-
-def test_a_stretched_exponential_is_one():
-    shares, rates = effect("stretched_relaxation", c=1.0).modes(np.ones(1), np.zeros(0))
-    t = np.geomspace(0.003, 30.0, 50)
-    sum_of_modes = np.exp(-np.outer(t, rates)) @ shares[1:]
-    assert sum_of_modes == pytest.approx(np.exp(-np.sqrt(t / 0.5)), abs=0.01)
-
-
-def test_slips_and_zeros_differ_from_test_to_test_but_repeat():
-    for name in ("slip", "rezeroed"):
-        changes = []
-        for start in (0.0, 180.0, 180.0):
-            platen, times = paired(paper_protocol, start_s=start)
-            changes.append(added(name, platen, times))
-        assert np.array_equal(changes[1], changes[2])
-        assert not np.array_equal(changes[0], changes[1])
 
 
 def study(protocol, pad):
@@ -392,13 +360,6 @@ def test_drawn_effects_have_the_size_asked_for(name, bare):
         for test, force in zip(tests, bare[protocol], strict=True)
     ]
     assert 0.5 * size < max(found) / peak < 2.0 * size
-
-
-def test_a_drawn_mode_keeps_away_from_the_pads_own():
-    rng = np.random.default_rng(5)
-    for _ in range(5):
-        v = draw_effect("extra_relaxation_mode", rng, 1.5, 1.6, 100.0, 0.05, B).v
-        assert all(max(v / own, own / v) >= 3.0 for own in B.v)
 
 
 def test_parameters_out_of_range_are_refused():
@@ -457,10 +418,3 @@ def test_the_command_refuses(tmp_path, words, says):
     assert isinstance(result.exception, InputError)
     assert says in str(result.exception)
     assert not list(tmp_path.iterdir())
-
-
-def test_data_and_answer_need_two_files(tmp_path):
-    both = tmp_path / "x.csv"
-    result = simulate("-o", both, "--answer", both)
-    assert isinstance(result.exception, InputError)
-    assert not both.exists()
