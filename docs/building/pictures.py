@@ -77,9 +77,11 @@ def by_commands(name: str) -> None:
     WORK.mkdir(parents=True, exist_ok=True)
     if name == "convert":
         sys.path.insert(0, str(ROOT / "tests"))
-        from support.machine_files import bluehill_3, pressed
+        from support.machine_files import Pressed, bluehill, pressed
 
-        (WORK / "press.csv").write_bytes(bluehill_3(pressed()))
+        test = pressed()
+        turned = Pressed(test.time, -test.way - 3.0, -test.load)
+        (WORK / "press.csv").write_text(bluehill(turned))
     for command in commands:
         words = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', command)]
         program = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()", *words]

@@ -25,6 +25,7 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: ben
 for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not opened")
 expect = sync_api.expect
+pytestmark = pytest.mark.integration
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROKEN = """test,time_s,displacement_mm,force_N
 a,0,0,0
@@ -242,44 +243,6 @@ def test_a_slider_redraws_and_the_last_move_is_what_is_shown(visit, capsys):
     page.get_by_role("button", name="Put back").click()
     expect(page.locator(".states .hand")).to_have_count(0)
     assert visit.said == []
-
-
-@pytest.mark.slow
-def test_what_is_meant_in_one_chart_is_marked_in_the_others(visit):
-    page = visit.bundled("hidden")
-    page.locator("#test").select_option("C-20")
-    page.get_by_role("button", name="hold", exact=True).click()
-    spans = "[bench.measured.force, bench.measured.residual].map(c => c.plot.scales.x.min)"
-    assert len(set(page.evaluate(spans))) == 1
-    marked = page.evaluate(
-        "bench.measured.view.samples.map((s, k) => s && bench.measured.loops.marked(k)"
-        " ? bench.measured.view.tests[0].phase[s[1]] : null)"
-    )
-    assert marked.count("hold") > 10
-    assert marked.count("recovery") == 0
-    chart = page.locator("#residual")
-    chart.focus()
-    for _ in range(30):
-        page.keyboard.press("ArrowRight")
-    expect(page.locator("#readout")).to_contain_text("C-20, hold")
-    meant = page.evaluate("bench.measured.loops.spot")
-    assert page.evaluate("bench.measured.force.plot.cursor.idx") == meant
-    assert page.evaluate("bench.measured.residual.plot.cursor.idx") == meant
-    expect(page.locator("#map .meant")).to_have_count(1)
-    page.keyboard.press("Escape")
-    expect(page.get_by_role("button", name="whole")).to_have_attribute("aria-pressed", "true")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("width", [420, 1400])
-def test_everything_has_a_name_and_nothing_sticks_out(browser, app, width):
-    opened = Visit(browser, app, width)
-    page = opened.bundled("pads")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert page.locator("button, input, select, a, summary").evaluate_all(NAMELESS) == []
-    assert opened.said == []
-    assert opened.elsewhere == []
-    opened.close()
 
 
 def sampled(out):

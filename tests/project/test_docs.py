@@ -74,6 +74,7 @@ def read(page):
     return elements
 
 
+@pytest.mark.integration
 def test_every_public_name_stands_on_one_page_of_the_api(site, building):
     pages = {page.name: read(page).ids for page in (site / "api").glob("*.html")}
     for public in building("public").public_names():
@@ -145,6 +146,7 @@ def test_pictures_are_small_and_each_stands_on_a_page():
     assert sum(picture.stat().st_size for picture in pictures) < 1.5e6
 
 
+@pytest.mark.integration
 def test_every_notebook_is_a_tutorial_with_its_pictures(site):
     for path in (ROOT / "notebooks").glob("*.ipynb"):
         page = site / "tutorials" / f"{path.stem}.html"
@@ -154,6 +156,7 @@ def test_every_notebook_is_a_tutorial_with_its_pictures(site):
         )
 
 
+@pytest.mark.integration
 def test_no_page_loads_anything_from_elsewhere_and_every_file_is_there(site):
     pages = list(site.rglob("*.html"))
     assert len(pages) > 20
@@ -167,6 +170,7 @@ def test_no_page_loads_anything_from_elsewhere_and_every_file_is_there(site):
     assert not [style for style in styles if re.search(r"url\([\"']?(https?:)?//", style)]
 
 
+@pytest.mark.integration
 def test_links_within_the_site_arrive(site):
     ids = {page: read(page).ids for page in site.rglob("*.html")}
     for page in ids:

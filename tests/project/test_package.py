@@ -52,6 +52,7 @@ def wheel(tmp_path_factory):
     return file.name, set(zipfile.ZipFile(file).namelist())
 
 
+@pytest.mark.integration
 def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
     """The recursion is compiled in it for this machine, where there is a compiler."""
     name, files = wheel
@@ -70,6 +71,7 @@ def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
     assert own - files == set()
 
 
+@pytest.mark.integration
 def test_a_wheel_holds_nothing_but_the_package(wheel):
     assert {name.split("/")[0].partition("-")[0] for name in wheel[1]} == {"qlvbayes"}
 

@@ -8,6 +8,7 @@ from support.written_results import write_study
 from qlvbayes import write_report
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: report not opened")
+pytestmark = pytest.mark.integration
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 

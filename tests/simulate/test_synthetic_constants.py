@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.simulate import (
-    SPECIMENS,
-    TABLE_1,
-    Constants,
-    draw_constants,
-    specimens_of,
-)
+from qlvbayes.simulate import SPECIMENS, TABLE_1, Constants, draw_constants, specimens_of
 
 
 def test_random_pads_stay_in_the_ranges_around_the_paper():

@@ -266,12 +266,7 @@ def _log_marginals(
 
 
 def _linearised(
-    tests: Tests,
-    one: Explanation,
-    readings: Array,
-    fixed: Array,
-    psi: Array,
-    basis: Array,
+    tests: Tests, one: Explanation, readings: Array, fixed: Array, psi: Array, basis: Array
 ) -> tuple[Array, Array]:
     """Return residuals (K, n) at psi (K, k), and slopes (K, k, n) of the forces along psi."""
     count, size = psi.shape
