@@ -1,9 +1,7 @@
 """The bench in a real browser: open, see, add, watch the error fall, sample, take out."""
 
-import os
 import re
 import shutil
-import signal
 import statistics
 import subprocess
 from pathlib import Path
@@ -402,33 +400,3 @@ def resident(process):
     """Memory of a process (MB)."""
     status = Path(f"/proc/{process}/status").read_text()
     return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
-
-
-@pytest.mark.slow
-def test_two_tabs_do_not_mix(visit):
-    first = visit.bundled("hidden")
-    second = visit.bundled("hidden", visit.open(visit.home))
-    value = now(second, "hand.values.m")
-    first.get_by_role("slider").first.press("PageUp")
-    expect(first.locator(".states .hand")).to_be_visible()
-    second.get_by_role("button", name="Add viscous drag", exact=True).click()
-    expect(second.locator(".states li.current")).to_contain_text("viscous drag")
-    assert (now(first, "hand.effects"), len(errors(first))) == ([], 1)
-    assert now(first, "hand.values.m") != value
-    same = visit.open(second.url)  # the same session twice: what one adds, the other lists
-    same.get_by_role("button", name="Remove viscous drag", exact=True).click()
-    expect(second.locator(".states li")).to_have_count(3)
-
-
-@pytest.mark.slow
-def test_a_worker_that_is_killed_comes_back(visit, app):
-    page = visit.bundled("hidden")
-    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker computations"]
-    for number in subprocess.run(asked, capture_output=True, text=True).stdout.split():
-        os.kill(int(number), signal.SIGKILL)
-    page.get_by_role("slider").first.press("PageUp")
-    expect(page.locator(".states .hand")).to_be_visible()
-    moved = now(page, "hand.values.m")
-    page.get_by_role("button", name="Keep as it is").click()
-    expect(page.locator(".states li.current")).to_contain_text("kept by hand")
-    assert now(page, "entry.history")[1]["values"]["m"] == pytest.approx(moved)

@@ -14,7 +14,6 @@ from support.endtoend import (
     environment,
     keeps_check_contract,
     keeps_summary_contract,
-    one_line,
     read_json,
     true_value,
 )
@@ -188,9 +187,3 @@ def test_simulated_data_can_be_fitted(tmp_path):
     found = read_json(tmp_path / "B" / "summary.json")["parameters"]
     for name in CONSTANTS:
         assert found[name]["mean"] == pytest.approx(true_value(name), rel=0.01), name
-
-
-def test_a_study_without_a_file_offers_the_bundled_one():
-    status, out, err = call("study")
-    assert (status, out) == (2, "")
-    assert "hidden.csv -o hidden" in one_line(err)

@@ -79,25 +79,6 @@ def test_specimens_of_two_fluids_are_compared_as_fluids(tmp_path):
     assert [found["between"] for found in json.loads(out)] == ["pads"]
 
 
-@pytest.mark.parametrize(
-    ("words", "problem", "remedy"),
-    [
-        (("--pads", "B,D"), "no fit of pad 'D'", "name of A, B, C"),
-        (("--pads", "B"), "one fit alone", "fit another pad"),
-        (("--fluids",), "no two fluids have two specimens", "--specimens"),
-        (("--rates", "1,fast"), "--rates '1,fast' are not numbers above 0", "0.1,1,30"),
-        (("--region", "0"), "region 0 is not above 0", "0.1"),
-        (("--depth", "-1"), "depth -1 is not above 0", "positive"),
-    ],
-)
-def test_what_cannot_be_compared_is_refused_in_one_line(pads, words, problem, remedy):
-    status, out, err = call("compare", pads, *words)
-    assert (status, out) == (2, "")
-    assert err.count("\n") == 1
-    assert problem in err
-    assert remedy in err
-
-
 def test_pads_of_two_folders_are_compared(pads, tmp_path):
     """Those of one name are told apart by their folders."""
     other = folder_of(tmp_path / "other", "B")
@@ -105,9 +86,3 @@ def test_pads_of_two_folders_are_compared(pads, tmp_path):
     assert status == 0
     assert [found["names"] for found in json.loads(out)] == [["other-B", f"{pads.name}-B"]]
     assert (other / "compare" / f"other-B-vs-{pads.name}-B" / "compare.json").is_file()
-
-
-def test_an_empty_folder_is_refused(tmp_path):
-    status, _, err = call("compare", tmp_path)
-    assert status == 2
-    assert "no fit in this folder; run qlvbayes fit first" in err

@@ -171,14 +171,6 @@ def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(stu
     assert not is_finished(out, "plain-fit", "C", key_of(other, study[0], alone, {}), study[0])
 
 
-def test_an_unknown_effect_is_refused_before_anything_is_written(tmp_path):
-    for command in ("fit", "diagnose", "study"):
-        status, _, err = call(command, HIDDEN, "-o", tmp_path / "out", "--add", "magic")
-        assert status == 2
-        assert "no effect 'magic'; use one of viscous_drag" in err
-        assert not (tmp_path / "out").exists()
-
-
 def test_effects_lists_all_by_family():
     status, out, err = call("effects", "--json")
     assert (status, err) == (0, "")

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
 
-from qlvbayes.io.catalogue import METHODS, NOISES
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
 
@@ -36,31 +35,6 @@ def refused(*words):
     assert status == 2
     assert out == ""
     return one_line(err)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
-        (["--method", "guess"], f"use one of {', '.join(METHODS)}"),
-        (["--noise", "pink"], f"use one of {', '.join(NOISES)}"),
-        (["--method", "two-step", "--noise", "correlated"], "takes no noise model"),
-        (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
-        (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
-        (["--prior", "v[1]"], "is not name=value"),
-        (["--prior", "v[7]=lognormal(1,1)"], "use one of v[1], v[2]"),
-        (["--prior", "m=normal(1,1)"], "m must be positive"),
-        (["--fix", "q=1"], "no constant is called 'q'"),
-        (["--fix", "m=soft"], "'soft' is not a finite number"),
-        (["--fix", "m=nan"], "'nan' is not a finite number"),
-        (["--fix", "v[1]=0.1", "--fix", "v[2]=5"], "rates must fall"),
-        (["--fix", "noise.pink=1"], "no constant is called 'noise.pink'"),
-    ],
-)
-def test_a_setting_that_cannot_be_used_is_refused_before_anything_is_written(tmp_path, words, says):
-    pads = [] if "--pads" in words else ["--pads", "B"]
-    assert says in refused("fit", PADS, "-o", tmp_path / "out", *pads, *words)
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("place", [".", "deeper"])
@@ -105,20 +79,6 @@ def test_a_command_of_its_own_process_says_the_same(tmp_path):
     assert one_line(process.stderr).startswith(f"{tmp_path / 'no.csv'}: no such file")
 
 
-@pytest.mark.parametrize("words", [["fit", "--bogus"], ["nonsense"], ["fit"], ["check", "--seed"]])
-def test_usage_errors_end_with_status_2(words):
-    status, out, err = call(*words)
-    assert status == 2
-    assert out == ""
-    assert "Traceback" not in err
-
-
-def test_check_needs_a_fit(tmp_path):
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        assert "run qlvbayes fit first" in refused("check", folder)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_check_says_when_the_data_are_gone_or_changed(fitted_folder, tmp_path):
     folder, data = fitted_folder / "out", fitted_folder / "pads.csv"
@@ -151,21 +111,6 @@ def test_check_refuses_damaged_results(fitted_folder, tmp_path, damage):
     assert line.startswith(str(file))
     assert "run qlvbayes fit again" in line
     assert [path.name for path in file.parent.iterdir()] == ["posterior.nc"]
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--noise", "pink"], "use one of correlated, white, none"),
-        (["--pads", "Q"], "no pad 'Q'"),
-        (["--rates", "fast"], "not a list of rates"),
-        (["--rates", "-1"], "not a list of rates"),
-        (["--max-rows", "0"], "too few"),
-    ],
-)
-def test_simulate_refuses(tmp_path, words, says):
-    assert says in refused("simulate", "-o", tmp_path / "x.csv", *words)
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

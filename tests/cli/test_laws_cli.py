@@ -83,14 +83,6 @@ def own(tmp_path):
     return path
 
 
-def test_an_unknown_law_is_refused_in_one_line(tmp_path):
-    for option, word in (("--elastic", "cubic"), ("--relaxation", "pony")):
-        status, _, err = call("fit", PADS, "-o", tmp_path, option, word)
-        assert status == 2
-        assert f"'{word}'; use one of" in err
-        assert err.count("\n") == 1
-
-
 def test_laws_are_listed(own):
     status, out, _ = call("effects", "--laws", "--json", "--laws-file", own)
     assert status == 0

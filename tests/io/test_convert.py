@@ -133,28 +133,6 @@ def test_several_files_several_pads_and_their_clock(tmp_path):
     assert [pad.name for pad in read_measurements(out).pads] == ["A", "B", "C"]
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--pad", "A,B"], "--pad names 2 pads; the number of files is 1, that of tests 1 (pad B)"),
-        (["--test", "a,b"], "--test names 2 tests and there are 1 (pad B)"),
-        (["--pad", "a/b"], "the name 'a/b' cannot be used; write it as 'a-b'"),
-        (["--sign", "down"], "no sign 'down'; use one of none, displacement, force, both"),
-        (["--contact", "here"], "no position of contact 'here'"),
-        (["--units", "s,mm"], "are not three units"),
-        (["--area", "-1"], "the area -1 is not positive"),
-        (["--formats-file", "no.py"], "no such Python file"),
-        (["-o", "tidy.txt"], "this is no name of a CSV file"),
-    ],
-)
-def test_a_word_that_cannot_be_used_is_refused(instron, words, says, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    status, said, err = call("convert", instron, "-o", "tidy.csv", *words)
-    assert (status, said, err.count("\n")) == (2, "", 1)
-    assert says in err
-    assert [path.name for path in tmp_path.iterdir()] == [instron.name]
-
-
 def test_the_file_itself_is_not_written_over(instron):
     before = instron.read_bytes()
     status, _, err = call("convert", instron, "-o", instron)
@@ -201,13 +179,3 @@ def test_names_that_a_tidy_file_cannot_hold_are_written_otherwise(tmp_path):
     text = tidy_text(convert([source], Answers.from_words(pads=("100% B",)))).decode()
     row = next(line for line in text.split("\n") if line.startswith("100% B"))
     assert row.startswith("100% B,a-b-c,0.0")
-
-
-@pytest.mark.parametrize("remark", ["", "# SIMULATED\n# twice\n"])
-def test_a_tidy_file_is_said_to_be_tidy(tmp_path, remark):
-    file = tmp_path / "tidy.csv"
-    file.write_text(remark + "pad,time_s,displacement_mm,force_N\nB,0.0,0.0,0.1\n")
-    status, _, err = call("convert", file, "-o", tmp_path / "again.csv")
-    assert status == 2
-    assert "tidy already" in err
-    assert not (tmp_path / "again.csv").exists()

@@ -289,33 +289,6 @@ def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
     assert "#define PAD_B_DRAWS 5" in (folder / "c" / "pad_B_draws.h").read_text()
 
 
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (("--pad", "B", "--to", "patran"), "'patran'; use one of c, fmu, mujoco"),
-        (("--pad", "B", "--to", "abaqus"), "give --height MM and --area MM2"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3"), "give both"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3", "--area", "0"), "above 0"),
-        (("--pad", "X", "--to", "c"), "'X'"),
-        (("--pad", "B", "--to", ","), "--to c|fmu"),
-        (("--pad", "B", "--to", "c", "broken"), "summary.json"),
-        (("--pad", "B", "--to", "c", "none"), "run qlvbayes fit first"),
-    ],
-)
-def test_what_cannot_be_exported_is_one_line(tmp_path, words, problem):
-    *words, last = words
-    if last != "none":
-        write_fit(tmp_path)
-    if last == "broken":
-        (tmp_path / "B" / "summary.json").write_text('{"parameters": {"m": {}}}')
-    words += [last] * (last not in ("broken", "none"))
-    status, out, err = call("export", tmp_path, *words)
-    assert (status, out) == (2, "")
-    assert problem in err
-    assert err.count("\n") == 1
-    assert not list(tmp_path.rglob("export"))
-
-
 def test_the_intervals_are_the_summarys(tmp_path):
     write_fit(tmp_path)
     interval = {"unit": "x", "median": 7.0, "hdi90": [6.0, 8.0]}
