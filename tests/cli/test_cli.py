@@ -142,16 +142,6 @@ def test_a_seed_repeats_and_another_does_not(tmp_path):
     assert not found[0]["converged"]
 
 
-def test_a_prior_is_said_and_used(tmp_path):
-    words = ("--pads", "B", "--max-steps", "200", "--prior", "v[1]=lognormal(1.8,0.001)")
-    status, out, _ = call("fit", PADS, "-o", tmp_path, *words)
-    assert status == 0
-    assert "v ~ lognormal(1.8, 0.001) > lognormal(" in out
-    parameter = read_json(tmp_path / "B" / "summary.json")["parameters"]["v[1]"]
-    assert parameter["mean"] == pytest.approx(np.exp(1.8), rel=0.005)
-    assert parameter["sd"] == pytest.approx(0.001 * np.exp(1.8), rel=0.5)
-
-
 @pytest.mark.slow
 def test_method_noise_laws_and_modes_make_the_constants(tmp_path):
     found = fitted(tmp_path / "1", *QUICK, "--elastic", "hertz", "--modes", "1")

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
+from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
@@ -71,12 +71,6 @@ def test_a_folder_that_cannot_be_written_is_named_before_the_work(read_only):
     with pytest.raises(InputError, match="cannot write results here"), alone_in(read_only):
         pass
     assert list(read_only.iterdir()) == []
-
-
-def test_a_command_of_its_own_process_says_the_same(tmp_path):
-    process = qlvbayes("fit", tmp_path / "no.csv", "-o", tmp_path / "out")
-    assert process.returncode == 2
-    assert one_line(process.stderr).startswith(f"{tmp_path / 'no.csv'}: no such file")
 
 
 @pytest.mark.slow

@@ -2,13 +2,11 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.endtoend import call
-from support.exported_pad import exported
 from support.machine_files import Pressed, bluehill, pressed, workbook
 
 from qlvbayes.comparison.side import Side, unheld_times
@@ -24,9 +22,6 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.pad import cut, refuse_unknown
-from qlvbayes.use.exports.card import card
-from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.pad import PosteriorInterval
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 
@@ -260,36 +255,6 @@ def test_a_part_of_a_test_is_used_and_told():
         cut(pulled(), ["pull 0 to 18"])
     with pytest.raises(InputError, match="no test 'push'; name one of pull"):
         refuse_unknown([pulled()], ["push:0..1s"])
-
-
-def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
-    path = tmp_path / "a.csv"
-    test = pressed()
-    path.write_text(
-        "time_s,displacement_mm,force_N\n"
-        + "".join(
-            f"{t:.4f},{d:.6f},{f:.6f}\n"
-            for t, d, f in zip(test.time, test.way, test.load, strict=True)
-        )
-    )
-    words = ("--method", "least-squares", "--modes", "1", "--use", "test:0..1.5s")
-    assert call("fit", path, "-o", tmp_path / "out", *words)[0] == 0
-    status, out, _ = call("check", tmp_path / "out", "--json")
-    assert status == 0
-    (found,) = json.loads(out)
-    assert sum(cell["n"] for cell in found["cells"]) == 301
-    assert "301 rows are used, as stated by test:0..1.5s" in " ".join(
-        json.loads((tmp_path / "out" / "pad" / "check.json").read_text())["notices"]
-    )
-
-
-def test_a_share_with_an_upper_bound_alone_is_told_in_exports(tmp_path):
-    pad = exported(tmp_path)
-    bounded = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
-            for x in pad.intervals]  # fmt: skip
-    for one in (card(replace(pad, intervals=tuple(bounded)), JsonFile),):
-        assert any("long-term modulus is NOT DETERMINED: c[0], 1e-07 to 0.0003" in x for x in one)
-    assert not any("NOT DETERMINED" in line for line in card(pad, JsonFile))
 
 
 def test_a_fit_heeds_the_error_of_contact():

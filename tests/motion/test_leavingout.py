@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.controlled import press_and_pause, record_controlled
-from support.endtoend import call, one_line
+from support.endtoend import call
 from support.hidden_pads import FEW
 
 from qlvbayes import InputError
@@ -299,21 +299,6 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     assert found["verdict"] in ("adequate", "ambiguous")
     assert found["steps"][-1]["rmse_N"] < 0.02
     assert "as stated by --leave-out t:hold" in notices(out / "pad" / "diagnosis.json")
-
-
-def test_a_look_goes_on_with_what_it_was_told(tmp_path):
-    file, out = written(tmp_path, disturbed()), tmp_path / "out"
-    words = ("look", file, "-o", out, "--use", "t:..20s", "--leave-out", KNOCK, "--json")
-    status, printed, error = call(*words, drawn=True)
-    assert status == 0, error
-    found = json.loads(printed)
-    assert found["next"][0].endswith("--use t:..20s --leave-out t:5..7s")
-    (test,) = found["pads"][0]["tests"]
-    assert test["left_out"] == 101
-    assert test["peak_N"] < 1.0
-    status, _, error = call("look", file, "-o", out, "--leave-out", "t:hold 2")
-    assert status == 2
-    assert "has no such phase; name one of ramp 1" in one_line(error)
 
 
 # the column

@@ -256,12 +256,6 @@ def test_the_command_leaves_numbers_words_and_a_picture(tmp_path):
     assert [phase["phase"] for phase in first["phases"]] == ["ramp", "hold"]
 
 
-def test_json_is_what_the_file_holds(tmp_path):
-    file = write(tmp_path / "p.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
-    result = look(file, "-o", tmp_path / "out", "--json")
-    assert json.loads(result.stdout) == json.loads((tmp_path / "out" / "look.json").read_text())
-
-
 def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
     good = write(tmp_path / "good.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
     bad = tmp_path / "bad.csv"

@@ -265,17 +265,6 @@ def test_a_range_that_is_not_known_is_told_or_refused(tmp_path):
         find("drake")().files(pad, None)
 
 
-def test_names_that_comments_would_trip_over(tmp_path):
-    pad = exported(tmp_path, pad="a--b *_ é")
-    assert pad.identifier == "pad_a__b_____"
-    for target in TARGETS:
-        for name, content in target().files(pad, BLOCK).items():
-            if name.endswith((".xml", ".sdf", ".feb")):
-                ElementTree.fromstring(content)
-            if name.endswith(".h"):
-                assert content.count(b"*/") == content.count(b"/*")
-
-
 def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
     write_fit(tmp_path)
     words = ("export", tmp_path, "--pad", "B", "--to", "c,json", "--draws", "5", "--json")
