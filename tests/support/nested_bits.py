@@ -62,7 +62,7 @@ class Tests(Protocol):
 class WhitenedTests:
     """A series of tests, for which it gives the whitened forces of any explanation.
 
-    The belief\'s first explanation gives the noise that grows with the force; the first test\'s wait
+    The belief's first explanation gives the noise that grows with the force; the first wait
     begins at ``clock`` (s).
     """
 
