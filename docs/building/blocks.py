@@ -13,7 +13,7 @@ import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -104,14 +104,15 @@ def commands() -> str:
 
     group: Any = typer.main.get_command(application())
     shown = [_command(name, command) for name, command in group.commands.items()]
-    return "\n\n".join((*shown, _settings_of_commands()))
+    return "\n\n".join((*shown, _settings_of_commands(group.commands)))
 
 
-def _settings_of_commands() -> str:
+def _settings_of_commands(commands: Collection[str]) -> str:
     """Return the settings that commands share: keys of a file, and options."""
     from qlvbayes.cli.settings import KEYS, PARTS
 
-    used = {part: ", ".join(name for name, own in PARTS.items() if part in own) for part in (
+    parts = {name: own for name, own in PARTS.items() if name in commands}
+    used = {part: ", ".join(name for name, own in parts.items() if part in own) for part in (
         dict.fromkeys(key.part for key in KEYS.values())
     )}  # fmt: skip
     rows = [(f"`--{name}`", _plain(key.what), used[key.part]) for name, key in KEYS.items()]

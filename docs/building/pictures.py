@@ -50,10 +50,10 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             "simulate -o creep.csv --pads B --rates none --loads 0.3,1 --max-rows 400",
             "fit creep.csv -o creep --all-tests",
-            f'predict creep --program "{LOADS}"',
+            f'check creep --program "{LOADS}"',
         ),
     ),
-    "convert": ("tidy.png", ("convert press.csv --pad B -o tidy.csv",)),
+    "convert": ("tidy.png", ("look press.csv --pad B -o tidy.csv",)),
 }
 # Of this figure the head and the two slowest of six tests, as a share of its height.
 TOP = {"forces_before_after": 0.352}
@@ -77,9 +77,11 @@ def by_commands(name: str) -> None:
     WORK.mkdir(parents=True, exist_ok=True)
     if name == "convert":
         sys.path.insert(0, str(ROOT / "tests"))
-        from support.machine_files import bluehill_3, pressed
+        from support.machine_files import Pressed, bluehill, pressed
 
-        (WORK / "press.csv").write_bytes(bluehill_3(pressed()))
+        test = pressed()
+        turned = Pressed(test.time, -test.way - 3.0, -test.load)
+        (WORK / "press.csv").write_text(bluehill(turned))
     for command in commands:
         words = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', command)]
         program = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()", *words]

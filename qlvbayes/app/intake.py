@@ -78,7 +78,7 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
-    """Convert files as ``convert`` does, or return the one question that they leave open."""
+    """Convert files as ``look -o`` does, or return the one question that they leave open."""
     said = _said(answers)
     pads = _pads_of(answers)
     try:
@@ -95,7 +95,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
 
 
 def _said(answers: dict[str, str]) -> dict[str, Any]:
-    """Return the options of ``convert`` that answers state."""
+    """Return the options of ``look -o`` that answers state."""
     said: dict[str, Any] = {}
     for name, (first, last) in {"columns": ("", ""), "units": ("", "_unit")}.items():
         parts = [answers.get(f"{first}{what}{last}", "") for what in _NAMES]

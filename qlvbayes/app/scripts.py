@@ -20,7 +20,7 @@ def commands(session: Session, pad: str) -> str:
     if session.made is not None:
         files = [f"./{name}" if name.startswith("-") else name for name in session.made.files]
         options = [w for name, value in session.made.options.items() for w in (f"--{name}", value)]
-        lines.append(["qlvbayes", "convert", *files, *options, "-o", data])
+        lines.append(["qlvbayes", "look", *files, *options, "-o", data])
     fit = ["qlvbayes", "fit", data, "--pads", pad, "--all-tests"]
     fit += ["--elastic", state.elastic, "--relaxation", state.relaxation]
     fit += [word for name in state.effects for word in ("--add", name)]

@@ -23,7 +23,7 @@ DATA = "data.csv"
 BENCH = "bench.json"
 """The state of a bench, in a session's folder."""
 ASKED = ("sign", "contact", "columns", "units", "area")
-"""Options of ``convert`` that a question asks for."""
+"""Options of ``look -o`` that a question asks for."""
 _PRIVATE = ".private"  # uploads
 
 
@@ -80,7 +80,7 @@ class BenchPad(msgspec.Struct):
 
 
 class Made(msgspec.Struct):
-    """The files, and the options of ``convert``, by which a tidy file was made."""
+    """The files, and the options of ``look -o``, by which a tidy file was made."""
 
     files: list[str]
     options: dict[str, str]

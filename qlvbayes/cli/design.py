@@ -60,7 +60,7 @@ def design_command(
     For constants, the information per minute of rig time counts; for the cause, that in all the
     time there is. About a thousand tests within the rig's limits are compared by the information
     that they are expected to give.
-    Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'predict
+    Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'check
     --program') and the figure design.
     """
     # imported here, so that neither the help nor other commands wait for them

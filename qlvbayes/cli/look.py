@@ -192,7 +192,7 @@ def _next(
     pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
     reading = [*files, *pads, *inputs.chosen.arguments()]
     return (
-        as_typed("qlvbayes", "convert", *reading, "-o", "tidy.csv"),
+        as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
     )
 

@@ -56,9 +56,7 @@ SettingsFile = Annotated[
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", help="A setting, as 'noise=white', in place of --noise white; repeatable."
-    ),
+    typer.Option("--set", help="A setting, as 'sign=force', in place of --sign force; repeatable."),
 ]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]

@@ -1,4 +1,4 @@
-"""``qlvbayes predict``: what a fitted pad will do in a motion or under a load of your own."""
+"""``qlvbayes check --program``: what a pad will do in a motion or under a load of your own."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def predict_command(
             forecast = predict_program(source, program)
             pad_folder = folder / source.pad
             write_forecast(pad_folder, forecast)
-            figures += save_figures("predict", pad_folder, forecast)
+            figures += save_figures("check --program", pad_folder, forecast)
         if forecast.averaged:
             watcher.notice(_averaging_words(forecast))
         for warning in forecast.warnings:

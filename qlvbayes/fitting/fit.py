@@ -288,11 +288,14 @@ def _approximated(
     chains, draws = _NORMAL_DRAWS
     bare = without_noise(result.posterior)
     theta = fitting_draws(bare, result.scale, result.normal, chains * draws, rng)
-    theta = theta.reshape(chains, draws, -1)
-    constants = _constants(result.posterior, theta, rng)
+    moved = theta + rng.standard_normal((len(theta), len(result.moves))) @ result.moves
+    curves, every = (
+        _constants(result.posterior, one.reshape(chains, draws, -1), rng) for one in (theta, moved)
+    )
     facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
     setup = experiment.pad, method, choices, settings, experiment, trials, result.posterior
-    return Fit(*setup, theta, constants, constants, constants, result.agreeing > 1, facts)
+    theta = theta.reshape(chains, draws, -1)
+    return Fit(*setup, theta, every, every, curves, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:
@@ -303,7 +306,7 @@ def _notices(fit: Fit) -> Iterator[str]:
         posterior = replace(fit.posterior, record=record)
         return np.asarray(compiled.predictions(posterior, constants[None]))[0]
 
-    if fit.posterior.floor is not None:
+    if fit.posterior.floor is not None or fit.method == "least-squares":
         yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
     yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:

@@ -7,6 +7,7 @@ hold.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -20,6 +21,8 @@ from qlvbayes.fitting.least_squares import (
     normal_approximation,
     without_noise,
 )
+from qlvbayes.fitting.marginal_likelihood import has_uncertain_zeros, with_zero_errors
+from qlvbayes.inference.common_errors import stage_changes
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import White
@@ -36,7 +39,8 @@ class LeastSquaresFit:
 
     posterior: with the noise as fitted; scale: divisors (T, B) of the residuals, infinite where
     none counts; residual_sd: root mean square of the block means' residuals (N); agreeing: how many
-    starts led to the best optimum.
+    starts led to the best optimum; moves: changes (S, D) of the optimum for one standard error of
+    each of S measured contacts, which no scatter of residuals shows.
     """
 
     posterior: Posterior
@@ -44,6 +48,7 @@ class LeastSquaresFit:
     scale: np.ndarray
     residual_sd: float
     agreeing: int
+    moves: np.ndarray
 
 
 def one_step(
@@ -55,7 +60,8 @@ def one_step(
     scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weighted=True)
     fits = least_squares(bare, scale, rng)
     normal, _ = normal_approximation(bare, scale, fits.thetas[0])
-    return _finish(posterior, bare, scale, normal, _agreeing(fits.costs))
+    moves = contact_moves(bare, scale, normal.mean, trials)
+    return _finish(posterior, bare, scale, normal, _agreeing(fits.costs), moves)
 
 
 def two_step(
@@ -83,7 +89,26 @@ def two_step(
     mean = np.concatenate([first.mean, second.mean])
     normal = NormalApproximation(mean, block_diag(first.covariance, second.covariance))
     agreeing = min(_agreeing(ramp_fits.costs), _agreeing(hold_fits.costs))
-    return _finish(posterior, bare, hold_scale, normal, agreeing)
+    return _finish(posterior, bare, hold_scale, normal, agreeing, np.zeros((0, mean.size)))
+
+
+def contact_moves(
+    posterior: Posterior, scale: np.ndarray, theta: np.ndarray, trials: Sequence[Trial]
+) -> np.ndarray:
+    r"""Return what one standard error of each of S contacts moves an optimum by, (S, D).
+
+    With the derivatives J (T*B, D) of the residuals, and the change u of the predicted block means
+    over the same ``scale``, the move is :math:`(J^T J)^{-1} J^T u`, to first order.
+    """
+    model = posterior.bind(jnp.asarray(theta))[0]
+    if not has_uncertain_zeros(model, trials):
+        return np.zeros((0, theta.size))
+    blocks = with_zero_errors(posterior.record, trials, model).blocks
+    own = np.eye(len(trials))[:, :, None] * np.asarray(blocks.zero)
+    changes = np.concatenate([own, stage_changes(trials, blocks)])
+    scaled = np.where(np.asarray(blocks.real), changes / scale, 0.0).reshape(len(changes), -1)
+    _, slopes = compiled.residuals_and_slopes(posterior, scale, theta)
+    return np.asarray(np.linalg.lstsq(np.asarray(slopes), scaled[scaled.any(axis=1)].T)[0].T)
 
 
 def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
@@ -139,6 +164,7 @@ def _finish(
     scale: np.ndarray,
     normal: NormalApproximation,
     agreeing: int,
+    moves: np.ndarray,
 ) -> LeastSquaresFit:
     """Return the fit with white noise of the residual's root mean square over the fitted blocks."""
     values, _ = compiled.residuals_and_slopes(
@@ -147,4 +173,4 @@ def _finish(
     count = max(int(np.sum(np.isfinite(scale))), 1)
     residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / count))
     fitted = Posterior(posterior.model, White(residual_sd), posterior.record)
-    return LeastSquaresFit(fitted, normal, scale, residual_sd, agreeing)
+    return LeastSquaresFit(fitted, normal, scale, residual_sd, agreeing, moves)

@@ -502,5 +502,5 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     try:
         return convert([file])
     except UnsureError as error:
-        again = as_typed("qlvbayes", "convert", str(file), "-o", "tidy.csv")
+        again = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
         raise error.elsewhere(again) from error

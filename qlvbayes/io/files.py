@@ -21,7 +21,7 @@ except ImportError:  # absent on some systems: folders are not locked there
 _IN_RESULTS = (
     *(f"constants.{kind}" for kind in ("csv", "tex", "png", "pdf")),
     *(f"forces_at_rates.{kind}" for kind in ("png", "pdf")),
-    *("compare", "report.html", "run.json", "look.json"),
+    *("compare", "report.html", "run.json", "look.json", "study.toml", "measurements.csv"),
     *("bench.json", "data.csv", "data.csv.gz", "-"),  # of the bench, which calls all pads '-'
 )
 """Names in a folder of results that are not those of pads' folders."""

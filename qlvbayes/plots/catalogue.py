@@ -136,14 +136,14 @@ FIGURES = (
     ),
     Figure(
         "prediction",
-        "predict",
+        "check --program",
         "What {of} is predicted to do in a programme of the user's own.",
         "Above what is prescribed, beneath the answer: the bands hold 50 and 90 % of the draws.",
         lambda forecast: (forecast,),
     ),
     Figure("next_tests", "design"),
     Figure("look", "look"),
-    Figure("conversion", "convert"),
+    Figure("conversion", "look -o"),
 )
 """All figures, those of one command together; the report keeps the first where it grows large."""
 

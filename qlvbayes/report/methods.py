@@ -203,7 +203,7 @@ def uses_of(results: Results) -> list[tuple[str, str]]:
     out, pad = results.out.name or "OUT", fitted[0]
     words = {
         "What a pad does in a motion, or under a load, that no test had, with 90 % bands": (
-            "predict", "--program", _program(pad),
+            "check", "--program", _program(pad),
         ),
         "The pad in a controller, a simulation or finite elements: C, FMU, MuJoCo, Drake, "
         "MATLAB, Abaqus, FEBio, tables, JSON": ("export", "--to", "c,fmu,json"),

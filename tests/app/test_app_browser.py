@@ -1,9 +1,7 @@
 """The bench in a real browser: open, see, add, watch the error fall, sample, take out."""
 
-import os
 import re
 import shutil
-import signal
 import statistics
 import subprocess
 from pathlib import Path
@@ -25,6 +23,7 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: ben
 for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not opened")
 expect = sync_api.expect
+pytestmark = pytest.mark.integration
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROKEN = """test,time_s,displacement_mm,force_N
 a,0,0,0
@@ -244,44 +243,6 @@ def test_a_slider_redraws_and_the_last_move_is_what_is_shown(visit, capsys):
     assert visit.said == []
 
 
-@pytest.mark.slow
-def test_what_is_meant_in_one_chart_is_marked_in_the_others(visit):
-    page = visit.bundled("hidden")
-    page.locator("#test").select_option("C-20")
-    page.get_by_role("button", name="hold", exact=True).click()
-    spans = "[bench.measured.force, bench.measured.residual].map(c => c.plot.scales.x.min)"
-    assert len(set(page.evaluate(spans))) == 1
-    marked = page.evaluate(
-        "bench.measured.view.samples.map((s, k) => s && bench.measured.loops.marked(k)"
-        " ? bench.measured.view.tests[0].phase[s[1]] : null)"
-    )
-    assert marked.count("hold") > 10
-    assert marked.count("recovery") == 0
-    chart = page.locator("#residual")
-    chart.focus()
-    for _ in range(30):
-        page.keyboard.press("ArrowRight")
-    expect(page.locator("#readout")).to_contain_text("C-20, hold")
-    meant = page.evaluate("bench.measured.loops.spot")
-    assert page.evaluate("bench.measured.force.plot.cursor.idx") == meant
-    assert page.evaluate("bench.measured.residual.plot.cursor.idx") == meant
-    expect(page.locator("#map .meant")).to_have_count(1)
-    page.keyboard.press("Escape")
-    expect(page.get_by_role("button", name="whole")).to_have_attribute("aria-pressed", "true")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("width", [420, 1400])
-def test_everything_has_a_name_and_nothing_sticks_out(browser, app, width):
-    opened = Visit(browser, app, width)
-    page = opened.bundled("pads")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert page.locator("button, input, select, a, summary").evaluate_all(NAMELESS) == []
-    assert opened.said == []
-    assert opened.elsewhere == []
-    opened.close()
-
-
 def sampled(out):
     """A folder of results as a command leaves it: pad B's file, posterior and summary."""
     out.mkdir()
@@ -439,33 +400,3 @@ def resident(process):
     """Memory of a process (MB)."""
     status = Path(f"/proc/{process}/status").read_text()
     return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
-
-
-@pytest.mark.slow
-def test_two_tabs_do_not_mix(visit):
-    first = visit.bundled("hidden")
-    second = visit.bundled("hidden", visit.open(visit.home))
-    value = now(second, "hand.values.m")
-    first.get_by_role("slider").first.press("PageUp")
-    expect(first.locator(".states .hand")).to_be_visible()
-    second.get_by_role("button", name="Add viscous drag", exact=True).click()
-    expect(second.locator(".states li.current")).to_contain_text("viscous drag")
-    assert (now(first, "hand.effects"), len(errors(first))) == ([], 1)
-    assert now(first, "hand.values.m") != value
-    same = visit.open(second.url)  # the same session twice: what one adds, the other lists
-    same.get_by_role("button", name="Remove viscous drag", exact=True).click()
-    expect(second.locator(".states li")).to_have_count(3)
-
-
-@pytest.mark.slow
-def test_a_worker_that_is_killed_comes_back(visit, app):
-    page = visit.bundled("hidden")
-    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker computations"]
-    for number in subprocess.run(asked, capture_output=True, text=True).stdout.split():
-        os.kill(int(number), signal.SIGKILL)
-    page.get_by_role("slider").first.press("PageUp")
-    expect(page.locator(".states .hand")).to_be_visible()
-    moved = now(page, "hand.values.m")
-    page.get_by_role("button", name="Keep as it is").click()
-    expect(page.locator(".states li.current")).to_contain_text("kept by hand")
-    assert now(page, "entry.history")[1]["values"]["m"] == pytest.approx(moved)

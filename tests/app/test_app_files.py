@@ -147,10 +147,7 @@ def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, pads):
 
 @pytest.mark.parametrize(
     ("needed", "words", "said"),
-    [
-        (("no_such_package",), [], "pip install 'qlvbayes[app]'"),
-        ((), ["none.csv"], "none.csv"),
-    ],
+    [(("no_such_package",), [], "pip install 'qlvbayes[app]'"), ((), ["none.csv"], "none.csv")],
 )
 def test_what_lacks_is_told_in_a_line_before_anything_starts(monkeypatch, needed, words, said):
     monkeypatch.setattr("qlvbayes.cli.app._NEEDED", needed)

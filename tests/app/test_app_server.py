@@ -19,7 +19,7 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not served")
 httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
 
-from support.machine_files import mach_1_blocks, pressed  # noqa: E402
+from support.machine_files import CORPUS  # noqa: E402
 from support.two_tests import two_tests  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
@@ -216,7 +216,8 @@ def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
 
 def test_questions_come_one_after_another_and_stay_until_they_are_answered(served):
     """The contact of two tests that begin in it, and then their pads."""
-    session = served.upload(("a.txt", mach_1_blocks(pressed(approach=-0.3))))
+    content = (CORPUS / "other" / "in_contact-mach-1.txt").read_bytes()
+    session = served.upload(("a.txt", content))
     path = f"/api/s/{session}"
     first = served.until(session, "asking", "failed")["questions"]
     assert [one["name"] for one in first["ask"]] == ["contact"]

@@ -110,18 +110,6 @@ def test_another_law_begins_near_the_first(bench, first):
     assert bench.look(other).error < 1.2 * bench.look(first).error
 
 
-def test_sliders_say_what_they_move(bench, dragged):
-    sliders = {one.name: one for one in bench.sliders(dragged)}
-    assert list(sliders) == list(dragged.values)
-    assert sliders["m"].unit == "N/mm"
-    assert sliders["v[1]"].unit == "1/s"
-    assert sliders["squeeze_film.eta"].owner == "squeeze_film"
-    assert [name for name, one in sliders.items() if one.derived] == ["c[0]"]
-    for one in sliders.values():
-        assert one.low <= one.value <= one.high
-        assert one.prior[0] < one.prior[1]
-
-
 def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(bench):
     values = {"c[1]": 0.9, "c[2]": 0.6, "v[1]": 0.1, "v[2]": 5.0}
     found = bench.look(q.ByHand(values=values)).values

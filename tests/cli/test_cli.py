@@ -14,13 +14,10 @@ from support.endtoend import (
     environment,
     keeps_check_contract,
     keeps_summary_contract,
-    one_line,
     read_json,
-    study,
     true_value,
 )
 
-from qlvbayes.fitting.results import load
 from qlvbayes.plots.catalogue import figures_of
 
 QUICK = ("--pads", "B", "--method", "least-squares")
@@ -130,12 +127,6 @@ def test_a_reader_that_has_gone_sees_no_traceback():
     assert (process.returncode, process.stderr) == (1, b"")
 
 
-def test_fit_prints_json_only(tmp_path):
-    status, out, err = call("fit", PADS, "-o", tmp_path, *QUICK, "--json")
-    assert (status, err) == (0, "")
-    assert json.loads(out) == [read_json(tmp_path / "B" / "summary.json")]
-
-
 @pytest.mark.slow
 def test_a_seed_repeats_and_another_does_not(tmp_path):
     found = []
@@ -152,25 +143,6 @@ def test_a_seed_repeats_and_another_does_not(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_fixed_constant_stays(tmp_path):
-    found = fitted(tmp_path, *QUICK, "--fix", "v[2]=0.14", "--fix", "b=1.2")
-    assert found["v[2]"]["mean"] == found["v[2]"]["median"] == 0.14
-    assert found["v[2]"]["sd"] == found["b"]["sd"] == 0.0
-    assert found["b"]["hdi90"] == [1.2, 1.2]
-    assert found["m"]["sd"] > 0.0
-
-
-def test_a_prior_is_said_and_used(tmp_path):
-    words = ("--pads", "B", "--max-steps", "200", "--prior", "v[1]=lognormal(1.8,0.001)")
-    status, out, _ = call("fit", PADS, "-o", tmp_path, *words)
-    assert status == 0
-    assert "v ~ lognormal(1.8, 0.001) > lognormal(" in out
-    parameter = read_json(tmp_path / "B" / "summary.json")["parameters"]["v[1]"]
-    assert parameter["mean"] == pytest.approx(np.exp(1.8), rel=0.005)
-    assert parameter["sd"] == pytest.approx(0.001 * np.exp(1.8), rel=0.5)
-
-
-@pytest.mark.slow
 def test_method_noise_laws_and_modes_make_the_constants(tmp_path):
     found = fitted(tmp_path / "1", *QUICK, "--elastic", "hertz", "--modes", "1")
     assert found["m"]["unit"] == "N/mm^n"
@@ -183,14 +155,6 @@ def test_method_noise_laws_and_modes_make_the_constants(tmp_path):
     assert list(json.loads(out)[0]["parameters"])[len(CONSTANTS) :] == ["noise.white"]
     fitted(tmp_path / "4", "--pads", "B", "--method", "two-step")
     assert read_json(tmp_path / "4" / "B" / "summary.json")["sampler"] == "two-step"
-
-
-@pytest.mark.slow
-def test_all_tests_fits_every_test(tmp_path):
-    fitted(tmp_path, *QUICK, "--all-tests")
-    saved = load(tmp_path / "B" / "posterior.nc")
-    assert saved.all_tests
-    assert saved.fitted == tuple(test.name for test in study().pad("B").tests)
 
 
 def test_pads_are_fitted_one_folder_each(tmp_path):
@@ -213,9 +177,3 @@ def test_simulated_data_can_be_fitted(tmp_path):
     found = read_json(tmp_path / "B" / "summary.json")["parameters"]
     for name in CONSTANTS:
         assert found[name]["mean"] == pytest.approx(true_value(name), rel=0.01), name
-
-
-def test_a_study_without_a_file_offers_the_bundled_one():
-    status, out, err = call("study")
-    assert (status, out) == (2, "")
-    assert "hidden.csv -o hidden" in one_line(err)

@@ -11,9 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
+from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json
 
-from qlvbayes.io.catalogue import METHODS, NOISES
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
 
@@ -36,51 +35,6 @@ def refused(*words):
     assert status == 2
     assert out == ""
     return one_line(err)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
-        (["--method", "guess"], f"use one of {', '.join(METHODS)}"),
-        (["--noise", "pink"], f"use one of {', '.join(NOISES)}"),
-        (["--method", "two-step", "--noise", "correlated"], "takes no noise model"),
-        (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
-        (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
-        (["--prior", "v[1]"], "is not name=value"),
-        (["--prior", "v[7]=lognormal(1,1)"], "use one of v[1], v[2]"),
-        (["--prior", "m=normal(1,1)"], "m must be positive"),
-        (["--fix", "q=1"], "no constant is called 'q'"),
-        (["--fix", "m=soft"], "'soft' is not a finite number"),
-        (["--fix", "m=nan"], "'nan' is not a finite number"),
-        (["--fix", "v[1]=0.1", "--fix", "v[2]=5"], "rates must fall"),
-        (["--fix", "noise.pink=1"], "no constant is called 'noise.pink'"),
-    ],
-)
-def test_a_setting_that_cannot_be_used_is_refused_before_anything_is_written(tmp_path, words, says):
-    pads = [] if "--pads" in words else ["--pads", "B"]
-    assert says in refused("fit", PADS, "-o", tmp_path / "out", *pads, *words)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (None, "no such file"),
-        (b"", "the file is empty"),
-        (b"time_s,displacement_mm\n0,0\n", "force"),
-        (b"time_s,displacement_mm,force_N\n0,0,0\n1,0.1,abc\n2,0.2,1\n", "line 3"),
-        (b"\x00\x01\x02\x03", "data.csv"),
-    ],
-)
-def test_a_file_that_cannot_be_used_is_named(tmp_path, content, says):
-    data = tmp_path / "data.csv"
-    if content is not None:
-        data.write_bytes(content)
-    line = refused("fit", data, "-o", tmp_path / "out")
-    assert line.startswith(str(data))
-    assert says in line
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("place", [".", "deeper"])
@@ -119,26 +73,6 @@ def test_a_folder_that_cannot_be_written_is_named_before_the_work(read_only):
     assert list(read_only.iterdir()) == []
 
 
-def test_a_command_of_its_own_process_says_the_same(tmp_path):
-    process = qlvbayes("fit", tmp_path / "no.csv", "-o", tmp_path / "out")
-    assert process.returncode == 2
-    assert one_line(process.stderr).startswith(f"{tmp_path / 'no.csv'}: no such file")
-
-
-@pytest.mark.parametrize("words", [["fit", "--bogus"], ["nonsense"], ["fit"], ["check", "--seed"]])
-def test_usage_errors_end_with_status_2(words):
-    status, out, err = call(*words)
-    assert status == 2
-    assert out == ""
-    assert "Traceback" not in err
-
-
-def test_check_needs_a_fit(tmp_path):
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        assert "run qlvbayes fit first" in refused("check", folder)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_check_says_when_the_data_are_gone_or_changed(fitted_folder, tmp_path):
     folder, data = fitted_folder / "out", fitted_folder / "pads.csv"
@@ -171,35 +105,6 @@ def test_check_refuses_damaged_results(fitted_folder, tmp_path, damage):
     assert line.startswith(str(file))
     assert "run qlvbayes fit again" in line
     assert [path.name for path in file.parent.iterdir()] == ["posterior.nc"]
-
-
-def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
-    (tmp_path / "B").mkdir()
-    (tmp_path / "B" / "posterior.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    process = qlvbayes("check", tmp_path)
-    assert process.returncode == 2
-    assert "not a results file" in one_line(process.stderr)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--noise", "pink"], "use one of correlated, white, none"),
-        (["--pads", "Q"], "no pad 'Q'"),
-        (["--rates", "fast"], "not a list of rates"),
-        (["--rates", "-1"], "not a list of rates"),
-        (["--max-rows", "0"], "too few"),
-    ],
-)
-def test_simulate_refuses(tmp_path, words, says):
-    assert says in refused("simulate", "-o", tmp_path / "x.csv", *words)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_simulate_tells_of_a_missing_folder_before_it_simulates(tmp_path):
-    missing = tmp_path / "missing"
-    many = ("--pads", "finger:400")  # would take minutes
-    assert refused("simulate", "-o", missing / "x.csv", *many).startswith(f"{missing}: no such")
 
 
 @pytest.mark.slow

@@ -63,20 +63,3 @@ def test_a_file_prescribes_the_force_of_every_pad(pads, tmp_path):
         assert one["program"] == "load.csv"
         columns = one["columns"]
         assert columns["displacement_mm"][-1] > columns["displacement_mm_low90"][-1] > 0.5
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--program", "rump 1 mm in 1 s"), "'rump' is not understood"),
-        (("--program", "nowhere.csv"), "nowhere.csv: "),
-        (("--program", PROGRAM, "--pad", "Z"), "no fit of pad 'Z'; name of A, B"),
-    ],
-)
-def test_bad_input_is_one_line(pads, arguments, message):
-    before = {path: path.stat().st_mtime_ns for path in pads.rglob("*")}
-    status, out, err = call("predict", pads, *arguments)
-    assert (status, out) == (2, "")
-    assert message in err
-    assert err.count("\n") == 1
-    assert {path: path.stat().st_mtime_ns for path in pads.rglob("*")} == before

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from support.endtoend import call, environment
+from support.endtoend import environment
 from typer.testing import CliRunner
 
 from qlvbayes.cli.main import _COMMANDS, _HIDDEN, application
@@ -37,22 +37,6 @@ def test_the_help_of_a_command_is_wrapped_for_the_terminal_alone(command):
     assert all("\n" not in paragraph for paragraph in entry.help.split("\n\n"))
     assert all(one.name in entry.help for one in figures_of(command))
     assert "FIGURES" not in entry.help
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("fit", ["--output", "--prior", "--fix", "--all-tests", "--method", "--seed", "--json"]),
-        ("look", ["--pad", "--sign", "--columns", "--leave-out", "--settings"]),
-        ("check", ["--data", "--pad", "--program", "--seed", "--json"]),
-        ("simulate", ["--rates", "--noise", "--max-rows", "--seed"]),
-    ],
-)
-def test_the_help_of_a_command_names_its_options(name, options, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    status, out, err = call(name, "--help")
-    assert (status, err) == (0, "")
-    assert all(option in out for option in options)
 
 
 def test_the_list_of_commands_imports_none_of_them():

@@ -83,14 +83,6 @@ def own(tmp_path):
     return path
 
 
-def test_an_unknown_law_is_refused_in_one_line(tmp_path):
-    for option, word in (("--elastic", "cubic"), ("--relaxation", "pony")):
-        status, _, err = call("fit", PADS, "-o", tmp_path, option, word)
-        assert status == 2
-        assert f"'{word}'; use one of" in err
-        assert err.count("\n") == 1
-
-
 def test_laws_are_listed(own):
     status, out, _ = call("effects", "--laws", "--json", "--laws-file", own)
     assert status == 0
@@ -104,13 +96,6 @@ def test_laws_are_listed(own):
     assert status == 0
     assert "power-law" in out
     assert "alpha" in out
-
-
-def test_choices_of_older_results_are_a_prony_series():
-    old = {"law": "hertz", "modes": 3, "noise": "white", "priors": [], "fixed": [], "effects": []}
-    found = Choices.from_dict(old)
-    assert found.relaxing == "prony:3"
-    assert Choices.from_dict(json.loads(json.dumps(found.as_dict()))) == found
 
 
 @pytest.mark.slow
@@ -174,24 +159,3 @@ def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own
     page = (out / "report.html").read_text()
     assert "g = s + (1 - s) exp(-t/tau)" in page
     assert "what stays" in page
-
-
-@pytest.mark.slow
-def test_a_time_that_the_tests_do_not_hold_is_noticed(tmp_path):
-    """The simulated pad relaxes from 0.16 s on: a box fixed to begin at 1 us lies below 1 ms."""
-    words = ("--relaxation", "fung", "--fix", "tau1=1e-6", "--fix", "tau2=1000")
-    status, _, err = call("fit", PADS, "-o", tmp_path, *FIT, *words)
-    assert status == 0, err
-    notices = read_json(tmp_path / "B" / "summary.json")["notices"]
-    assert any("tau1 is about 1e-06 s, below the sampling interval" in text for text in notices)
-    assert any("tau2 is about 1000 s, beyond the longest hold" in text for text in notices)
-
-
-@pytest.mark.slow
-def test_two_step_needs_no_prony_series(tmp_path):
-    words = ("--relaxation", "stretched", "--method", "two-step")
-    status, _, err = call("fit", PADS, "-o", tmp_path, *FIT, *words)
-    assert status == 0, err
-    assert list(read_json(tmp_path / "B" / "summary.json")["parameters"])[:5] == [
-        "m", "b", "c0", "beta", "tau",
-    ]  # fmt: skip

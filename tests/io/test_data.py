@@ -1,12 +1,10 @@
 """A study read from a file is what was measured, in our units."""
 
-import gzip
 import hashlib
 import io
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.reading.csvtext import blocks
 from qlvbayes.io.reading.noreading import no_readings
 from qlvbayes.io.reading.testchecks import wrong_signs
-from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
+from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
 
 REAL = Path(__file__).parents[3] / "shared" / "real"
 
@@ -85,140 +83,10 @@ def test_values_are_the_nearest_floats_to_the_text(tmp_path):
     np.testing.assert_allclose(test.force, values[:, 1], rtol=3e-16, atol=0)
 
 
-def test_arrays_are_read_only(tmp_path):
-    test = only_test(read_measurements(write(tmp_path, PLAIN)))
-    with pytest.raises(ValueError, match="read-only"):
-        test.force[0] = 1.0
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        "\ufeff" + PLAIN,
-        PLAIN.replace("\n", "\r\n"),
-        PLAIN.replace("\n", "\r"),
-        PLAIN.rstrip("\n"),
-        f'# simulated, "seed 3\n#\n{PLAIN}',
-        PLAIN.replace("\n", "\n# remark, with, commas\n\n  \n"),
-        '"time_s","displacement_mm","force_N"\n' + rows('"', '"', sep='","'),
-        PLAIN.replace(",", ", "),
-        f"Time_s,Displacement_mm,Force_N\n{rows()}",
-        "force_N,time_s,displacement_mm\n"
-        + "".join(f"{f:.6f},{t:.6f},{d:.6f}\n" for t, d, f in zip(*ramp(), strict=True)),
-    ],
-    ids=[
-        "mark",
-        "crlf",
-        "cr",
-        "no-last-end",
-        "heading",
-        "comments",
-        "quoted",
-        "spaces",
-        "capitals",
-        "order",
-    ],
-)
-def test_ways_of_writing_the_same_rows(tmp_path, content):
-    study = read_measurements(write(tmp_path, content))
-    same_as_plain(study)
-    assert study.notices == ()
-
-
-@pytest.mark.parametrize(
-    ("content", "notice"),
-    [
-        (PLAIN.replace(",", ";"), "semicolon-separated values with decimal point"),
-        (
-            PLAIN.replace(",", ";").replace(".", ","),
-            "semicolon-separated values with decimal comma",
-        ),
-        (PLAIN.replace(",", "\t"), "tab-separated values with decimal point"),
-        (PLAIN.replace(",", "\t").replace(".", ","), "tab-separated values with decimal comma"),
-        (
-            f"{HEADER}\n" + rows("'", "'", sep="','").replace("'", '"').replace(".", "#"),
-            "comma-separated values with decimal comma",
-        ),
-    ],
-)
-def test_other_dialects_are_read_right_and_noticed(tmp_path, content, notice):
-    study = read_measurements(write(tmp_path, content.replace("#", ",")))
-    same_as_plain(study)
-    assert study.notices == (f"read as {notice}",)
-
-
-def test_gzip_gives_the_same_study(tmp_path):
-    path = write(tmp_path, gzip.compress(PLAIN.encode()), "pads.csv.gz")
-    same_as_plain(read_measurements(path))
-
-
-def test_extra_columns_are_named_once_and_may_hold_anything(tmp_path):
-    text = f"{HEADER},operator,temperature_C,force_raw\n" + rows(suffix=",Zoë,,n/a")
-    study = read_measurements(write(tmp_path, text))
-    same_as_plain(study)
-    assert study.notices == ("columns not used: operator, temperature_C, force_raw",)
-
-
-def test_pads_and_tests_keep_the_order_of_the_file(tmp_path):
-    names = [("B", "fast"), ("A", "slow"), ("B", "slow"), ("A", "fast")]
-    text = "pad,test,time_s,displacement_mm,force_N\n"
-    text += "".join(rows(f"{pad},{test},") for pad, test in names)
-    study = read_measurements(write(tmp_path, text))
-    assert [(pad.name, [test.name for test in pad.tests]) for pad in study.pads] == [
-        ("B", ["fast", "slow"]),
-        ("A", ["slow", "fast"]),
-    ]
-    assert study.pad("A").tests[0].pad == "A"
-
-
-def test_numeric_names_stay_as_written(tmp_path):
-    text = f"pad,test,{HEADER}\n" + rows("007,1,") + rows("007,01,") + rows("7,1.0,")
-    study = read_measurements(write(tmp_path, text))
-    assert [pad.name for pad in study.pads] == ["007", "7"]
-    assert [test.name for test in study.pad("007").tests] == ["1", "01"]
-
-
-def test_quoted_names_may_hold_separators(tmp_path):
-    study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows('"gel, 5 ""wt"" %",')))
-    assert study.pads[0].name == 'gel, 5 "wt" %'
-
-
 def test_an_unknown_pad_is_refused_with_the_known_ones(tmp_path):
     study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
     with pytest.raises(InputError, match=r"pads\.csv: no pad 'air'; name one of: oil, glycerin"):
         study.pad("air")
-
-
-def test_without_start_tests_of_a_pad_follow_one_another(tmp_path):
-    text = f"pad,test,{HEADER}\n" + rows("A,1,") + rows("B,1,") + rows("A,2,", n=40) + rows("A,3,")
-    study = read_measurements(write(tmp_path, text))
-    starts = [test.start_s for test in study.pad("A").tests]
-    np.testing.assert_allclose(starts, [0.0, 0.95, 0.95 + 1.95], rtol=1e-15)
-    assert study.pad("B").tests[0].start_s == 0.0
-
-
-def test_declared_start_is_kept_and_the_next_test_follows_it(tmp_path):
-    text = f"test,start_min,{HEADER}\n" + rows("a,2,") + rows("b,,") + rows("c,10,")
-    tests = read_measurements(write(tmp_path, text)).pads[0].tests
-    np.testing.assert_allclose([test.start_s for test in tests], [120.0, 120.95, 600.0])
-
-
-def test_role_and_rate_are_read_and_may_be_empty(tmp_path):
-    text = f"test,role,rate_mm_s,{HEADER}\n"
-    text += rows("a,fit,20,") + rows("b,validate,0.1,") + rows("c,,,")
-    tests = read_measurements(write(tmp_path, text)).pads[0].tests
-    assert [(test.role, test.rate) for test in tests] == [
-        ("fit", 20.0),
-        ("validate", 0.1),
-        (None, None),
-    ]
-
-
-def test_declared_numbers_take_the_decimal_comma_too(tmp_path):
-    text = f"rate_mm_s,start_s,{HEADER}\n".replace(",", ";")
-    text += rows("0.5;1.5;", sep=";").replace(".", ",")
-    test = only_test(read_measurements(write(tmp_path, text)))
-    assert (test.rate, test.start_s) == (0.5, 1.5)
 
 
 def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
@@ -228,40 +96,6 @@ def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     for pad in study.pads:
         np.testing.assert_allclose(pad.tests[0].time, ramp()[0], atol=1e-6)
         np.testing.assert_allclose(pad.tests[0].force, ramp()[2], atol=1e-6)
-
-
-def test_strain_and_stress_have_their_own_units(tmp_path):
-    text = "time_ms,strain,stress_Pa,stress_sd_Pa,rate_1_s\n" + rows(suffix=",50,0.2")
-    study = read_measurements(write(tmp_path, text))
-    test = only_test(study)
-    assert study.units == study.pads[0].units == UnitSystem("1", "Pa")
-    np.testing.assert_allclose(test.time, ramp()[0] / 1e3, atol=1e-9)
-    np.testing.assert_allclose(test.force, ramp()[2], atol=1e-6)
-    np.testing.assert_allclose(test.force_sd, 50.0, rtol=1e-15)
-    assert test.rate == 0.2
-
-
-def test_micro_may_be_written_in_greek(tmp_path):
-    study = read_measurements(write(tmp_path, PLAIN.replace("displacement_mm", "displacement_µm")))
-    assert study.units.displacement == "um"
-    np.testing.assert_allclose(only_test(study).displacement, ramp()[1], atol=1e-6)
-
-
-def test_columns_of_other_units_are_converted_to_that_of_displacement_or_force(tmp_path):
-    header = "time_s,displacement_um,force_mN,force_sd_N,rate_mm_s"
-    study = read_measurements(write(tmp_path, f"{header}\n{rows(suffix=',0.002,0.5')}"))
-    test = only_test(study)
-    assert asdict(study.units) == {"displacement": "um", "force": "mN"}
-    np.testing.assert_allclose(test.force, ramp()[2], atol=1e-6)
-    np.testing.assert_allclose(test.force_sd, 2.0, rtol=1e-15)
-    assert test.rate == 500.0
-
-
-def test_force_may_be_negative_where_the_pad_is_pulled_or_untared(tmp_path):
-    time, displacement, force = ramp(200)
-    for tested in (force - 5.0, np.where(time > 5.0, force - 1.5 * force.max(), force)):
-        text = "".join(f"{t},{d},{f}\n" for t, d, f in zip(time, displacement, tested, strict=True))
-        assert only_test(read_measurements(write(tmp_path, f"{HEADER}\n{text}"))).force.min() < 0
 
 
 def test_signs_in_doubt_pass():
@@ -305,8 +139,6 @@ def test_muscle_with_measured_standard_deviation():
 
 
 # Round trip -----------------------------------------------------------------------------------
-
-numbers = st.floats(min_value=-1e6, max_value=1e6, allow_subnormal=False)
 
 
 @st.composite

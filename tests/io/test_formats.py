@@ -1,17 +1,15 @@
 """Every layout is known by its own format alone, read right, and damaged without a traceback."""
 
+import gzip
 import time
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support import machine_files
-from support.machine_files import FIXTURES, LAG, Pressed, pressed
+from support.machine_files import FIXTURES, LAG, STORED, bluehill, of_layout, pressed
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conformance import FormatError, check_format
@@ -22,27 +20,16 @@ from qlvbayes.io.formats.layouts import BLUEHILL_3
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.recognition import matching, recognised
 
-TEST = pressed()
+TEST = STORED
 DATA = Path(__file__).parents[2] / "data"
-NAMES = [f"{fixture.format}/{fixture.name}" for fixture in FIXTURES]
+every_file = pytest.mark.parametrize("fixture", FIXTURES, ids=lambda one: one.path.name)
 TO_MM = {"mm": 1.0, "um": 1e-3, "nm": 1e-6}
 TO_N = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
 
 
-def written(fixture, folder, test=TEST):
-    """The fixture's file in a folder; skips where a package to make or read it is not there."""
-    if fixture.needs and find_spec(fixture.needs) is None:
-        pytest.skip(f"{fixture.needs} is not installed")
-    folder = folder / fixture.format
-    folder.mkdir(exist_ok=True)
-    path = folder / fixture.name
-    path.write_bytes(fixture.make(test))
-    return path
-
-
-@pytest.mark.parametrize("fixture", FIXTURES, ids=NAMES)
-def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture, tmp_path):
-    head = written(fixture, tmp_path).read_bytes()[:HEAD]
+@every_file
+def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture):
+    head = fixture.path.read_bytes()[:HEAD]
     whole, _, _ = matching(head, FORMATS)
     assert [kind.name for kind in whole] == [fixture.format]
 
@@ -61,7 +48,7 @@ def test_no_format_claims_a_tidy_file(path):
 @pytest.mark.parametrize("kind", FORMATS, ids=lambda kind: kind.name)
 def test_each_format_keeps_the_rules(kind, tmp_path):
     own = [fixture for fixture in FIXTURES if fixture.format == kind.name]
-    check_format(kind, [written(fixture, tmp_path) for fixture in own])
+    check_format(kind, [fixture.written(tmp_path) for fixture in own])
 
 
 def scaled(test, units):
@@ -71,9 +58,10 @@ def scaled(test, units):
     return test.displacement * TO_MM[units.displacement], test.force * TO_N[units.force]
 
 
-@pytest.mark.parametrize("fixture", FIXTURES, ids=NAMES)
-def test_what_was_pressed_comes_back(fixture, tmp_path):
-    found = convert([written(fixture, tmp_path)])
+@every_file
+def test_what_was_pressed_comes_back(fixture):
+    fixture.content()
+    found = convert([fixture.path])
     assert len(found.tests) == fixture.tests
     for test in found.tests:
         assert (test.signs.way, test.signs.load) == fixture.signs
@@ -92,10 +80,8 @@ def test_what_was_pressed_comes_back(fixture, tmp_path):
         assert np.abs(np.diff(way - known)).max() < corner
 
 
-def test_two_clocks_are_brought_to_one_and_their_lag_is_told(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_bytes(machine_files.two_clocks(TEST))
-    (test,) = convert([path]).tests
+def test_two_clocks_are_brought_to_one_and_their_lag_is_told():
+    (test,) = convert([of_layout("two-clocks-a.csv")]).tests
     assert test.sampling.lag == pytest.approx(LAG, abs=1e-6)
     assert "4.2 ms behind" in " ".join(test.findings)
     ramp = (test.displacement > 0.1) & (test.displacement < 1.0)
@@ -111,13 +97,13 @@ TEXTS = [
 ]
 
 
-@pytest.mark.parametrize("fixture", TEXTS, ids=lambda f: f"{f.format}/{f.name}")
+@pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
 @pytest.mark.parametrize("cut", [1, 3, 6, 10, 17, 25])
 @pytest.mark.few(38)
 def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
     fixture, cut, tmp_path
 ):
-    path = written(fixture, tmp_path)
+    path = fixture.written(tmp_path)
     kind = recognised(path, FORMATS)
     whole = kind.read(path)[-1]
     path.write_bytes(path.read_bytes()[:-cut])
@@ -129,28 +115,11 @@ def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
         np.testing.assert_array_equal(left, all_of_it[: len(left)])
 
 
-def test_what_is_lost_is_counted(tmp_path):
-    text = machine_files.bluehill_universal(TEST).decode()
-    rows = text.split("\n")
-    rows[100] = '"pause"'
-    rows[101] = rows[101].split(",")[0] + ',"",""'
-    rows[102] = rows[103]
-    path = tmp_path / "a.csv"
-    path.write_text("\n".join(rows)[:-5])
-    (test,) = convert([path]).tests
-    assert test.dropped == {
-        "lines without numbers": 1,
-        "rows with an empty cell": 1,
-        "rows with the time of the row above": 1,
-        "cut last line": 1,
-    }
-
-
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
-@pytest.mark.parametrize("fixture", TEXTS, ids=lambda f: f"{f.format}/{f.name}")
+@pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
 @pytest.mark.few(20)
 def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
-    path = written(fixture, tmp_path)
+    path = fixture.written(tmp_path)
     plain = convert([path])
     data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
     text = data.decode("utf-16") if data[:2] == b"\xff\xfe" else None
@@ -166,7 +135,7 @@ def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
 
 def test_gzip_is_undone(tmp_path):
     path = tmp_path / "a.csv.gz"
-    path.write_bytes(machine_files.zipped(machine_files.bluehill_3(TEST)))
+    path.write_bytes(gzip.compress(of_layout("bluehill-3-a.csv").read_bytes()))
     assert convert([path]).tests[0].force.max() == pytest.approx(TEST.load.max(), abs=1e-6)
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(InputError, match="gzip data are cut off"):
@@ -204,91 +173,6 @@ def test_a_specimen_pushed_and_pulled_is_in_doubt():
     assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
 
 
-def bluehill(test, names="Time,Extension,Load", units="(s),(mm),(N)"):
-    rows = "".join(
-        f"{t:.5f},{d:.6f},{f:.6f}\n" for t, d, f in zip(test.time, test.way, test.load, strict=True)
-    )
-    return f"{names}\n{units}\n{rows}"
-
-
-def refused(tmp_path, text, says, answers=None, error=UnsureError):
-    path = tmp_path / "a.csv"
-    path.write_text(text)
-    with pytest.raises(error, match=says) as caught:
-        convert([path], answers or Answers())
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith(str(path))
-    return caught.value
-
-
-def test_what_a_file_leaves_open_is_asked_for(tmp_path):
-    preloaded = pressed(approach=-0.3)
-    unsure = refused(tmp_path, bluehill(preloaded), "begins in contact")
-    assert unsure.option == "contact"
-    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(contact="file")).tests
-    np.testing.assert_allclose(test.displacement, preloaded.way, atol=1e-6)
-    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(contact="0.1")).tests
-    np.testing.assert_allclose(test.displacement, preloaded.way - 0.1, atol=1e-6)
-
-    cycles = Pressed(TEST.time, np.sin(9 * TEST.time), np.sin(9 * TEST.time))
-    assert refused(tmp_path, bluehill(cycles), "the direction that presses").option == "sign"
-    said = Answers.from_words(sign="none", contact="file")
-    assert convert([tmp_path / "a.csv"], said).tests[0].signs.way == 1
-
-    strained = bluehill(TEST, "Time,Compressive strain,Load", "(s),(%),(N)")
-    assert refused(tmp_path, strained, "strain and force, and no area").option == "area"
-    (test,) = convert([tmp_path / "a.csv"], Answers.from_words(area=50.0)).tests
-    assert test.units.force == "kPa"
-    # 1 N over 50 mm2 is 20 kPa; 1 % is 0.01
-    assert test.force.max() == pytest.approx(20.0 * TEST.load.max(), rel=1e-5)
-    assert test.displacement.max() == pytest.approx(0.01 * TEST.way.max(), rel=1e-5)
-
-
-def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
-    from scipy.io import savemat
-
-    path = tmp_path / "a.mat"
-    savemat(path, {"time": TEST.time, "disp": TEST.way, "force": TEST.load})
-    with pytest.raises(UnsureError, match=r"'time' .* has no unit"):
-        convert([path])
-    (test,) = convert([path], Answers.from_words(units="s,um,kN")).tests
-    assert test.force.max() == pytest.approx(1e3 * TEST.load.max())
-    assert test.units.displacement == "um"
-    with pytest.raises(InputError, match="is no unit of force"):
-        Answers.from_words(units="s,mm,furlong")
-    csv = tmp_path / "b.csv"
-    csv.write_text(bluehill(TEST))
-    with pytest.raises(InputError, match="is in mm, and --units says um"):
-        convert([csv], Answers.from_words(units="s,um,N"))
-
-
-def test_a_wrong_sign_is_refused(tmp_path):
-    says = "with --sign force the specimen is pressed with force negative"
-    refused(tmp_path, bluehill(TEST), says, Answers.from_words(sign="force"), InputError)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("a,b\n1,2\n", "no known layout; export CSV"),
-        ("Time,Extension,Load\n1,2,3\n", "no test of 10 rows"),
-        ("Time,Extension,Load\n", "nearest is bluehill-3, which shows .* but not units in"),
-        ("SetName,Cycle,Clock\n", "nearest is cellscale, .* but not a column Time_S"),
-        ("\0\0\0", "the file is empty"),
-        (bluehill(TEST).replace("(N)", "(N s)"), "the unit 'N s' of Load is unknown"),
-        (bluehill(TEST)[:33], "no rows of numbers"),
-        (bluehill(Pressed(TEST.time[::-1], TEST.way, TEST.load)), "time falls from"),
-        (bluehill(Pressed(TEST.time.round(1), TEST.way, TEST.load)), "the time of the row above"),
-        (bluehill(Pressed(TEST.time[:6], TEST.way[:6], TEST.load[:6])), "no test of 10 rows"),
-        (bluehill(Pressed(TEST.time, TEST.way, 0 * TEST.load)), "in which displacement and force"),
-        ('Time,Disp,Load\n(s),(mm),(N)\n"1,000","2,000","3,000"\n', "may be a decimal comma"),
-        ('Time,Disp,Load\n(s),(mm),(N)\n"1,5",2.5,3.5\n', "some numbers have a decimal point"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_used_is_refused_in_one_line(tmp_path, text, says):
-    refused(tmp_path, text, says, error=InputError)
-
-
 def test_units_as_machines_write_them():
     for text, quantity, tidy, factor in (
         ("(µN)", "force", "uN", 1.0), ("kN", "force", "N", 1e3), ("gf", "force", "N", 9.80665e-3),
@@ -309,17 +193,6 @@ def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
         assert (unit.tidy, unit.factor) == (tidy, pytest.approx(factor))
     for text, quantity in (("Mm", "displacement"), ("Ms", "time"), ("mpa", "stress")):
         assert unit_of(text, quantity) is None
-
-
-def test_millipascals_are_not_megapascals(tmp_path):
-    path = tmp_path / "a.csv"
-    stress = 1e3 * TEST.load
-    rows = zip(TEST.time, 10.0 * TEST.way, stress, strict=True)
-    body = "".join(f"{t:.3f},{e:.4f},{s:.5f}\n" for t, e, s in rows)
-    path.write_text("Time [s],Shear Strain [%],Shear Stress [mPa]\n" + body)
-    found = convert([path])
-    assert found.units.force == "Pa"
-    assert found.tests[0].force.max() == pytest.approx(1e-3 * stress.max(), rel=1e-5)
 
 
 OWN = """
@@ -367,7 +240,7 @@ def test_a_format_of_one_s_own(tmp_path):
 
 def test_a_format_that_claims_what_is_not_its_own_is_told(tmp_path):
     greedy = replace(BLUEHILL_3, name="greedy", shows={"bytes": ""})
-    files = [written(fixture, tmp_path) for fixture in FIXTURES[:2]]
+    files = [fixture.written(tmp_path) for fixture in FIXTURES[:2]]
     with pytest.raises(FormatError, match="bluehill-3 claims"):
         check_format(greedy, files)
     with pytest.raises(FormatError, match="lacks read, sniff"):
@@ -387,7 +260,7 @@ def test_a_package_that_is_not_there_is_named_with_the_way_to_get_it(tmp_path, m
 @pytest.mark.slow
 def test_a_million_rows_take_less_than_two_seconds(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_bytes(machine_files.bluehill_3(pressed(rate=10_000.0, hold=99.2)))
+    path.write_text(bluehill(pressed(rate=10_000.0, hold=99.2)))
     convert([path])  # imports
     start = time.process_time()
     (test,) = convert([path]).tests

@@ -1,17 +1,19 @@
 """Kinds of records that strangers have: signs, blocks, zeros, dead weights, units, remedies."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.machine_files import Pressed, _workbook, lvm, pressed
+from support.machine_files import Pressed, pressed, workbook
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Control, read_measurements
 from qlvbayes.io.formats.answers import Answers, UnsureError
+from qlvbayes.io.formats.columns import split_header
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.tidy import tidy_text, write_tidy
+from qlvbayes.io.formats.naming import is_mean
+from qlvbayes.io.formats.tidy import write_tidy
+from qlvbayes.io.reading.unread import unread_rows
 
 STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
 NAMES = "Time (s),Displacement (mm),Force (N)"
@@ -55,41 +57,6 @@ def test_a_part_that_begins_at_its_largest_force_has_the_sign_of_the_others(tmp_
     np.testing.assert_allclose(stated.force, back.load, atol=1e-5)
 
 
-@pytest.mark.parametrize("offset", [-5.0, 5.0])
-def test_a_cell_that_was_not_tared_still_shows_its_sign_by_an_approach(offset, tmp_path):
-    shifted = Pressed(TEST.time, TEST.way, TEST.load + offset)
-    (test,) = convert([written(tmp_path, "a.csv", NAMES, *rows_of(shifted))]).tests
-    assert (test.signs.way, test.signs.load) == (1, 1)
-
-
-# blocks
-
-
-@pytest.mark.parametrize("cuts", [[], [60], [30, 70]])
-@pytest.mark.parametrize(
-    "head",
-    [[NAMES], ["Time,Extension,Load", "(s),(mm),(N)"], ["Elapsed Time,Disp,Load", "Sec,mm,N"]],
-)
-def test_blocks_below_repeated_names_are_one_test(cuts, head, tmp_path):
-    rows, lines = rows_of(TEST), []
-    for begin, end in zip([0, *cuts], [*cuts, len(rows)], strict=True):
-        lines += [*head, *rows[begin:end]]
-    whole = tidy_text(convert([written(tmp_path, "a.csv", *head, *rows)]))
-    (tmp_path / "b").mkdir()
-    assert tidy_text(convert([written(tmp_path / "b", "a.csv", *lines)])) == whole
-
-
-def test_blocks_whose_clock_begins_anew_under_load_are_refused_with_the_line(tmp_path):
-    rows, cut = rows_of(TEST), 60
-    later = Pressed(TEST.time[cut:] - TEST.time[cut], TEST.way[cut:], TEST.load[cut:])
-    with pytest.raises(InputError, match="the clock begins anew here") as told:
-        convert([written(tmp_path, "a.csv", NAMES, *rows[:cut], NAMES, *rows_of(later))])
-    assert told.value.line == cut + 2
-    again = pressed(hold=1.0, rate=50.0, seed=2)
-    found = convert([written(tmp_path, "b.csv", NAMES, *rows, NAMES, *rows_of(again))])
-    assert [len(test.time) for test in found.tests] == [len(rows)] * 2
-
-
 # zeros
 
 
@@ -116,87 +83,12 @@ def creep(force=1.0):
     return Pressed(time, 0.03 + 0.2 * (1.0 - np.exp(-time)), np.full(80, force))
 
 
-@pytest.mark.parametrize("names", [NAMES, "time_s,displacement_mm,force_N"])
-def test_a_constant_force_is_creep_and_a_constant_zero_a_dead_channel(names, tmp_path):
-    read = read_measurements(written(tmp_path, "a.csv", names, *rows_of(creep(0.37))))
-    (test,) = read.pads[0].tests
-    assert test.control == Control.FORCE
-    np.testing.assert_allclose(test.displacement, creep().way, atol=1e-5)
-    assert any("taken as prescribed" in line and "control" in line for line in read.notices)
-    with pytest.raises(InputError, match=r"never changes|no test of 10 rows"):
-        read_measurements(written(tmp_path, "b.csv", names, *rows_of(creep(0.0))))
-
-
 def test_a_converted_creep_says_what_is_prescribed(tmp_path):
     write_tidy(convert([written(tmp_path, "a.csv", NAMES, *rows_of(creep()))]), tmp_path / "t.csv")
     assert read_measurements(tmp_path / "t.csv").pads[0].tests[0].control == Control.FORCE
 
 
-# one quantity in two units
-
-
-def test_one_record_in_two_units_is_one_side_by_side_below_and_in_two_files(tmp_path):
-    other = Pressed(TEST.time, TEST.way / 25.4, TEST.load / 9.80665)
-    inches = rows_of(other, "{:.5f},{:.5f},{:.6g}")
-    units = "Time (s),Displacement (in),Force (kgf)"
-    beside = [f"{a},{b.partition(',')[2]}" for a, b in zip(rows_of(TEST), inches, strict=True)]
-    head = f"{NAMES},{units.partition(',')[2]}"
-    (one,) = convert([written(tmp_path, "beside.csv", head, *beside)]).tests
-    assert one.test == "beside"
-    assert "has the same readings and is left out" in " ".join(one.findings)
-    files = [
-        written(tmp_path, "a.csv", NAMES, *rows_of(TEST)),
-        written(tmp_path, "b.csv", units, *inches),
-    ]
-    assert [test.test for test in convert(files).tests] == ["a"]
-    assert len(convert(files, Answers.from_words(pads=("A", "B"))).tests) == 2
-
-
-def test_a_tidy_file_may_have_one_quantity_in_two_units(tmp_path):
-    rows = [f"{row},{1e3 * f:.2f}" for row, f in zip(rows_of(TEST), TEST.load, strict=True)]
-    head = "time_s,displacement_mm,force_N,force_mN"
-    read = read_measurements(written(tmp_path, "a.csv", head, *rows))
-    assert read.units.force == "N"
-    assert any("force_mN" in notice for notice in read.notices)
-    wrong = [f"{row},{1e3 * f + 9.0:.2f}" for row, f in zip(rows_of(TEST), TEST.load, strict=True)]
-    with pytest.raises(InputError, match="two columns for force: 'force_N' and 'force_mN'"):
-        read_measurements(written(tmp_path, "b.csv", head, *wrong))
-
-
 # remedies that work
-
-
-@pytest.mark.parametrize("columns", [None, "1,3,2"])
-def test_the_time_of_labview_s_text_follows_from_its_header(columns, tmp_path):
-    path = tmp_path / "a.lvm"
-    path.write_bytes(lvm(TEST))
-    (test,) = convert([path], Answers.from_words(columns=columns)).tests
-    np.testing.assert_allclose(test.time, TEST.time, atol=1e-6)
-    assert test.force.max() == pytest.approx(TEST.load.max(), abs=1e-5)
-
-
-def test_a_workbook_without_names_is_read_as_the_message_says(tmp_path):
-    pytest.importorskip("python_calamine")
-    path = tmp_path / "a.xlsx"
-    rows = np.stack([TEST.time, TEST.load, TEST.way, TEST.time], axis=1).tolist()
-    path.write_bytes(_workbook({"Sheet": rows}))
-    with pytest.raises(UnsureError, match="the file has: 1, 2, 3, 4") as told:
-        convert([path])
-    assert re.search("--columns .*--units", str(told.value))
-    (test,) = convert([path], Answers.from_words(columns="1,3,2", units="s,mm,N")).tests
-    assert test.force.max() == pytest.approx(TEST.load.max())
-
-
-def test_a_table_without_any_time_is_refused_for_that(tmp_path):
-    half = len(TEST.way) // 2
-    names = "Ramp_Ex_nm\tRamp_Rt_nm\tDefl_pN_Ex\tDefl_pN_Rt"
-    back, load = TEST.way[::-1], TEST.load[::-1]
-    rows = zip(TEST.way[:half], back[:half], TEST.load[:half], load[:half], strict=True)
-    path = written(tmp_path, "a.txt", names, *("\t".join(f"{x:.2f}" for x in r) for r in rows))
-    for read in (lambda: convert([path]), lambda: read_measurements(path)):
-        with pytest.raises(InputError, match="there is no time: no column rises") as told:
-            read()
-        assert "--columns" not in str(told.value)
 
 
 def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
@@ -209,39 +101,55 @@ def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
         assert "\\x" not in str(told.value)
 
 
+# parts of the reader
+
+
+def test_records_that_begin_at_zero_keep_their_first_rows():
+    time = np.arange(60) / 50.0
+    ramp = np.clip(time - 0.1, 0.0, 0.8)
+    step = np.where(time < 0.1, 0.0, 1.5)
+    stairs = np.floor(time * 5.0) * 0.3
+    for way in (ramp, step, stairs):
+        assert unread_rows(time, way, 2.0 * way) == 0
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(60) * (time >= 0.1)
+    assert unread_rows(time, step + noise, 2.0 * step) == 0
+    assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
+
+
+# several tests in one file
+
+
+def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
+    means = ("Mean", "Mittelwert", "Moyenne", "Average", "Eprouvette moyenne", "Mittelwertprobe",
+             "Mean curve",
+             "Silicone mean", "Moyenne des éprouvettes", "Kurven Mittelwert")  # fmt: skip
+    assert all(map(is_mean, means))
+    tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
+             "average rate", "compression moyenne")  # fmt: skip
+    assert not any(map(is_mean, tests))
+    pytest.importorskip("python_calamine")
+    path = workbook(tmp_path / "a.xlsx", ["vitesse lente", "vitesse moyenne", "Moyenne"])
+    found = convert([path])
+    assert [test.test for test in found.tests] == ["vitesse lente", "vitesse moyenne"]
+    (dropped,) = found.tests[0].dropped
+    assert dropped == "rows of the mean specimen's sheet 'Moyenne'"
+
+
+# columns
+
+
 @pytest.mark.parametrize(
-    ("lines", "encoding"),
+    ("cell", "name", "unit"),
     [
-        (["s,mm,N", "Time,Displacement,Force"], "utf-8"),  # units above the names
-        (["time (s)", "Čas (s),Posunutí (mm),Síla (N)"][1:], "cp1250"),
-        (["時間(sec),変位(mm),試験力(N)"], "cp932"),
-        (["Time (s),Displacement (mm),Force (N),Comment"], "utf-8"),  # one name too many
+        ("Speed mm/s", "Speed mm/s", ""),
+        ("F/N", "F", "N"),
+        ("s/mm", "s/mm", ""),
+        ("Force in the middle", "Force in the middle", ""),
+        ("Strain mm/mm", "Strain mm/mm", ""),
     ],
 )
-def test_names_of_other_countries_and_rows_of_units_elsewhere(lines, encoding, tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_bytes("\n".join([*lines, *rows_of(TEST), ""]).encode(encoding))
-    (test,) = convert([path]).tests
-    assert len(test.time) == len(TEST.time)
-    assert test.force.max() == pytest.approx(TEST.load.max(), abs=1e-4)
-
-
-@pytest.mark.parametrize("separator", [" ", ",", "\t"])
-def test_rows_with_names_of_their_own_as_r_writes_them(separator, tmp_path):
-    names = separator.join(['"Time (s)"', '"Displacement (mm)"', '"Force (N)"'])
-    rows = [f'"{k}",{row}'.replace(",", separator) for k, row in enumerate(rows_of(TEST), 1)]
-    (test,) = convert([written(tmp_path, "a.txt", names, *rows)]).tests
-    assert test.force.max() == pytest.approx(TEST.load.max(), abs=1e-4)
-
-
-@pytest.mark.parametrize("day", ["03/05/2024", "27/11/2024", "11/27/2024"])
-def test_dates_with_the_day_or_the_month_first_are_a_clock(day, tmp_path):
-    rows = [
-        f"{day} 10:{int(t) // 60:02}:{t % 60:06.3f},{d:.5f},{f:.5f}"
-        for t, d, f in zip(TEST.time, TEST.way, TEST.load, strict=True)
-    ]
-    path = written(tmp_path, "a.csv", "Timestamp,Position (mm),Load (N)", *rows)
-    np.testing.assert_allclose(convert([path]).tests[0].time, TEST.time, atol=1e-3)
+def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
+    assert split_header(cell) == (name, unit)
 
 
 # those kept elsewhere

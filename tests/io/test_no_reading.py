@@ -9,9 +9,9 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support.machine_files import FIXTURES, pressed, table_spanish
+from support.machine_files import FIXTURES, of_layout
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.effects.contacts import Adhesion
@@ -28,8 +28,7 @@ from qlvbayes.motion.splines import Joints
 
 BROKEN = Path(__file__).parents[3] / "shared" / "records" / "broken"
 RECORD = np.concatenate([np.linspace(0.0, 1.2, 40), np.full(40, 1.2)])
-SHORT = pressed(hold=0.4, rate=50.0)
-TEXTS = [one for one in FIXTURES if not one.needs and one.name.endswith((".csv", ".txt", ".tra"))]
+TEXTS = [one for one in FIXTURES if not one.needs and one.path.suffix in (".csv", ".txt", ".tra")]
 ANSWERS = Answers(sign="none", contact="file")
 ENDLESS = 200_000  # cells of a line
 
@@ -72,62 +71,9 @@ def test_a_clock_has_no_codes():
     assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()
 
 
-def tidy(folder, displacement, force):
-    time = np.arange(len(force)) / 50.0
-    lines = ["pad,test,time_s,displacement_mm,force_N"]
-    rows = zip(time, displacement, force, strict=True)
-    lines += [f"A,s,{t:.5f},{d:.9g},{f:.9g}" for t, d, f in rows]
-    (folder / "data.csv").write_text("\n".join(lines) + "\n")
-    return folder / "data.csv"
-
-
-@pytest.mark.parametrize("channel", ["displacement_mm", "force_N"])
-def test_a_tidy_file_with_a_code_is_refused_with_test_time_and_count(tmp_path, channel):
-    columns = {"displacement_mm": RECORD, "force_N": 0.5 * RECORD}
-    columns[channel] = with_values([10, 11], -999.0, columns[channel])
-    with pytest.raises(InputError) as caught:
-        read_measurements(tidy(tmp_path, *columns.values()))
-    assert caught.value.line == 12
-    said = f"{channel} is -999, a code for no reading, in 2 rows, the first at 0.2 s"
-    assert said in caught.value.message
-    assert "test 's' of pad 'A'" in caught.value.message
-
-
-@pytest.mark.parametrize(
-    ("scale", "said"), [(1e-40, "which no rig measures"), (1e30, "a code for no reading")]
-)
-def test_numbers_that_no_rig_measures_are_refused(tmp_path, scale, said):
-    with pytest.raises(InputError, match=said) as caught:
-        read_measurements(tidy(tmp_path, RECORD, scale * RECORD))
-    assert caught.value.line == (2 if scale < 1.0 else 3)
-
-
-def test_machine_files_lose_rows_with_a_code_and_count_them(tmp_path):
-    fixture = next(one for one in FIXTURES if one.format == "bluehill-universal")
-    lines = fixture.make(SHORT).decode().split("\n")
-    whole = convert_text(tmp_path, fixture.name, lines)
-    for k in (-12, -9):
-        cells = lines[k].split(",")
-        lines[k] = ",".join([*cells[:-1], '"-9999.0"' if '"' in cells[-1] else "-9999.0"])
-    found = convert_text(tmp_path, fixture.name, lines)
-    assert len(found.force) == len(whole.force) - 2
-    (why,) = set(found.dropped) - set(whole.dropped)
-    assert why.startswith("rows with a code for no reading (-9999) in ")
-    assert found.dropped[why] == 2
-
-
-def convert_text(folder, name, lines):
-    file = folder / name
-    file.write_text("\n".join(lines))
-    (test,) = convert([file]).tests
-    return test
-
-
-def test_a_reader_that_does_not_end_is_ended(tmp_path):
-    file = tmp_path / "a.h5"
-    file.write_bytes(next(one for one in FIXTURES if one.format == "hdf5").make(SHORT))
+def test_a_reader_that_does_not_end_is_ended():
     with pytest.raises(ApartError, match="did not end within 0 s"):
-        read_apart("hdf5", file, limit=1e-3)
+        read_apart("hdf5", of_layout("hdf5-a.h5"), limit=1e-3)
 
 
 def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
@@ -139,8 +85,7 @@ def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
 
 
 def test_an_endless_line_takes_no_memory(tmp_path):
-    fixture = next(one for one in FIXTURES if one.format == "cellscale")
-    lines = fixture.make(SHORT).decode().splitlines()
+    lines = of_layout("cellscale-a.csv").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:5], "," * ENDLESS, *lines[5:]]) + "\n")
     tracemalloc.start()
     (test,) = convert([tmp_path / "a.csv"]).tests
@@ -198,16 +143,13 @@ def hurt(data, chance):
 
 
 @settings(
-    max_examples=40,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(fixture=st.sampled_from(TEXTS), seed=st.integers(0, 2**32))
-@example(fixture=next(one for one in TEXTS if one.make is table_spanish), seed=1_592_390_079)
 def test_a_hurt_file_is_read_or_refused(tmp_path, fixture, seed):
     chance = random.Random(seed)
-    file = tmp_path / fixture.name
-    file.write_bytes(hurt(fixture.make(SHORT), chance))
+    file = tmp_path / fixture.path.name
+    file.write_bytes(hurt(fixture.path.read_bytes(), chance))
     found = []
     said = refusal(lambda one: found.append(convert([one], ANSWERS)), file)
     assert said is None or said.startswith(str(tmp_path))

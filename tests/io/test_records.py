@@ -2,14 +2,12 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.endtoend import call, one_line
-from support.exported_pad import exported
-from support.machine_files import Pressed, pressed, workbook
+from support.endtoend import call
+from support.machine_files import Pressed, bluehill, pressed, workbook
 
 from qlvbayes.comparison.side import Side, unheld_times
 from qlvbayes.fitting.fit import separated_start
@@ -18,17 +16,12 @@ from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.contact import find_contact, is_dead
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.naming import is_mean, pad_in, pattern_of, suggested_pattern
+from qlvbayes.io.formats.naming import pad_in, pattern_of, suggested_pattern
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.pad import cut, refuse_unknown
-from qlvbayes.use.exports.card import card
-from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.pad import PosteriorInterval
-from qlvbayes.use.prescribed.forecast import predict_program
-from qlvbayes.use.prescribed.table import read_table
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 
@@ -40,16 +33,9 @@ def shared(name):
     return path
 
 
-def bluehill(test, zero=0.0):
-    rows = zip(test.time, test.way + zero, test.load, strict=True)
-    return "Time,Extension,Load\n(s),(mm),(N)\n" + "".join(
-        f"{t:.5f},{d:.6f},{f:.6f}\n" for t, d, f in rows
-    )
-
-
 def written(folder, name, test, zero=0.0):
     path = folder / f"{name}.csv"
-    path.write_text(bluehill(test, zero))
+    path.write_text(bluehill(test, zero=zero))
     return path
 
 
@@ -140,27 +126,6 @@ def test_a_dead_cell_is_named_and_the_rest_is_read(tmp_path):
     assert not is_dead(good.way, good.load)
 
 
-def test_files_that_are_all_faulty_write_nothing(tmp_path):
-    out = tmp_path / "tidy.csv"
-    for name in "ab":
-        (tmp_path / name).write_text("a,b\n1,2\n")
-    status, _, err = call("convert", tmp_path / "a", tmp_path / "b", "-o", out)
-    assert status == 2
-    assert one_line(err).startswith(f"{tmp_path / 'a'}: no known layout")
-    assert not out.exists()
-
-
-@pytest.mark.parametrize("digits", [5, 1])
-def test_a_file_that_begins_at_its_zero_and_moves_at_once_keeps_it(digits, tmp_path):
-    time = np.arange(200) * 0.15
-    way = np.minimum(time * 0.5, 2.0)
-    test = Pressed(time, way, np.round(6.0 * np.expm1(0.3 * way), digits))
-    (found,) = convert([written(tmp_path, "a", test)]).tests
-    assert found.zero == 0.0
-    assert found.force[0] == 0.0
-    assert "the file's own zero" in " ".join(found.findings)
-
-
 def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path):
     machine = written(tmp_path, "a", pressed(0.4), 7.0)
     tidy = tmp_path / "tidy.csv"
@@ -177,56 +142,6 @@ def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path)
 
 
 # files
-
-
-@pytest.mark.parametrize(
-    ("names", "units"),
-    [
-        ("Temps d'essai;Allongement;Force standard", "s;mm;N"),
-        ("Versuchszeit [s];Verlängerung [mm];Prüfkraft [N]", ""),
-        ("Tempo (s);Spostamento (mm);Forza (N)", ""),
-        ("Tiempo;Desplazamiento axial;Fuerza", "(s);(mm);(N)"),
-        ("Temps;Déplacement de la traverse;Charge", "s;mm;N"),
-        ("Durata;Allungamento;Carico", "s;mm;N"),
-        ("Zeit;Dehnung;Kraft", "s;mm;N"),
-        ("Time;Displacement;Force", "[s];[mm];[N]"),
-    ],
-)
-def test_names_of_five_languages_are_read(names, units, tmp_path):
-    test = pressed()
-    rows = "".join(
-        f"{t:.5f};{d:.6f};{f:.6f}\n".replace(".", ",")
-        for t, d, f in zip(test.time, test.way, test.load, strict=True)
-    )
-    path = tmp_path / "a.csv"
-    path.write_text(f"{names}\n" + (f"{units}\n" if units else "") + rows, encoding="cp1252")
-    (found,) = convert([path], Answers.from_words(contact="file")).tests
-    np.testing.assert_allclose(found.displacement, test.way, atol=1e-6)
-    np.testing.assert_allclose(found.force, test.load, atol=1e-6)
-
-
-def test_a_strain_in_per_cent_is_no_displacement(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("Zeit [s];Dehnung [%];Spannung [kPa]\n" + "".join(
-        f"{k};{k};{2 * k}\n" for k in range(1, 40)
-    ))  # fmt: skip
-    (found,) = convert([path]).tests
-    assert found.units.dimensionless
-    assert found.displacement[-1] == pytest.approx(0.39)
-
-
-@pytest.mark.parametrize(
-    "mean", ["Eprouvette moyenne", "Mittelwert", "media", "Probeta media", "Mean 2"]
-)
-def test_the_mean_specimen_is_no_test_wherever_the_word_stands(mean, tmp_path):
-    pytest.importorskip("python_calamine")
-    found = convert([workbook(tmp_path / "a.xlsx", ["Eprouvette 1", mean, "Eprouvette 2"])])
-    assert [test.test for test in found.tests] == ["Eprouvette 1", "Eprouvette 2"]
-    assert any("mean specimen" in why for why in found.tests[0].dropped)
-
-
-def test_words_that_only_look_like_a_mean_are_specimens():
-    assert not any(map(is_mean, ("Specimen 1", "medium", "meander", "Probe", "Mediane 3")))
 
 
 def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
@@ -263,59 +178,6 @@ def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
 def test_a_pattern_is_suggested_for_the_names_of_a_file(names, pads):
     pattern = pattern_of(suggested_pattern(names))
     assert [pad_in(name, pattern) for name in names] == pads
-
-
-def test_no_pattern_is_suggested_where_no_folder_could_be_so_named():
-    assert suggested_pattern(["/", "."]) == ""
-
-
-def rheometer(intervals=1):
-    """Two intervals begin with the same names; cells of text are next to the numbers."""
-    head = (
-        "Interval data:\tPoint No.\tTime\tShear Strain\tShear Stress\tStatus\n"
-        "\n\t\t[s]\t[%]\t[Pa]\t\n"
-    )
-    rows = "".join(
-        f"\t{k}\t{0.1 * k:.3f}\t{1.0:.2f}\t{60 + 20 * np.exp(-k):.3f}\tDy_auto\n".replace(".", ",")
-        if k > 1
-        else f"\t{k}\t0,1\t0,5\t30\tDy_auto\n"
-        for k in range(1, 40)
-    )
-    later = rows.replace("1,00", "1,10")
-    return ("Test:\tT\n" + head + rows + (head + later) * (intervals - 1)).encode("utf-16")
-
-
-def test_a_rheometer_s_table_is_read(tmp_path):
-    path = tmp_path / "r.csv"
-    path.write_bytes(rheometer())
-    (found,) = convert([path]).tests
-    assert (found.units.displacement, found.units.force) == ("1", "Pa")
-    assert found.displacement[5] == pytest.approx(0.01)
-    assert found.force[-1] == pytest.approx(60.0)
-    assert read_measurements(path).pads[0].tests[0].force.size == 39
-    path.write_bytes(rheometer(intervals=2))
-    assert [test.test for test in convert([path]).tests] == ["1", "2"]
-
-
-@pytest.mark.parametrize(
-    ("header", "what"),
-    [
-        ("t,G_relax,T", "'G_relax' is a relaxation modulus"),
-        ("Time [s],E(t) [MPa],Temp", "is a relaxation modulus"),
-        ("Zeit,Relaxationsmodul,T", "is a relaxation modulus"),
-        ("time,J(t)", "is a creep compliance"),
-        ("Time [s],Creep compliance [1/Pa]", "is a creep compliance"),
-        ("Frequency [Hz],Storage Modulus [Pa],Loss Modulus [Pa]", "storage and loss moduli"),
-    ],
-)
-def test_what_was_computed_of_measurements_is_refused_by_name(header, what, tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text(header + "\n" + "".join(f"{k},{k},{k}\n" for k in range(1, 30)))
-    for read in (lambda: convert([path]), lambda: read_measurements(path)):
-        with pytest.raises(InputError, match="readings, strain and stress over time") as caught:
-            read()
-        assert what in str(caught.value)
-        assert "rename" not in str(caught.value)
 
 
 # comparing, cutting, exporting, programmes
@@ -393,52 +255,6 @@ def test_a_part_of_a_test_is_used_and_told():
         cut(pulled(), ["pull 0 to 18"])
     with pytest.raises(InputError, match="no test 'push'; name one of pull"):
         refuse_unknown([pulled()], ["push:0..1s"])
-
-
-def test_a_cut_test_is_fitted_and_checked_as_cut(tmp_path):
-    path = tmp_path / "a.csv"
-    test = pressed()
-    path.write_text(
-        "time_s,displacement_mm,force_N\n"
-        + "".join(
-            f"{t:.4f},{d:.6f},{f:.6f}\n"
-            for t, d, f in zip(test.time, test.way, test.load, strict=True)
-        )
-    )
-    words = ("--method", "least-squares", "--modes", "1", "--use", "test:0..1.5s")
-    assert call("fit", path, "-o", tmp_path / "out", *words)[0] == 0
-    status, out, _ = call("check", tmp_path / "out", "--json")
-    assert status == 0
-    (found,) = json.loads(out)
-    assert sum(cell["n"] for cell in found["cells"]) == 301
-    assert "301 rows are used, as stated by test:0..1.5s" in " ".join(
-        json.loads((tmp_path / "out" / "pad" / "check.json").read_text())["notices"]
-    )
-
-
-def test_a_share_with_an_upper_bound_alone_is_told_in_exports(tmp_path):
-    pad = exported(tmp_path)
-    bounded = [PosteriorInterval(x.name, x.unit, 1e-4, 1e-7, 3e-4) if x.name == "c[0]" else x
-            for x in pad.intervals]  # fmt: skip
-    for one in (card(replace(pad, intervals=tuple(bounded)), JsonFile),):
-        assert any("long-term modulus is NOT DETERMINED: c[0], 1e-07 to 0.0003" in x for x in one)
-    assert not any("NOT DETERMINED" in line for line in card(pad, JsonFile))
-
-
-def test_two_rows_of_one_time_are_a_jump(tmp_path):
-    path = tmp_path / "jump.csv"
-    path.write_text("time_s,displacement_mm\n0,0\n0.1,0\n0.1,0.5\n1,0.5\n")
-    found = read_table(path, PAD)
-    assert found.jumps == (0.1,)
-    assert found.value.tolist() == [0.0, 0.0, 0.5, 0.5]
-    assert found.time.tolist() == [0.0, 0.1, 0.1, 1.0]
-    assert not found.rate.any()
-    constants = {"m": 1.0, "b": 0.0001, "c[0]": 0.5, "c[1]": 0.5, "v[1]": 2.0}
-    forces = predict_program({k: np.full(100, v) for k, v in constants.items()}, path, draws=2)
-    assert forces.median[1] == pytest.approx(0.0, abs=1e-9)
-    # at once 1 N/mm over 0.5 mm, of which half relaxes at 2/s for 0.9 s
-    assert forces.median[2] == pytest.approx(0.5, rel=1e-3)
-    assert forces.median[3] == pytest.approx(0.25 + 0.25 * np.exp(-1.8), rel=1e-3)
 
 
 def test_a_fit_heeds_the_error_of_contact():
@@ -527,13 +343,6 @@ def test_the_kept_workbooks():
     assert len(convert([shared("mean_named_last.xlsx")]).tests) == 2
     with pytest.raises(InputError, match="the file is cut off or damaged"):
         convert([shared("old.xls")])
-
-
-def test_the_kept_rheometer_and_modulus():
-    (found,) = convert([shared("rheometer.csv")]).tests
-    assert found.force.size == 150
-    with pytest.raises(InputError, match="'G_relax' is a relaxation modulus"):
-        read_measurements(shared("modulus.csv"))
 
 
 def test_the_kept_curve_of_an_afm_asks_nothing():

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 from support.endtoend import call, one_line
-from support.machine_files import (
-    EPOCH,
-    pressed,
-    ros_table,
-    ros_table_plain,
-    rosbag_1_joints,
-    rosbag_joints,
-)
+from support.machine_files import CORPUS, STORED, of_layout
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats import binary
@@ -18,14 +11,15 @@ from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.ros import RosChannel, meaning, recording_of
 
-TEST = pressed()
+TEST = STORED
+EPOCH = 1_750_000_000  # s since 1970, of a robot's clock
 MCAP = b"\x89MCAP0\r\n"
 
 
-def bag(folder, make):
-    pytest.importorskip("rosbags", reason="rosbags is not installed: no bag is written")
+def bag(folder, suffix):
+    pytest.importorskip("rosbags", reason="rosbags is not installed: no bag is read")
     path = folder / "log.mcap"
-    path.write_bytes(make(TEST))
+    path.write_bytes((CORPUS / "other" / f"joints.{suffix}").read_bytes())
     return path
 
 
@@ -91,7 +85,7 @@ def test_each_topic_keeps_its_own_stamps(tmp_path):
 
 
 def test_stamps_of_two_columns_and_of_nanoseconds_give_the_same_test(tmp_path):
-    (tmp_path / "a.csv").write_bytes(ros_table_plain(TEST))
+    (tmp_path / "a.csv").write_bytes(of_layout("ros-table-b.csv").read_bytes())
     rows = zip(TEST.time, TEST.load, TEST.way, strict=True)
     text = "timestamp,wrench.force.z,pose.position.z\n" + "".join(
         f"{EPOCH * 10**9 + round(1e9 * t)},{f:.6f},{1e-3 * d:.9f}\n" for t, f, d in rows
@@ -103,7 +97,8 @@ def test_stamps_of_two_columns_and_of_nanoseconds_give_the_same_test(tmp_path):
 
 
 def test_a_wide_table_is_looked_at_without_being_converted_first(tmp_path):
-    (tmp_path / "log.csv").write_bytes(ros_table(TEST).replace(b"-", b""))
+    content = of_layout("ros-table-a.csv").read_bytes()
+    (tmp_path / "log.csv").write_bytes(content.replace(b"-", b""))
     status, out, err = call("look", tmp_path / "log.csv", "-o", tmp_path / "out", drawn=True)
     assert status == 0, err
     assert "wide tables made of ROS bags" in out
@@ -118,7 +113,7 @@ def test_a_bag_without_its_library_is_refused_with_the_command_that_installs_it(
         convert([tmp_path / "a.mcap"])
 
 
-ROS_1_AND_2 = pytest.mark.parametrize("made", [rosbag_1_joints, rosbag_joints])
+ROS_1_AND_2 = pytest.mark.parametrize("made", ["bag", "mcap"])
 
 
 @ROS_1_AND_2

@@ -6,19 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from support.endtoend import call, one_line
-from support.figures import prediction, protocol
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD
-from qlvbayes.model.choices import Choices
-from qlvbayes.motion.badreadings import BadReadings, left_out_notice, outlying, sound_tests
-from qlvbayes.motion.badreadings.result import Bad
+from qlvbayes.motion.badreadings import left_out_notice, outlying, sound_tests
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.plots.forces import plot_forces
-from qlvbayes.plots.panels import LABEL
 
 SHARED = Path(__file__).parents[3] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01
@@ -284,17 +278,6 @@ def test_too_many_are_refused_by_name():
     assert sound_tests([many], keep_all=True) == [(many, None)]
 
 
-def test_the_command_refuses_them_in_one_line(tmp_path):
-    places = np.arange(500, 3900, 34)
-    file = written(tmp_path, spoiled(pressed(), "displacement", places, 0.0))
-    done = call("diagnose", str(file), "-o", str(tmp_path / "out"))
-    status, _, error = done
-    assert status == 2
-    line = one_line(error)
-    assert "of 4000 readings of test test of pad pad are bad" in line
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_notice_names_test_time_and_count():
     bad = spoiled(pressed(), "displacement", [HOLD, HOLD + 500], 0.0)
     spike = spoiled(pressed(name="2"), "force", [HOLD], 9.99)
@@ -325,13 +308,6 @@ def test_the_clock_of_a_test_stays_where_its_first_reading_is_left_out():
     assert kept.start_s + kept.time[-1] - kept.time[0] == pytest.approx(100.0 + TIME[-1])
 
 
-def test_older_results_are_of_all_readings():
-    kept = Choices().as_dict()
-    assert not Choices.from_dict(kept).keep_all_readings
-    del kept["keep_all_readings"]
-    assert Choices.from_dict(kept).keep_all_readings
-
-
 def test_the_floor_is_robust_by_itself():
     sound = pressed()
     bad = spoiled(sound, "force", [700, 1200, 3100], [9.99, 0.0, -7.0])
@@ -347,18 +323,3 @@ def test_sound_noise_has_no_outliers():
     for seed in range(40):
         force = 1.0 + 0.5 * np.exp(-0.3 * TIME) + noise(TIME.size, seed)
         assert not outlying(TIME, force).any()
-
-
-def test_crosses_mark_what_is_left_out_and_leave_the_axis_alone():
-    phases = protocol([1.6, -0.8], 0.1, 30.0)
-    made = prediction("x", phases, 0.1)
-    (plain,) = {axis.get_ylim() for axis in plot_forces([made], PAD)}
-    when = np.array([phases[0].start + 1.0, phases[1].start + 3.0])
-    runs = [Bad(0, 1, "force", "spike"), Bad(1, 2, "force", "spike")]
-    bad = BadReadings.from_runs(when, np.array([0.1, 1.6]), np.array([0.5, 99.0]), runs)
-    axes = plot_forces([replace(made, trial=replace(made.trial, left_out=bad))], PAD)
-    crosses = [line for axis in axes for line in axis.lines if line.get_gid() == LABEL]
-    points = np.concatenate([line.get_xydata() for line in crosses])
-    assert len(points) == 2
-    assert {axis.get_ylim() for axis in axes} == {plain}
-    assert points[1, 1] == plain[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from support.controlled import Press, hold_and_recover, press_and_pause, record_controlled
+from support.controlled import hold_and_recover, press_and_pause, record_controlled
 from support.posteriors import from_truth
 
 from qlvbayes import InputError
@@ -16,13 +16,10 @@ from qlvbayes.io.units import PAD
 from qlvbayes.motion.control import controls_of, with_both_errors
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.trajectory import smooth
-from qlvbayes.report.firstlook.looking import look_at
-from qlvbayes.report.firstlook.words import lines_of, phases_in_words
 from qlvbayes.simulate import (
     NOISES,
     TABLE_1,
     Hold,
-    Load,
     Move,
     draw_constants,
     full_retraction_protocol,
@@ -108,17 +105,6 @@ def test_the_simulator_agrees_with_a_stiff_solver():
         )
         assert found.true_force[at] == pytest.approx(max(force, 0.0), abs=1e-7)
     assert found.time[np.flatnonzero(loaded)[0]] == pytest.approx(4.6, abs=2e-3)
-
-
-def test_a_press_ends_at_its_force():
-    found, loaded = record_controlled(
-        B, [Press(1.0, 20.0), Load(1.0, 0.0, 1.0)], NOISES["none"], np.random.default_rng(0), 1000.0
-    )
-    first = int(np.flatnonzero(loaded)[0])
-    assert found.true_force[first - 1] == pytest.approx(1.0, rel=1e-2)
-    assert np.all(np.diff(found.true_force[:first]) > 0.0)
-    with pytest.raises(InputError, match="must be above 0"):
-        Press(0.0, 1.0)
 
 
 # detected
@@ -268,22 +254,6 @@ def test_a_cut_keeps_what_was_stated(tmp_path):
     assert described(trial.phases) == PRESSED[1:]
     (held, _) = trial.phases
     assert held.stop == pytest.approx(test.time[loaded][-1] - 3.0, abs=0.01)
-
-
-# what is said of it
-
-
-def test_a_first_look_names_the_phase():
-    found = prepared(recorded(PRESS)[0])
-    pad = look_at(found, bonded=False)
-    (test,) = pad.tests
-    assert (test.control, test.control_declared) == ("by phase", False)
-    assert [phase.control for phase in test.phases] == ["displacement", "force", "displacement"]
-    assert "hold at constant force" in phases_in_words(test.phases)
-    (line,) = (line for line in lines_of(pad, PAD) if line.startswith("control"))
-    assert "the force is prescribed in hold (" in line
-    assert line.endswith("of test t; the displacement elsewhere")
-    assert "taken as a prescribed force there" in found.notices[0]
 
 
 # constants

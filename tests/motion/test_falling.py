@@ -65,20 +65,6 @@ def test_a_tear_is_one_fall_where_noise_lets_the_force_be_highest_before_it(seed
     assert fall.displacement == pytest.approx(12.0, abs=1.0 / RATE)
 
 
-def test_a_tear_through_several_readings_is_one_fall():
-    (fall,) = falls(a_pull(lambda x: stretched(x) - np.clip((x - 12.0) / 0.1, 0.0, 1.5)))
-    assert fall.displacement == pytest.approx(12.0, abs=1.0 / RATE)
-    assert fall.before - fall.after == pytest.approx(1.5, abs=10.0 * NOISE)
-
-
-def test_what_yields_before_it_tears_falls_twice():
-    yields = lambda x: stretched(np.minimum(x, 12.0)) - np.clip(x - 12.0, 0.0, 1.0)  # noqa: E731
-    first, second = falls(a_pull(lambda x: yields(x) - (x > 16.0)))
-    assert (first.sudden, second.sudden) == (False, True)
-    assert first.before - first.after == pytest.approx(1.0, abs=10.0 * NOISE)
-    assert second.before - second.after == pytest.approx(1.0, abs=10.0 * NOISE)
-
-
 def test_a_strip_that_yields_over_a_millimetre_is_reported_from_where_it_begins():
     pad = a_pull(lambda x: stretched(np.minimum(x, 15.0)) - np.clip(x - 15.0, 0.0, 1.0))
     (fall,) = falls(pad)

@@ -1,6 +1,5 @@
 """Check that relaxation unfinished in a pause goes on in the next test."""
 
-import json
 from dataclasses import fields, replace
 from functools import cache
 
@@ -13,7 +12,7 @@ from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior, fit_pad
 from qlvbayes.io.data import Pad as MeasuredPad
-from qlvbayes.io.data import Test, read_measurements
+from qlvbayes.io.data import Test
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.motion import Motion
@@ -157,21 +156,6 @@ def test_what_an_effect_adds_to_a_relaxed_pad_is_that_of_the_test_alone(name):
     assert np.max(np.abs(before - np.asarray(plain(quick, bonded=False).force(motion)))) > 1e-3
 
 
-def test_the_set_of_a_test_is_that_of_its_own_largest_depth():
-    """The test before went twice as deep; relaxed, it leaves no trace."""
-    deep = {
-        "deep": full_retraction_protocol(5.0, 1.6),
-        "shallow": full_retraction_protocol(5.0, 0.8),
-    }
-    _, platen, time, past = sequence(deep)
-    motion = alone(platen, time)
-    quick = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(20.0, 15.0))
-    model = plain(quick, bonded=False) + find("permanent_set")(share=0.1)
-    before = np.asarray(model.force(motion))
-    after = np.asarray(model.force(remembering(motion, past)))[past.time.size :]
-    np.testing.assert_allclose(after, before, atol=1e-12 * before.max())
-
-
 def test_a_platen_that_stays_keeps_pressing_through_the_pause():
     """A test that holds where the one before ended is the end of one long test."""
     programs = {"press": paper_protocol(5.0), "wait": (Hold(20.0),)}
@@ -214,22 +198,12 @@ def test_an_unknown_or_impossible_clock_carries_nothing():
     assert remembered_tests(1, clocked(0.0, 30.0), 30.0) == []
 
 
-def test_the_order_is_that_of_the_clock():
-    assert remembered_tests(0, clocked(65.0, 0.0), 30.0) == [1]
-
-
 @cache
 def measured(known=True, carried=True):
     """Tests 5 s after one another on a pad of two modes, as a file would give them."""
     programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 5.0)}
     found = record_sequence(
-        Pad(SLOW),
-        programs,
-        NOISES["white"],
-        3,
-        pause_s=PAUSE,
-        continuous=carried,
-        max_rows=400,
+        Pad(SLOW), programs, NOISES["white"], 3, pause_s=PAUSE, continuous=carried, max_rows=400
     )
     return MeasuredPad(
         "P",
@@ -289,14 +263,6 @@ def test_constants_are_found_where_tests_from_rest_would_bend_them():
     assert fitted(True).facts["residual_sd"] > 3.0 * fitted(False).facts["residual_sd"]
 
 
-def test_the_fit_says_what_was_still_relaxing():
-    (notice,) = fitted(False).summary().notices
-    assert "began 5 s after" in notice
-    assert "% of the largest force of" in notice
-    assert fitted(True).summary().notices == ()
-    assert fitted(False).summary().as_dict()["notices"] == [notice]
-
-
 def test_the_share_that_is_told_is_that_of_the_equations():
     fit = fitted(False)
     constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
@@ -310,21 +276,3 @@ def test_the_share_that_is_told_is_that_of_the_equations():
     true = np.max(np.abs(with_it - without)) / np.max(measured().tests[1].force)
     assert second.share == pytest.approx(true, rel=0.05)
     assert second.pause == pytest.approx(PAUSE)
-
-
-def test_results_that_do_not_say_so_are_of_tests_from_rest():
-    old = Choices().as_dict()
-    del old["rested"]
-    assert Choices.from_dict(json.loads(json.dumps(old))).rested
-    assert not Choices.from_dict(json.loads(json.dumps(Choices().as_dict()))).rested
-
-
-def test_a_file_tells_whether_its_clock_is_known(tmp_path):
-    rows = [f"{t},{0.1 * t},{t}" for t in range(12)]
-    both = [f"{name},{row}" for name in "ab" for row in rows]
-    plain_file, timed = tmp_path / "plain.csv", tmp_path / "timed.csv"
-    plain_file.write_text("\n".join(["test,time_s,displacement_mm,force_N", *both]))
-    starts = [f"{0 if row[0] == 'a' else 30},{row}" for row in both]
-    timed.write_text("\n".join(["start_s,test,time_s,displacement_mm,force_N", *starts]))
-    assert [t.start_known for t in read_measurements(plain_file).pads[0].tests] == [False, False]
-    assert [t.start_known for t in read_measurements(timed).pads[0].tests] == [True, True]

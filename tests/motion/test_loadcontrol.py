@@ -42,13 +42,7 @@ BASELINE = creep_protocol(1.0)
 
 
 def creep(
-    program=BASELINE,
-    noise=CORRELATED,
-    seed=0,
-    constants=B,
-    rows=ROWS,
-    closed_loop=False,
-    **said,
+    program=BASELINE, noise=CORRELATED, seed=0, constants=B, rows=ROWS, closed_loop=False, **said
 ):
     rng = np.random.default_rng(seed)
     found = record_creep(constants, program, noise, rng, max_rows=rows, closed_loop=closed_loop)
@@ -108,16 +102,6 @@ def test_the_model_gives_the_prescribed_force_back(paper_model):
     assert np.max(np.abs(np.asarray(back) - force)) < 1e-5
 
 
-def test_a_weight_put_on_at_once_jumps_along_the_elastic_curve():
-    time, force = prescribed([Load(1.0, 0.0, 5.0)])
-    assert np.all(force == 1.0)
-    crept = displacement_under(B, time, force)
-    assert B.force(crept[:1])[0] == pytest.approx(1.0, rel=1e-12)
-    assert np.all(np.diff(crept) > 0.0)
-    with pytest.raises(InputError, match="must not be below 0"):
-        displacement_under(B, time, -force)
-
-
 # distinguished from others
 
 
@@ -142,11 +126,6 @@ def test_creep_is_seen_for_what_it_is():
 )
 def test_a_prescribed_displacement_is_never_taken_for_a_force(program):
     assert control_of(pressed(program)) == "displacement"
-
-
-def test_what_the_file_says_counts():
-    assert control_of(creep(control="displacement")) == "displacement"
-    assert control_of(replace(pressed(paper_protocol(1.0)), control="force")) == "force"
 
 
 # cut by their force
@@ -227,30 +206,6 @@ def test_a_file_says_what_was_prescribed(tmp_path):
     (tmp_path / "wrong.csv").write_text(text)
     with pytest.raises(InputError, match="control 'load' is unknown"):
         read_measurements(tmp_path / "wrong.csv")
-
-
-def test_a_weight_may_be_all_that_a_file_has(tmp_path):
-    """The displacement creeps under a force that never changes; at none it is a dead channel."""
-    rows = [f"{0.1 * k:.1f},{1.0 + 0.1 * np.log1p(k):.4f},1.0" for k in range(60)]
-    file = tmp_path / "weight.csv"
-    file.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
-    (test,) = read_measurements(file).pads[0].tests
-    assert any("control" in notice for notice in read_measurements(file).notices)
-    assert test.control == "force"
-    dead = [row.replace(",1.0", ",0.0") for row in rows]
-    file.write_text("\n".join(["time_s,displacement_mm,force_N", *dead]) + "\n")
-    with pytest.raises(InputError, match="force_N never changes"):
-        read_measurements(file)
-    rows = [f"{row},force" for row in rows]
-    file.write_text("\n".join(["time_s,displacement_mm,force_N,control", *rows]) + "\n")
-    (found,) = prepare(read_measurements(file).pads[0]).trials
-    assert [phase.kind for phase in found.phases] == ["hold"]
-
-
-def test_a_notice_says_which_tests_were_taken_so():
-    found = prepared(creep(), pressed(paper_protocol(20.0)))
-    assert "in test creep-0 the force is held while the displacement creeps" in found.notices[0]
-    assert prepared(pressed(paper_protocol(20.0))).notices == ()
 
 
 # constants

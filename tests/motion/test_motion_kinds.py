@@ -170,29 +170,6 @@ def test_scatter_beside_rounding():
     assert rms(fit.displacement(t) - x) < 2.0 * rms(fit.displacement_sd(t))
 
 
-def test_a_record_that_is_all_scatter_gives_no_speed():
-    rng = np.random.default_rng(4)
-    t = np.linspace(0.0, 1.0, 200)
-    fit = smooth(t, 0.02 * t + 0.01 * rng.normal(size=t.size))
-    assert not fit.acceleration_resolved
-
-
-@pytest.mark.parametrize("readings", [20, 21])
-def test_twenty_readings_of_one_cycle(readings):
-    motion = sine(1.0, 1)
-    seen = Seen(motion, np.linspace(0.0, 1.0, readings), 1e-3)
-    assert within(seen.speed, 0.02)
-    assert within(seen.rate, 0.10)
-
-
-def test_few_knots_for_a_minute_at_1_khz():
-    motion = sine(1.0, 60)
-    t = sampled(motion, 1e-3)
-    fit = smooth(t, read(motion.at(t)[0], 1e-3)[0])
-    assert fit.knots.size < 15 * 60
-    assert fit.kinks.size == 0
-
-
 @pytest.mark.parametrize("step", STEPS)
 @table({k: v for k, v in SMOOTH.items() if "sine" in k})
 def test_cycles_are_loading_and_unloading(motion, interval, step):

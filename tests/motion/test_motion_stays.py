@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from qlvbayes.motion.bounds import departure_of
-from qlvbayes.motion.fewreadings import corners
 from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.sensor import dither, encoder_step, tolerance
 from qlvbayes.motion.trajectory import smooth
@@ -68,34 +67,12 @@ def test_noise_beside_an_encoders_steps_is_at_least_the_scatter():
         assert share * 0.9 < noise < share * 2.0
 
 
-def test_lines_are_within_the_tolerance_of_every_reading():
-    rng = np.random.default_rng(2)
-    t, x = np.sort(rng.uniform(0.0, 1.0, 300)), np.cumsum(rng.normal(size=300))
-    kept = corners(t, x, 1.5)
-    assert np.abs(np.interp(t, t[kept], x[kept]) - x).max() <= 1.5
-    assert kept.size < t.size
-
-
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
     t = np.arange(0.0, 5.0, 1e-3)
     x = overshot(t)
     fit = smooth(t, STEP * np.round(x / STEP))
     assert kinds(fit) == ["hold", "ramp", "hold"]
     assert fit.displacement(0.7) == pytest.approx(2.06, abs=0.01)  # the motion keeps it
-
-
-def test_a_small_retraction_after_a_hold_is_an_unload():
-    t = np.arange(0.0, 12.0, 1e-2)
-    x = np.interp(t, [0.0, 1.0, 5.0, 5.2, 12.0], [0.0, 2.0, 2.0, 1.9, 1.9])
-    assert kinds(smooth(t, x)) == ["ramp", "hold", "unload", "recovery"]
-
-
-def test_one_reading_at_rest_is_no_phase():
-    t = np.arange(0.0, 4.0, 0.1)
-    x = np.interp(t, [0.0, 0.1, 2.0, 3.8, 4.0], [0.0, 0.0, 2.0, 2.0, 2.0])
-    fit = smooth(t, x)
-    for phase in find_phases(fit):
-        assert np.count_nonzero((t >= phase.start - 1e-9) & (t <= phase.stop + 1e-9)) > 1
 
 
 @pytest.mark.parametrize("every", [1e-3, 5e-3, 2e-2])
@@ -120,12 +97,6 @@ def test_means_of_rounded_readings_have_the_roundings_step():
     fit = smooth(t.reshape(-1, 4).mean(axis=1), means)
     assert fit.knots.size < 10
     assert np.abs(fit.displacement(t) - press(t)).max() < 0.01
-
-
-def test_an_encoder_of_small_steps_is_not_taken_for_means():
-    t = np.arange(0.0, 2.0, 1e-4)
-    for step in (0.01, 0.0025):
-        assert encoder_step(step * np.round(press(t) / step)) == pytest.approx(step)
 
 
 def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():

@@ -158,14 +158,6 @@ def test_measured_sds_set_the_share_of_each_reading():
     assert_centred(np.array(found), np.sqrt(np.mean(sd**2)), 0.02)
 
 
-def test_the_unit_of_force_does_not_matter():
-    records, phases = pad(np.random.default_rng(7), tests=2)
-    in_newton = measure(records, phases)
-    in_milli = measure([Record(r.time, 1000.0 * r.force) for r in records], phases)
-    assert in_milli.white == pytest.approx(1000.0 * in_newton.white, rel=1e-3)
-    assert in_milli.ou == pytest.approx(1000.0 * in_newton.ou, rel=1e-2)
-
-
 def test_without_a_rest_the_record_itself_is_differenced():
     rng = np.random.default_rng(8)
     t = np.arange(0.0, 2.0, 1e-3)
@@ -241,14 +233,6 @@ def test_the_step_of_a_digitised_force_is_found_and_counted(step, white):
     assert 0.95 * step / np.sqrt(12.0) < found.total < 1.5 * np.hypot(white, step / np.sqrt(12.0))
 
 
-def test_without_a_hold_it_is_said_that_correlation_is_not_testable():
-    t = np.arange(0.0, 2.0, 1e-3)
-    force = np.exp(t) + WHITE * np.random.default_rng(14).normal(size=t.size)
-    found = measure([Record(t, force)], [(Phase("ramp", 0.0, 2.0),)])
-    assert not found.testable
-    assert "not testable" in found.notices[0]
-
-
 def test_without_noise_the_encoders_rounding_is_the_floor():
     force = relaxation(TIME)
     found = measure([Record(TIME, force)] * 2, [PHASES] * 2, of_a_step=0.02)
@@ -289,11 +273,6 @@ def test_what_does_not_repeat_from_cycle_to_cycle_is_noise(white, ou, tau, hertz
     assert abs(times.mean()) < np.log(2.0)
 
 
-def test_equal_cycles_without_noise_have_next_to_none():
-    records, phases = cycles(np.random.default_rng(24), 0.0, 0.0, 1.0, hertz=20.0)
-    assert measure(records, phases).total == pytest.approx(3e-4 * records[0].force.max())
-
-
 @pytest.mark.parametrize("pressed", [1, 2, 50])
 def test_strokes_of_which_next_to_nothing_is_pressed_do_no_harm(pressed):
     """On every way back only so many readings are above a tenth of the peak."""
@@ -304,12 +283,6 @@ def test_strokes_of_which_next_to_nothing_is_pressed_do_no_harm(pressed):
             record.force[back[pressed:]] = 0.0
     found = measure(records, phases)
     assert 0.003 < found.total < 0.02
-
-
-@pytest.mark.parametrize("different", [{"turns": 3}, {"growing": 0.1}])
-def test_few_or_unequal_cycles_show_no_noise_by_what_does_not_repeat(different):
-    records, phases = cycles(np.random.default_rng(25), 0.004, 0.006, 0.5, **different)
-    assert not measure(records, phases).testable
 
 
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (1e-4, 0.006, 1.0)])
@@ -323,13 +296,6 @@ def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
     assert abs(wander.mean()) < 0.35  # a fifth of the sd
     far = np.array([one.ou for one in found]) / ou
     assert np.all((far > 0.5) & (far < 2.5))
-
-
-def test_what_few_readings_do_not_show_is_as_large_as_the_white_noise():
-    records, phases = cycles(np.random.default_rng(22), 0.004, 0.0, 0.5, hertz=10.0, turns=3)
-    found = measure(records, phases)
-    assert found.ou == found.white
-    assert found.tau == pytest.approx(0.05 * 3 * 6.4, rel=0.01)
 
 
 def test_what_is_open_of_the_floor_is_averaged_over_but_where_sds_were_measured():

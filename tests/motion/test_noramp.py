@@ -41,8 +41,3 @@ def test_a_hold_alone_lacks_its_ramp():
     text = refused(2.0 + jitter, np.exp(-TIME / 5.0))
     assert "its displacement changes by 0.002 mm only" in text
     assert "add the rows of the ramp before this hold, or delete the test" in text
-
-
-def test_strain_has_no_unit_in_the_message():
-    text = refused(DOWN / 100.0, 60.0 - DOWN, ("1", "kPa"))
-    assert "its strain only falls, from 0.6 to 0.58, while the stress rises" in text

@@ -101,13 +101,6 @@ def test_what_readings_resolve_has_next_to_no_error():
     assert sd[middle].max(initial=0.0) < 0.02 * np.abs(a).max()
 
 
-def test_a_platen_at_rest_or_in_steady_motion_has_no_errors():
-    t = np.linspace(0.0, 5.0, 500)
-    for x in (np.zeros(500), 2.0 * t):
-        path = smooth(t, x)
-        assert path_errors(t, x, path, t).acceleration.shape == (0, 500)
-
-
 def test_a_fit_through_kinks_knows_that_its_acceleration_is_wrong():
     """Straight lines have none; the readings show that there is one."""
     motion = trapezoids(20.0, lead=0.1)

@@ -74,15 +74,6 @@ def test_a_quick_test_is_read_as_the_slow_one_of_its_pad():
     assert trials[1].phases[0].stop == pytest.approx(0.8, abs=0.11)
 
 
-def test_a_record_that_ends_in_motion_ends_with_its_last_reading():
-    time, x, read = pressed(([2.13, 17.13], [0.0, 15.0]), until=10.14)
-    experiment = prepare(Pad("p", (a_test(repeated(read, 10), solid(time, x)),), MM))
-    (trial,) = experiment.trials
-    assert trial.test.time[-1] == pytest.approx(10.0)
-    assert any("last 6 rows" in text for text in experiment.notices)
-    np.testing.assert_allclose(trial.test.displacement[150:], x[150:-6], atol=2e-3)
-
-
 def test_a_lost_reading_of_force_leaves_the_period():
     time, x, read = pressed()
     force = solid(time, x)

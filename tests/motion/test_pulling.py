@@ -8,7 +8,6 @@ import pytest
 from blind.study import measured
 
 from qlvbayes.diagnosis.summary.words import _first
-from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.pulling import pull_notices, pull_of
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
@@ -57,12 +56,6 @@ def test_a_specimen_that_may_pull_is_not_asked(pad):
     assert pull_notices(experiment, bonded=True) == ()
     assert pull_notices(experiment, bonded=False, effects=("adhesion",)) == ()
     assert len(pull_notices(experiment, bonded=False, effects=("inertia",))) == 1
-
-
-@pytest.mark.parametrize(("units", "unit"), [(PAD, "N"), (STRAIN, "kPa")])
-def test_it_is_told_in_the_units_of_the_file(pad, units, unit):
-    experiment = replace(pulled(pad, 0.2), units=units)
-    assert f" {unit} at " in pull_notices(experiment, bonded=False)[0]
 
 
 def test_the_lowest_of_all_tests_counts(pad):

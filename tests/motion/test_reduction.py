@@ -69,13 +69,6 @@ def test_every_sample_clear_of_kinks_is_in_exactly_one_block(record):
     assert blocks.last[-1] == test.time[-1]
 
 
-def test_a_sample_next_to_a_kink_is_left_out(record):
-    test, trajectory, phases = record(20.0)
-    blocks = reduce_test(test, trajectory, phases).blocks
-    for kink in trajectory.kinks:
-        assert not np.any((blocks.first < kink + 1e-3) & (blocks.last > kink - 1e-3))
-
-
 def test_no_block_crosses_the_end_of_a_phase(record):
     test, trajectory, phases = record(20.0)
     blocks = reduce_test(test, trajectory, phases).blocks

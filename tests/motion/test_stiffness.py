@@ -31,12 +31,6 @@ def test_is_taken_where_the_force_is_largest_among_all_tests():
     assert largest_stiffness([soft, hard]) == pytest.approx(3.0)
 
 
-def test_is_no_less_than_the_secants():
-    """A pad that gives way a little beyond half its depth."""
-    test = pressed(lambda d: np.minimum(d, 1.0) + 0.01 * d, back=False)
-    assert largest_stiffness([test]) == pytest.approx(1.016 / 1.6)
-
-
 def test_force_largest_at_no_depth_leaves_the_secant():
     """A pad that pulls back, as it leaves the platen, harder than it was pressed."""
     test = pressed(lambda d: 1.0 * d)

@@ -19,7 +19,10 @@ from qlvbayes.pipeline.many import Work, run_pads
 from qlvbayes.pipeline.watcher import Watcher
 
 pytest.importorskip("distributed")
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+pytestmark = [
+    pytest.mark.integration,
+    pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning"),
+]
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white", "--pads", "B,C")
 
 
@@ -129,10 +132,7 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
     listener = Killer(own.scheduler)
     work = [Work((SlowStep(600.0),), one, out) for one in pads("A", "B", "slow")]
     try:
-        with (
-            opened_engine(cluster=own.address) as engine,
-            pytest.raises(EngineLostError) as failed,
-        ):
+        with opened_engine(cluster=own.address) as engine, pytest.raises(EngineLostError) as failed:
             run_pads(out, work, size=3, engine=engine, watcher=listener)
         assert str(failed.value) == (
             f"the Dask scheduler at {own.address} is lost; start it and give the same command "

@@ -60,16 +60,6 @@ def test_what_is_offered_is_there_and_is_what_type_checkers_see():
     assert {name for name in dir(q) if not name.startswith("_")} == set(q.__all__)
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_every_part_offers_what_it_says(part):
-    assert all(hasattr(part, name) for name in part.__all__)
-
-
-def test_a_name_that_is_not_there_is_told():
-    with pytest.raises(AttributeError, match="has no attribute 'fit_everything'"):
-        q.fit_everything  # noqa: B018
-
-
 def test_importing_loads_nothing_that_is_not_used():
     heavy = "arviz_stats", "emcee", "matplotlib", "pandas", "scipy", "xarray"
     code = f"import sys, qlvbayes; print([m for m in {heavy} if m in sys.modules])"
@@ -116,13 +106,6 @@ def test_a_pad_fits_and_the_fit_says_all_that_the_readme_asks_of_it(study):
 def test_a_choice_that_cannot_be_used_is_refused_when_it_is_made(given):
     with pytest.raises(q.InputError):
         q.Choices(**given)
-
-
-def test_one_effect_may_be_a_text():
-    assert q.Choices(effects="friction") == q.Choices(effects=["friction"])
-    assert q.Choices(effects="friction", priors="friction.strength=halfnormal(0.1)").effects == (
-        "friction",
-    )
 
 
 @pytest.mark.slow

@@ -5,21 +5,17 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from operator import attrgetter
-from types import SimpleNamespace
 
 import pytest
-from support.endtoend import PADS, call, one_line, read_json, with_tests
+from support.endtoend import PADS, call, read_json, with_tests
 from support.work import MeanStep, pads
 
 from qlvbayes import read_study, write_report
-from qlvbayes.cli.compare import _pairs as pairs_of
 from qlvbayes.fitting.runs import RunLog
-from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import engine_of, opened_engine
 from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.pipeline.comparing import saved_pads
 from qlvbayes.pipeline.drawing import draw_constants
 from qlvbayes.pipeline.finished import FINISHED, faults_in
 from qlvbayes.pipeline.looking import look_into
@@ -153,12 +149,6 @@ def test_pads_that_fail_in_a_process_are_named(two):
     assert [fault.of for fault in failed.value.faults] == ["pad A", "pad B", "pad C"]
 
 
-def test_two_pads_of_one_name_are_refused(tmp_path):
-    found, _ = run(tmp_path, ["A", "a"])
-    assert found.pads == ("A",)
-    assert "another pad of these files is called 'a' too" in found.faults[0].text
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Pads of the example data in files of their own, and one that cannot be read."""
@@ -214,18 +204,6 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
     assert RunLog.read(tmp_path / "run.json").runs["fit"].source == str(folder)
 
 
-def test_a_part_without_pads_is_no_error(folder, tmp_path):
-    status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--shard", "9/9")
-    assert (status, output, err) == (0, "there are no pads in this part\n", "")
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_name_that_no_file_has_is_refused(folder, tmp_path):
-    status, _, err = call("fit", folder / "A.csv", folder / "B.csv", "-o", tmp_path, "--pads", "X")
-    assert status == 2
-    assert one_line(err) == "no pad of these files is called X"
-
-
 def test_a_study_in_python_is_worked_on_by_any_executor(folder):
     study = read_study(folder / "B.csv")
     one = study.fit(method="least-squares")
@@ -261,29 +239,3 @@ def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
         "constants.csv",
         "report.html",
     }
-
-
-def test_of_many_fits_only_the_named_ones_are_read(alone, tmp_path):
-    for k in range(MOST_ON_A_PAGE + 1):
-        (tmp_path / f"pad {k}").mkdir()
-        (tmp_path / f"pad {k}" / "posterior.nc").write_bytes(b"never opened")
-    for name in ("pad 3", "pad 4"):
-        shutil.copy(alone[0] / "B" / "posterior.nc", tmp_path / name)
-    fits = saved_pads(tmp_path, only=["pad 4", "pad 3"])
-    assert [fit.pad for fit in fits] == ["B", "B"]
-    with pytest.raises(InputError, match=r"pad 0/posterior\.nc: not a results file"):
-        saved_pads(tmp_path)
-
-
-def test_many_pads_are_not_compared_with_each_other(monkeypatch, tmp_path):
-    fits = [SimpleNamespace(pad=str(k), fluid=None) for k in range(1000)]
-    with pytest.raises(InputError, match="499500 pairs"):
-        pairs_of(fits, tmp_path, named=False, fluids=None)
-    assert len(pairs_of(fits[:4], tmp_path, named=True, fluids=None)) == 6
-
-
-def test_a_message_does_not_list_ten_thousand_names():
-    study = SimpleNamespace(pads=[SimpleNamespace(name=f"P{k}") for k in range(10_000)], source="x")
-    with pytest.raises(InputError) as error:
-        Measurements.pad(study, "Q")
-    assert len(str(error.value)) < 300

@@ -9,14 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from support.figures import NOISE, drawn, page, prediction, protocol
 from support.pages import keeps_the_page, points
 
 from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult, check
-from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.io.units import PAD
 from qlvbayes.motion.phases import MOVING, Phase
 from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces import plot_forces
@@ -58,21 +57,6 @@ PROTOCOLS = {
 
 every_width = pytest.mark.parametrize("width", [85.0, 180.0])
 every_protocol = pytest.mark.parametrize("predictions", PROTOCOLS.values(), ids=PROTOCOLS)
-
-
-def test_one_panel_a_test_by_rate_with_its_role_and_unit():
-    axes = plot_forces(paper(), PAD)
-    assert [axis.get_title(loc="left") for axis in axes] == [
-        "B-0.1, 0.1 mm/s, predicted", "B-1.0, 1 mm/s, predicted", "B-20.0, 20 mm/s, fitted",
-    ]  # fmt: skip
-    assert [axis.title.get_fontweight() for axis in axes[:1]] == ["normal"]
-    assert {axis.get_ylabel() for axis in axes} == {"force (N)"}
-    assert [t.get_text() for t in axes[2].texts] == [
-        "ramp 80 ms", "hold 30 s", "unloading 40 ms", "recovery 30 s",
-    ]  # fmt: skip
-    (strain,) = plot_forces(paper((0.226,)), STRAIN)
-    assert strain.get_ylabel() == "stress (kPa)"
-    assert strain.get_title(loc="left") == "B-0.226, 0.226/s, fitted"
 
 
 @pytest.mark.parametrize("wide", [60.0, 160.0])
@@ -153,40 +137,6 @@ def test_failing_cells_and_only_they_are_framed():
     assert framed == {(0, 1), (1, 3)}
     assert all(squares(figure)[place].get_linewidth() > 1.0 for place in framed)
     assert [t.get_text() for t in figure.axes[0].texts].count("×") == 2
-
-
-def test_a_worse_cell_is_darker_also_in_grey_and_5_differs_from_9_5():
-    ratios = (0.3, 1.0, 1.5, 3.0, 5.0, 9.5, 40.0)
-    cells = tuple(cell(f"t{k}", float(k), rmse=r * NOISE) for k, r in enumerate(ratios))
-    shown = squares(page(plot_residual_map, checked(cells), PAD))
-    colours = [to_rgb(shown[k, 0].get_facecolor()) for k in range(len(ratios))]
-    light = [np.dot(colour, [0.299, 0.587, 0.114]) for colour in colours]
-    assert light[0] == light[1]
-    assert np.all(np.diff(light[1:]) < -0.02)
-    assert light[4] - light[5] > 0.05
-
-
-def test_cells_say_ratio_and_signed_bias_and_empty_ones_are_hatched():
-    cells = (cell(rmse=2.12 * NOISE, bias=-0.0208), cell(phase="hold", rmse=1.23, bias=0.5))
-    figure = page(plot_residual_map, checked(cells), PAD)
-    assert [t.get_text() for t in figure.axes[0].texts] == ["2.12\n−0.021", "123\n+0.5"]
-    hatched = {place for place, p in squares(figure).items() if p.get_hatch()}
-    assert hatched == {(0, 2), (0, 3)}
-    assert "hatched: no samples" in figure.get_supxlabel()
-
-
-def test_the_map_names_tests_by_rate_roles_and_units():
-    cells = (cell("b", 3.0, role="fit"), cell("a", 0.5), cell("none", None))
-    figure = page(plot_residual_map, checked(cells, 0.0123), STRAIN)
-    axis, bar = figure.axes
-    labels = axis.get_yticklabels()
-    assert [t.get_text() for t in labels] == [
-        "a\n0.5/s, predicted", "b\n3/s, fitted", "none\npredicted",
-    ]  # fmt: skip
-    assert [t.get_fontweight() for t in labels] == ["normal", "bold", "normal"]
-    assert "measured − predicted (kPa)" in figure.get_supxlabel()
-    assert "(1 = 0.0123 kPa)" in bar.get_ylabel()
-    assert bar.get_ylim() == pytest.approx((1.0, 10.0))
 
 
 @every_protocol

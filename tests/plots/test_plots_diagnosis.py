@@ -1,10 +1,9 @@
 import dataclasses
-from functools import cache, partial
+from functools import cache
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from msgspec.structs import replace
 from support.figures import drawn, page, prediction, protocol
@@ -34,13 +33,10 @@ from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import forces_before_after
-from qlvbayes.plots.catalogue import figures_of
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
-from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
-from qlvbayes.plots.style import COLOURS, PLAIN
 from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study
 from qlvbayes.simulate.hidden import HiddenPad, draw_effect
 
@@ -241,20 +237,6 @@ def test_both_maps_share_their_scale_and_mark_what_fails():
     assert sum("12.0" in t.get_text() for t in before.texts) == 12
 
 
-def test_one_map_where_nothing_was_added():
-    figure = page(plot_residuals_before_after, CASES["nothing missing"][0])
-    assert len(figure.axes) == 2
-    assert "nothing missing" in figure.get_suptitle()
-
-
-def test_a_missing_cell_is_hatched():
-    found = diagnosed(2)
-    first = replace(found.stages[0], cells=found.stages[0].cells[:-1])
-    figure = page(plot_residuals_before_after, replace(found, stages=(first, found.stages[1])))
-    assert [bool(p.get_hatch()) for p in figure.axes[0].patches].count(True) == 1
-    assert "hatched: no samples" in figure.get_supxlabel()
-
-
 def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     (shown,) = pressed(1)
     figure = page(forces_of, diagnosed(1), [shown])
@@ -267,43 +249,11 @@ def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     assert strip.get_xlim() == figure.axes[0].get_xlim()
 
 
-@pytest.mark.parametrize("width", [85.0, 180.0])
-def test_a_model_on_another_law_is_not_called_plain(width):
-    found = diagnosed(3)
-    last = replace(found.stages[-1], effects=(), base=LawPair("hertz", "prony:2"))
-    found = replace(found, stages=(found.stages[0], last))
-    before, after, _ = page(partial(plot_residuals_before_after, width=width), found).axes
-    assert before.get_title(loc="left").startswith("plain model\n")
-    assert after.get_title(loc="left").startswith("by hertz\n")
-
-
-@every_case
-def test_models_are_named_and_drawn_as_often_as_there_are(case):
-    figure, found = pages(case)[1][0], CASES[case][0]
-    assert "plain model" in words(figure)
-    assert ("with " in words(figure)) == bool(found.tried)
-    assert len(lines(figure.axes[0], "mean")) == 1 + bool(found.tried)
-
-
-def test_the_two_models_differ_in_a_grey_copy():
-    light = [np.dot(to_rgb(colour), [0.299, 0.587, 0.114]) for colour in (PLAIN, COLOURS[0])]
-    assert light[0] - light[1] > 0.2
-
-
 def bars(figure):
     """Width and look of each bar by its label."""
     axis = figure.axes[0]
     labels = [t.get_text() for t in axis.get_yticklabels()]
     return {n: (p.get_width(), p.get_gid()) for n, p in zip(labels, axis.patches, strict=True)}
-
-
-def test_one_bar_a_hypothesis_in_order_of_probability():
-    found = diagnosed()
-    shown = bars(page(plot_evidence, found))
-    assert len(shown) == len(found.ranking) == len(names()) + 1
-    assert next(iter(shown)) == "viscous_drag"
-    assert shown["viscous_drag"] == (900.0, "named in the verdict")
-    assert shown["none of them"] == (0.0, "not named")
 
 
 def test_a_group_is_framed_and_refused_effects_are_crossed():
@@ -323,32 +273,6 @@ def test_a_group_is_framed_and_refused_effects_are_crossed():
     assert bars(figure)["viscous_drag"][1] == "added, but structure is left"
 
 
-def test_probabilities_and_values_stand_beside_the_bars():
-    found = diagnosed()
-    written = [t.get_text() for t in page(plot_evidence, found).axes[0].texts]
-    assert written[:2] == ["900.0", "> 99.9 %"]
-    assert "< 0.1 %" in written
-    lost = replace(found.ranking[3], log_bayes_factor=None)
-    figure = page(plot_evidence, replace(found, ranking=(*found.ranking[:3], lost)))
-    assert "n/a" in words(figure)
-    assert "Not ranked, as these tests cannot show them: own_effect" in words(
-        page(plot_evidence, found)
-    )
-
-
-def test_small_values_are_seen_beside_large_ones():
-    assert page(plot_evidence, diagnosed()).axes[0].get_xscale() == "symlog"
-    found = diagnosed()
-    small = tuple(replace(r, log_bayes_factor=r.log_bayes_factor / 100) for r in found.ranking)
-    assert page(plot_evidence, replace(found, ranking=small)).axes[0].get_xscale() == "linear"
-
-
-def test_where_nothing_but_the_plain_model_was_seen_it_stands_alone():
-    alone = (Ranked("none", 1.0, 1.0, None, 0.01, {}),)
-    axis = page(plot_evidence, replace(diagnosed(), effects=(), ranking=alone)).axes[0]
-    assert [t.get_text() for t in axis.texts][:2] == ["n/a", "> 99.9 %"]
-
-
 def test_stairs_hold_both_errors_and_the_floor():
     found = diagnosed(3, MANY)
     axis = page(plot_error_staircase, found).axes[0]
@@ -358,37 +282,6 @@ def test_stairs_hold_both_errors_and_the_floor():
     assert any(np.all(np.asarray(line.get_xdata()) == NOISE) for line in axis.lines)
     labels = [t.get_text() for t in axis.get_yticklabels()]
     assert labels[:3] == ["plain model", "+ strain_dependent_strength", "+ viscous_drag"]
-
-
-def test_a_step_names_what_it_made_useless():
-    found = diagnosed(3, MANY[:2])
-    swapped = replace(found.stages[2], effects=("friction",))
-    figure = page(plot_error_staircase, replace(found, stages=(*found.stages[:2], swapped)))
-    last = figure.axes[0].get_yticklabels()[2].get_text()
-    assert last == "+ friction\n− strain_dependent_strength"
-
-
-def test_a_step_names_another_law():
-    found = diagnosed(2, MANY[:1])
-    hertz = replace(found.stages[1], base=LawPair("hertz", LAWS[1]), effects=())
-    shown = replace(found, stages=(found.stages[0], hertz), effects=(), verdict="adequate")
-    figure = page(plot_error_staircase, shown)
-    assert figure.axes[0].get_yticklabels()[1].get_text() == "hertz"
-    assert "by hertz" in words(figure)
-
-
-def test_without_left_out_tests_there_is_one_line_of_steps():
-    found = diagnosed(1)
-    stages = tuple(replace(one, heldout_rmse=None) for one in found.stages)
-    axis = page(plot_error_staircase, replace(found, stages=stages)).axes[0]
-    assert [list(s.get_data().values) for s in axis.patches] == [[s.rmse for s in stages]]
-
-
-def test_an_error_that_rises_is_explained():
-    found = diagnosed()
-    risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
-    assert "weights readings" in words(page(plot_error_staircase, risen))
-    assert "weights readings" not in words(page(plot_error_staircase, found))
 
 
 @pytest.fixture(scope="module")
@@ -426,23 +319,6 @@ def test_curves_hold_the_stages_errors_and_most_readings(real):
     # of all tests, as correlated noise wanders within one
     inside = [(c.observed > c.final.low) & (c.observed < c.final.high) for c in shown]
     assert 0.8 < np.concatenate(inside).mean() < 0.98
-
-
-@pytest.mark.slow
-def test_curves_are_repeatable(real):
-    first, again, other = curves(real), curves(real), curves(real, seed=1)
-    assert np.array_equal(first[0].final.low, again[0].final.low)
-    assert not np.array_equal(first[0].final.low, other[0].final.low)
-
-
-@pytest.mark.slow
-def test_the_figures_of_a_diagnosis_are_left_by_their_names(real, tmp_path):
-    for one in figures_of("diagnose"):
-        save_figure(one.draw(real), tmp_path / one.name)
-    names = {"residuals_before_after", "forces_before_after", "evidence", "error_staircase"}
-    assert {path.name for path in tmp_path.iterdir()} == {
-        f"{name}.{suffix}" for name in names for suffix in ("pdf", "png")
-    }
 
 
 @pytest.mark.slow

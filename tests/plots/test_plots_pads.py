@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.collections import FillBetweenPolyCollection
-from matplotlib.colors import to_rgb
 from support.figures import prediction, protocol
 from support.pages import collisions, keeps_the_page, lines, points, texts
 
@@ -25,7 +24,6 @@ from qlvbayes.plots import (
     plot_hysteresis,
     plot_pairs,
     plot_programme,
-    save_figure,
 )
 
 WIDTHS = (85.0, 180.0)
@@ -196,24 +194,6 @@ def test_the_programme_holds_every_test_and_marks_its_phases():
         assert places[:, 1] == pytest.approx(depth, abs=0.02)
 
 
-def test_rates_within_a_decade_need_linear_time_alone():
-    (axis,) = plot_programme(experiment((10.0, 20.0)))
-    assert axis.get_xscale() == "linear"
-    close = plot_forces_at_rates({"B": pressed(rates=(10.0, 20.0, 30.0))}, PAD)
-    assert [axis.get_xscale() for axis in close] == ["linear"]
-
-
-def test_curves_differ_in_a_grey_copy():
-    axis = plot_programme(experiment())[0]
-    looks = [(line.get_linestyle(), line.get_color()) for line in axis.lines]
-    curves = dict.fromkeys(looks[:: len(looks) // 6])
-    assert len({look for look in curves if look[0] != "None"}) == 6
-    rates = plot_forces_at_rates({"B": pressed()}, PAD)[0]
-    means = [line for line in rates.lines if line.get_gid() is None]
-    assert len({line.get_linestyle() for line in means}) == 3
-    assert len({line.get_marker() for line in lines(rates, "measured")}) == 3
-
-
 def test_the_nearest_test_to_each_rate_is_drawn_with_its_band():
     predictions = {"B": pressed("B"), "C": pressed("C", RATES[:4])}
     axes = plot_forces_at_rates(predictions, PAD)
@@ -232,13 +212,6 @@ def test_the_nearest_test_to_each_rate_is_drawn_with_its_band():
             assert heights.min() == pytest.approx(p.low.min())
     entries = [t.get_text() for t in figure_of(axes).legends[0].get_texts()]
     assert entries == ["0.1 mm/s", "1 mm/s", "20 mm/s to 29.3 mm/s", "90 % predictive band"]
-
-
-def test_asked_rates_are_taken_and_none_twice():
-    axes = plot_forces_at_rates({"B": pressed()}, PAD, rates=(31.0, 35.0, 40.0))
-    seen = points(axes[0], "measured")
-    (only,) = (p for p in pressed() if p.trial.rate == 32.7)
-    assert len(seen) == only.time.size
 
 
 def test_constants_stand_at_their_values_and_the_noise_is_left_out():
@@ -297,28 +270,6 @@ def test_contrasts_hold_ratios_answers_and_the_region():
     assert "beyond what the tests" in figure_of(axis).get_supxlabel()
 
 
-def test_the_answers_differ_by_mark_not_by_colour_alone():
-    axis = plot_contrasts(comparison())
-    marks = [line.get_marker() for line in lines(axis, "median")]
-    assert marks[:4] == ["v", "^", "o", "o"]
-    faces = [line.get_markerfacecolor() for line in lines(axis, "median")]
-    assert to_rgb(faces[3]) == (1.0, 1.0, 1.0) != to_rgb(faces[2])
-
-
-def test_a_ratio_far_out_of_sight_leaves_the_others_readable():
-    axis = plot_contrasts(comparison(contrast("far", 1e4, "greater")))
-    assert axis.get_xlim()[1] < 50.0
-    assert points(axis, "median")[:, 0].max() <= axis.get_xlim()[1]
-
-
-def test_files_hold_their_fonts(tmp_path):
-    for name in ("pairs", "contrasts"):
-        save_figure(page(name, 85.0), tmp_path / name)
-        document = (tmp_path / f"{name}.pdf").read_bytes()
-        assert b"/FontFile2" in document
-        assert b"/Type3" not in document
-
-
 def looped(rates=RATES):
     """Predictions of tests whose displacement is known."""
     return [replace(p, trial=moved(p.trial)) for p in pressed(rates=rates)]
@@ -343,9 +294,3 @@ def test_loops_show_every_sample_at_its_displacement():
     back = [line for line in lines(axis, "mean") if line.get_linestyle() == "--"]
     assert len(back) == 2  # unloading and the rest after it
     assert back[0].get_xdata()[0] > back[0].get_xdata()[-1]
-
-
-def test_loops_are_in_the_units_of_the_file():
-    axes = plot_hysteresis(looped(), STRAIN)
-    assert axes[0].get_ylabel() == "stress (kPa)"
-    assert axes[-1].get_xlabel() == "strain"

@@ -14,10 +14,7 @@ TESTS = Path(__file__).parents[1]
 # One row a layer, the lowest first; each folder with what it is for.
 HOUSE = [
     {"xp": "functions of arrays of NumPy or JAX", "pytree": "classes of arrays"},
-    {
-        "io": "files and what users read of them",
-        "priors": "densities of constants",
-    },
+    {"io": "files and what users read of them", "priors": "densities of constants"},
     {
         "parallel": "one task for many pads: here, in processes, on a cluster",
         "laws": "what a material does: elastic laws, relaxations, the hereditary integral",

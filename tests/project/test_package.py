@@ -52,6 +52,7 @@ def wheel(tmp_path_factory):
     return file.name, set(zipfile.ZipFile(file).namelist())
 
 
+@pytest.mark.integration
 def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
     """The recursion is compiled in it for this machine, where there is a compiler."""
     name, files = wheel
@@ -70,12 +71,7 @@ def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
     assert own - files == set()
 
 
-def test_a_wheel_holds_the_bundled_measurements(wheel):
-    data = {f"qlvbayes/data/{path.name}" for path in (ROOT / "data").iterdir()}
-    assert {"qlvbayes/data/hidden.csv", "qlvbayes/data/pads.csv"} <= data
-    assert data - wheel[1] == set()
-
-
+@pytest.mark.integration
 def test_a_wheel_holds_nothing_but_the_package(wheel):
     assert {name.split("/")[0].partition("-")[0] for name in wheel[1]} == {"qlvbayes"}
 
@@ -86,12 +82,6 @@ def test_the_version_is_the_same_everywhere():
     assert PROJECT["version"] == qlvbayes.__version__
     assert re.search(r"^version: (\S+)$", cited, re.M)[1] == qlvbayes.__version__
     assert qlvbayes.__version__ in re.findall(r"^## (\d\S+)", changes, re.M)
-
-
-def test_all_is_what_a_user_may_want_and_not_what_developers_need():
-    extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == ["qlvbayes[machines,ros,app,cluster]"]
-    assert {"machines", "ros", "app", "cluster"} <= set(extras)
 
 
 def completed(shell, *words):
@@ -119,15 +109,6 @@ def test_a_shell_completes_the_options_of_a_command(shell):
     found = completed(shell, "effects", "--laws")
     assert "--laws-file" in found
     assert "--seed" not in found
-
-
-def test_file_names_are_left_to_the_shell():
-    assert completed("bash", "study", "da").strip() == ""
-
-
-def test_the_help_names_the_option_that_installs_completion():
-    done = subprocess.run([COMMAND, "--help"], capture_output=True, text=True, timeout=60)
-    assert "--install-completion" in done.stdout
 
 
 def test_export_takes_the_only_pad_and_asks_which_of_several(tmp_path):

@@ -110,12 +110,6 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
             assert np.abs(force - expected).max() < 1e-8 * expected.max()
 
 
-def test_without_effects_it_is_the_pad_also_on_the_far_side_of_zero():
-    platen, times = paired(lambda rate: (Move(1.0, rate), Move(-0.5, rate), Hold(2.0)))
-    force = force_of(platen=platen, times=times, bonded=True)
-    assert np.abs(force - Pad(B, bonded=True).force(platen, times)).max() < 1e-8
-
-
 @pytest.mark.parametrize("name", EVERY)
 def test_each_effect_vanishes_at_its_null(name):
     null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
@@ -274,17 +268,6 @@ def test_friction_does_not_depend_on_the_rate_and_stays_in_the_hold():
     assert fast == pytest.approx([0.08, 0.08, -0.08], rel=2e-3)
 
 
-def test_softening_spares_the_first_loading():
-    for name in ("stress_softening", "exponential_softening"):
-        platen = Platen((Move(0.8, 10.0), Move(0.4, 10.0), Move(1.6, 10.0)))
-        times = np.linspace(0.0, platen.duration, 400)
-        depth = platen.displacement(times)
-        below = depth < np.maximum.accumulate(depth) - 1e-9
-        change = added(name, platen, times, bonded=True)
-        assert np.abs(change[~below]).max() < 1e-9
-        assert np.abs(change[below]).max() > 5e-3
-
-
 def test_a_leak_and_a_drift_go_by_the_clock_of_the_study():
     for name, later in (("fluid_leak", np.exp(-0.5)), ("saturating_leak", None)):
         forces = []
@@ -298,72 +281,12 @@ def test_a_leak_and_a_drift_go_by_the_clock_of_the_study():
     assert added("force_drift", platen, times) == pytest.approx(1e-4 * (500.0 + times))
 
 
-def test_a_gap_delays_contact_and_a_preload_is_there_at_the_start():
-    platen, times = paired(paper_protocol)
-    free = force_of(effect("contact_offset"), platen=platen, times=times)
-    assert np.all(free[platen.displacement(times) <= 0.05] == 0.0)
-    pressed = force_of(effect("contact_offset", gap=-0.05), platen=platen, times=np.zeros(1))
-    assert pressed == pytest.approx(B.c[0] * elastic(0.05))
-
-
-def test_a_set_pad_is_left_early():
-    platen = Platen(full_retraction_protocol(20.0))
-    times = np.linspace(platen.pieces[4].start, platen.pieces[7].start, 400)
-    force = force_of(effect("permanent_set", share=0.2), platen=platen, times=times, bonded=True)
-    plain = force_of(platen=platen, times=times, bonded=True)
-    assert force[0] < plain[0]
-    drag = effect("viscous_drag"), effect("permanent_set", share=0.2)
-    change = force_of(*drag, platen=platen, times=times, bonded=True) - force
-    lost = platen.displacement(times) < 0.32 - 1e-9
-    assert np.all(change[lost] == 0.0)
-    loading = np.array([platen.kinks[1:3].mean()])
-    moving = force_of(*drag, platen=platen, times=loading)
-    assert moving - force_of(drag[1], platen=platen, times=loading) == pytest.approx(
-        0.8 * 0.003 * 20.0
-    )
-
-
 def test_adhesion_pulls_with_its_strength_at_most():
     platen = Platen((Move(1.6, 20.0), Hold(10.0), Move(0.0, 20.0)))
     times = np.linspace(platen.pieces[4].start, platen.duration, 5000)
     for strength in (0.02, 0.1):
         force = force_of(effect("adhesion", strength=strength), platen=platen, times=times)
         assert force.min() == pytest.approx(-strength, rel=1e-3)
-
-
-def test_a_yielding_frame_satisfies_its_equation():
-    """Without relaxation the law is algebraic."""
-    constants = Constants(0.5, 0.6, (1.0,))
-    platen, times = paired(full_retraction_protocol)
-    force = force_of(effect("frame_compliance"), platen=platen, times=times, constants=constants)
-    depth = platen.displacement(times) - 0.05 * force
-    assert force == pytest.approx(0.5 / 0.6 * np.expm1(0.6 * depth), abs=1e-9)
-
-
-def test_inertia_and_lag():
-    platen, times = paired(paper_protocol)
-    expected = 8e-5 * platen.acceleration(times)
-    assert added("inertia", platen, times) == pytest.approx(expected, abs=1e-12)
-    late = force_of(effect("channel_lag"), platen=platen, times=times)
-    before = force_of(platen=platen, times=np.maximum(times - 0.002, 0.0))
-    assert late == pytest.approx(before, abs=1e-9)
-
-
-def test_a_stretched_exponential_is_one():
-    shares, rates = effect("stretched_relaxation", c=1.0).modes(np.ones(1), np.zeros(0))
-    t = np.geomspace(0.003, 30.0, 50)
-    sum_of_modes = np.exp(-np.outer(t, rates)) @ shares[1:]
-    assert sum_of_modes == pytest.approx(np.exp(-np.sqrt(t / 0.5)), abs=0.01)
-
-
-def test_slips_and_zeros_differ_from_test_to_test_but_repeat():
-    for name in ("slip", "rezeroed"):
-        changes = []
-        for start in (0.0, 180.0, 180.0):
-            platen, times = paired(paper_protocol, start_s=start)
-            changes.append(added(name, platen, times))
-        assert np.array_equal(changes[1], changes[2])
-        assert not np.array_equal(changes[0], changes[1])
 
 
 def study(protocol, pad):
@@ -392,13 +315,6 @@ def test_drawn_effects_have_the_size_asked_for(name, bare):
         for test, force in zip(tests, bare[protocol], strict=True)
     ]
     assert 0.5 * size < max(found) / peak < 2.0 * size
-
-
-def test_a_drawn_mode_keeps_away_from_the_pads_own():
-    rng = np.random.default_rng(5)
-    for _ in range(5):
-        v = draw_effect("extra_relaxation_mode", rng, 1.5, 1.6, 100.0, 0.05, B).v
-        assert all(max(v / own, own / v) >= 3.0 for own in B.v)
 
 
 def test_parameters_out_of_range_are_refused():
@@ -440,27 +356,3 @@ def test_the_command_tells_what_it_hides_unless_there_is_an_answer(tmp_path):
     assert content["effects"][1]["effect"] == "friction"
     assert content["constants"]["B"]["m"] == B.m
     assert content["seed"] == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--hide", "drag"], "viscous_drag"),
-        (["--hide", "viscous_drag:k=1"], "no parameter"),
-        (["--hide", "viscous_drag:eta=x"], "not a number"),
-        (["--hide", "friction:reach=1"], "lacks strength"),
-        (["--protocol", "creep"], "retraction"),
-    ],
-)
-def test_the_command_refuses(tmp_path, words, says):
-    result = simulate("-o", tmp_path / "x.csv", *words)
-    assert isinstance(result.exception, InputError)
-    assert says in str(result.exception)
-    assert not list(tmp_path.iterdir())
-
-
-def test_data_and_answer_need_two_files(tmp_path):
-    both = tmp_path / "x.csv"
-    result = simulate("-o", both, "--answer", both)
-    assert isinstance(result.exception, InputError)
-    assert not both.exists()

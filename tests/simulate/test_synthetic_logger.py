@@ -53,11 +53,6 @@ def test_a_record_without_holds_or_without_motion_is_thinned_too():
     assert 80 < thin(time, displacement, 100).size <= 100
 
 
-def test_a_short_record_is_kept_whole():
-    _, time, displacement = sampled((Move(1.6, 20.0),))
-    assert np.array_equal(thin(time, displacement, 500), np.arange(time.size))
-
-
 def test_too_few_rows_are_refused():
     _, time, displacement = sampled(paper_protocol(1.0))
     with pytest.raises(InputError, match="keep at least 33"):

@@ -8,7 +8,6 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
     PAPER_RATES,
     TABLE_1,
-    Constants,
     Hold,
     Move,
     Pad,
@@ -69,22 +68,6 @@ def test_instantaneous_peak_and_relaxed_share_of_table_1(pad, peak, relaxed):
     assert force[0] == pytest.approx(peak, abs=0.005)
     assert force[1] / force[0] == pytest.approx(relaxed, abs=5e-4)
     assert force[0] == pytest.approx(elastic_force(TABLE_1[pad], np.array([1.6]))[0], rel=2e-5)
-
-
-def test_without_modes_the_pad_is_elastic():
-    constants = Constants(0.5, 0.6, (1.0,))
-    platen = Platen(paper_protocol(20.0))
-    times = times_of_interest(platen)
-    elastic = 0.5 / 0.6 * np.expm1(0.6 * platen.displacement(times))
-    assert Pad(constants).force(platen, times) == pytest.approx(elastic, abs=1e-14)
-
-
-def test_two_modes_of_one_rate_are_one_mode():
-    platen = Platen(paper_protocol(30.0))
-    times = times_of_interest(platen)
-    one = Pad(Constants(0.5, 0.6, (0.3, 0.7), (4.0,))).force(platen, times)
-    two = Pad(Constants(0.5, 0.6, (0.3, 0.2, 0.5), (4.0, 4.0))).force(platen, times)
-    assert np.abs(one - two).max() < 1e-8 * one.max()
 
 
 def test_a_free_pad_lets_the_platen_go_and_a_bonded_one_pulls():

@@ -9,7 +9,13 @@ import pytest
 GCC = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 CHECKED = (*STRICT, "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all")
-needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc here: the C code is not compiled")
+
+
+def needs_gcc(test):
+    """Mark a test that compiles C; it is skipped without a compiler."""
+    skipped = pytest.mark.skipif(GCC is None, reason="no gcc here: the C code is not compiled")
+    return pytest.mark.integration(skipped(test))
+
 
 # reads kind (0: force of displacements, 1: the inverse), draw (-1: the median), n, where the platen
 # is at first, n times (h, x)

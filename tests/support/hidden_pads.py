@@ -10,14 +10,7 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import find
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.simulate import (
-    NOISES,
-    TABLE_1,
-    Constants,
-    HiddenPad,
-    paper_protocol,
-    record_study,
-)
+from qlvbayes.simulate import NOISES, TABLE_1, Constants, HiddenPad, paper_protocol, record_study
 
 FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset", "force_drift")))
 """Candidates where not all are needed: one set, so that it is traced and compiled once."""

@@ -62,18 +62,8 @@ class Tests(Protocol):
 class WhitenedTests:
     """A series of tests, for which it gives the whitened forces of any explanation.
 
-    Parameters
-    ----------
-    belief
-        The belief, whose first explanation gives the noise that grows with the force.
-    designs
-        The tests, one after another.
-    rig
-        Limits of the rig.
-    errors
-        Errors of the readings.
-    clock
-        Time (s) at which the first test's wait begins.
+    The belief's first explanation gives the noise that grows with the force; the first wait
+    begins at ``clock`` (s).
     """
 
     def __init__(
@@ -134,24 +124,8 @@ def nested_bits(
 ) -> NestedBits:
     """Return the bits that all these tests together are expected to tell.
 
-    Parameters
-    ----------
-    belief
-        Explanations with their probabilities.
-    designs
-        The tests, one after another.
-    rig
-        Limits of the rig.
-    errors
-        Errors of the readings.
-    names
-        Names of the constants that are asked for.
-    clock
-        Time (s) at which the first test's wait begins.
-    seed
-        Seed of the draws; the same seed gives the same bits.
-    outer, inner
-        Sets of readings, and pairs of draws for each of them.
+    ``names`` are the constants that are asked for; ``outer`` sets of readings, with ``inner`` pairs
+    of draws for each.
     """
     tests = WhitenedTests(belief, designs, rig, errors, clock)
     linear = LinearTests(tests, belief)
@@ -266,12 +240,7 @@ def _log_marginals(
 
 
 def _linearised(
-    tests: Tests,
-    one: Explanation,
-    readings: Array,
-    fixed: Array,
-    psi: Array,
-    basis: Array,
+    tests: Tests, one: Explanation, readings: Array, fixed: Array, psi: Array, basis: Array
 ) -> tuple[Array, Array]:
     """Return residuals (K, n) at psi (K, k), and slopes (K, k, n) of the forces along psi."""
     count, size = psi.shape

@@ -5,9 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes import Model, Motion
-from qlvbayes.laws import (
-    Prony,
-)
+from qlvbayes.laws import Prony
 from qlvbayes.model.stepping import begin, begin_at_force, step, step_to_force
 
 TIME = np.linspace(0.0, 4.0, 401)

@@ -14,6 +14,7 @@ from qlvbayes.use.exports.fmu import Fmu
 
 fmpy = pytest.importorskip("fmpy", reason="no FMPy here: the FMU is not simulated")
 
+pytestmark = pytest.mark.integration
 H = 1.0 / 1024.0  # a power of two: times add up without rounding
 TIME = np.arange(2049) * H
 DEPTH = np.interp(TIME, [0.0, 0.125, 1.0, 1.5, 2.0], [0.0, 1.6, 1.6, 0.9, 1.2])

@@ -13,6 +13,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.mujoco import MuJoCo
 from qlvbayes.use.exports.reduction import pressing
 
+pytestmark = pytest.mark.integration
 WITH = ("viscous_drag", "friction", "stress_softening", "frame_compliance")
 
 

@@ -380,13 +380,6 @@ def test_what_does_not_step_is_left_out_and_says_why(name, why, tmp_path):
     assert "Effect viscous_drag: F += eta v" in text
 
 
-def test_a_way_back_that_is_not_there_says_why(tmp_path):
-    pad = exported(tmp_path, Choices(effects=("adhesion",)))
-    text = CHeader().files(pad, None)["pad_B.h"].decode()
-    assert "pad_B_displacement" not in text
-    assert find("adhesion").not_inverted in text
-
-
 SCRIPT = """
 for i = 1:numel(folders)
   cd(folders{i});

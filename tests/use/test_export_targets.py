@@ -265,17 +265,6 @@ def test_a_range_that_is_not_known_is_told_or_refused(tmp_path):
         find("drake")().files(pad, None)
 
 
-def test_names_that_comments_would_trip_over(tmp_path):
-    pad = exported(tmp_path, pad="a--b *_ é")
-    assert pad.identifier == "pad_a__b_____"
-    for target in TARGETS:
-        for name, content in target().files(pad, BLOCK).items():
-            if name.endswith((".xml", ".sdf", ".feb")):
-                ElementTree.fromstring(content)
-            if name.endswith(".h"):
-                assert content.count(b"*/") == content.count(b"/*")
-
-
 def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
     write_fit(tmp_path)
     words = ("export", tmp_path, "--pad", "B", "--to", "c,json", "--draws", "5", "--json")
@@ -287,33 +276,6 @@ def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
         "json": [str(folder / "json" / "pad_B.json")],
     }
     assert "#define PAD_B_DRAWS 5" in (folder / "c" / "pad_B_draws.h").read_text()
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (("--pad", "B", "--to", "patran"), "'patran'; use one of c, fmu, mujoco"),
-        (("--pad", "B", "--to", "abaqus"), "give --height MM and --area MM2"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3"), "give both"),
-        (("--pad", "B", "--to", "abaqus", "--height", "3", "--area", "0"), "above 0"),
-        (("--pad", "X", "--to", "c"), "'X'"),
-        (("--pad", "B", "--to", ","), "--to c|fmu"),
-        (("--pad", "B", "--to", "c", "broken"), "summary.json"),
-        (("--pad", "B", "--to", "c", "none"), "run qlvbayes fit first"),
-    ],
-)
-def test_what_cannot_be_exported_is_one_line(tmp_path, words, problem):
-    *words, last = words
-    if last != "none":
-        write_fit(tmp_path)
-    if last == "broken":
-        (tmp_path / "B" / "summary.json").write_text('{"parameters": {"m": {}}}')
-    words += [last] * (last not in ("broken", "none"))
-    status, out, err = call("export", tmp_path, *words)
-    assert (status, out) == (2, "")
-    assert problem in err
-    assert err.count("\n") == 1
-    assert not list(tmp_path.rglob("export"))
 
 
 def test_the_intervals_are_the_summarys(tmp_path):

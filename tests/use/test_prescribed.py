@@ -228,17 +228,6 @@ def test_a_free_curve_of_stiffness_stands_over_the_depth_of_its_tests():
         predict_program(replace(fit, covered=None), "ramp 1.6 mm in 1 s")
 
 
-def test_a_table_of_strain_and_stress(tmp_path):
-    path = tmp_path / "my.csv"
-    path.write_text("time_s,strain\n0,0\n1,0.2\n")
-    assert read_table(path, STRAIN).value[-1] == 0.2
-    path.write_text("time_s,stress_Pa\n0,0\n1,500\n")
-    assert read_table(path, STRAIN).value[-1] == pytest.approx(0.5)
-    path.write_text("time_s,force_N\n0,0\n1,500\n")
-    with pytest.raises(InputError, match="give time_s and one of strain and stress_kPa"):
-        read_table(path, STRAIN)
-
-
 def test_two_rows_of_one_time_are_a_jump(tmp_path):
     """No speed is felt in it, and nothing flows: the limit of ever quicker ramps."""
     path = tmp_path / "jump.csv"

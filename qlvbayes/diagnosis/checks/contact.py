@@ -37,7 +37,7 @@ def contact_notices(experiment: Experiment, estimates: Mapping[str, Estimate]) -
         f"pad {experiment.pad}: {name.removesuffix('.gap')} of {gap} contradicts the measured "
         f"contact, which is known to {plain(error, 2)} {gap.unit}. One of the two is wrong: "
         "another effect looks like an offset, or drag, a film or a lag has moved the measured "
-        "onset of the force. --contact of qlvbayes convert states a contact"
+        "onset of the force. The option --contact states a contact where a machine's file is read"
         for name, gap in estimates.items()
         if is_gap(name) and error is not None and abs(gap.mean) > _BEYOND * np.hypot(gap.sd, error)
     )

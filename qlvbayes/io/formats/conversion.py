@@ -112,7 +112,7 @@ class Conversion:
         names = ", ".join(test.test for test in _together(self.tests)[:6])
         return (
             f"the tests of one file are taken as those of one pad ({names}): if they are several "
-            "specimens, --pad-from REGEX of convert finds the pads' names in the tests', or --pad "
+            "specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
             "names the pad of each test",
         )
 

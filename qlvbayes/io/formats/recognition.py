@@ -38,6 +38,7 @@ from qlvbayes.io.wording import joined
 
 _SHOWN = 200  # characters of a file's own names that an error shows
 _COUNTER = re.compile(r"(index|nr|no|s no|row|sample|point|punkt|zeile)?")
+_LACKED = {"strain": "displacement (or strain)", "stress": "force (or stress)"}
 _LEAST = 10  # rows that show whether a column rises
 _NEAR = 0.5  # share of its marks that a layout must show to be reported as the nearest
 
@@ -116,10 +117,11 @@ def _refuse_by_content(head: bytes, path: Path) -> None:
     for number, cells, by_quantity in headers:
         picked = [named.index for named in by_quantity.values() if named]
         others = [cell for index, cell in enumerate(cells) if index not in picked]
-        timeless = by_quantity["time"] is None and len(picked) == len(by_quantity) - 1
-        if timeless and all(_COUNTER.fullmatch(plain_name(cell)) for cell in others):
-            what = f"there is no column of time (the file has: {', '.join(cells)[:_SHOWN]})"
-            remedy = "export the time of every sample"
+        lacking = [quantity for quantity, named in by_quantity.items() if named is None]
+        if len(lacking) == 1 and all(_COUNTER.fullmatch(plain_name(cell)) for cell in others):
+            lost = _LACKED.get(lacking[0], lacking[0])
+            what = f"there is no column of {lost} (the file has: {', '.join(cells)[:_SHOWN]})"
+            remedy = f"export the {lost} of every sample"
             raise InputError(what, file=path, line=number + 1, remedy=remedy)
     if names := columns_in(lines):
         refuse_timeless(with_tabs(content(path))[0], path)

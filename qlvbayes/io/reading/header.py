@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.units import (
     PAD,
     SAME,
@@ -223,7 +224,8 @@ class _Header:
             wanted = ", ".join(_default(quantity) for quantity in missing)
             remedies.append(f"the columns needed are {wanted}")
         if len(self.names) >= len(needed):
-            remedies.append("or state the columns with qlvbayes convert --columns")
+            typed = as_typed("qlvbayes", "look", str(self.file))
+            remedies.append(f"or name three of them: {typed} --columns T,X,F -o tidy.csv")
         shown = ", ".join(self.names[:12])[:200]
         self.fail(
             f"no column for {' and '.join(missing)} (the file has: {shown})", "; ".join(remedies)
