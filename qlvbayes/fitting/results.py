@@ -13,9 +13,7 @@ import numpy as np
 import xarray
 
 import qlvbayes
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import Fit
-from qlvbayes.fitting.marginal_likelihood import DrawResiduals
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import folder_fault, write_whole
@@ -81,7 +79,8 @@ def to_arviz(
     force = fit.experiment.units.force_name
     real = np.asarray(fit.posterior.record.blocks.real)
     shape = fit.theta.shape[:2]
-    likelihood, predicted = _judged(fit, real, seed)
+    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
+    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
     moved = not np.array_equal(fit.followed, fit.constants)
     curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
     facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
@@ -103,25 +102,6 @@ def to_arviz(
         node.attrs.pop("created_at", None)  # the same fit gives the same file
     tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
     return tree
-
-
-def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return pointwise log likelihoods (draws, blocks) and block means with new noise."""
-    posterior = fit.posterior
-    if posterior.floor is not None:
-        constants = fit.followed.reshape(-1, fit.followed.shape[-1])
-        forces = compiled.in_batches(compiled.predictions, posterior, constants)
-        residuals = DrawResiduals(posterior, forces, constants)
-        return residuals.log_likelihoods(), residuals.replicates(np.random.default_rng(seed))
-    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
-    keys = _keys(len(flat), seed)
-    values = compiled.in_batches(compiled.judgements, posterior, flat, keys)
-    return values[:, 0, real], values[:, 1, real]
-
-
-def _keys(count: int, seed: int) -> np.ndarray:
-    """Return random keys (count, 2), as numbers."""
-    return np.random.default_rng(seed).integers(0, 2**32, (count, 2), dtype=np.uint32)
 
 
 def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:

@@ -17,8 +17,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import NOISES, AbstractNoise, Floor
 from qlvbayes.model.overrides import in_words, override, parse
-from qlvbayes.model.parameters import fields_of
-from qlvbayes.model.posterior import is_prior
+from qlvbayes.model.parameters import fields_of, is_prior
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.priors import AbstractPrior
 
@@ -247,7 +246,7 @@ def _check_floor(noise: Floor) -> None:
         if is_prior(field.value):
             raise InputError(
                 f"{field.name} is measured, not fitted",
-                remedy=f"fix it, as --fix {field.name}=NUMBER, or use --noise correlated",
+                remedy=f"fix it, as --fix {field.name}=NUMBER, or use --noise white",
             )
         if field.value < 0.0 or (
             field.value == 0.0 and field.name in ("noise.tau", "noise.factor")

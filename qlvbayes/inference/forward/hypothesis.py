@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import is_prior, value_shape
+from qlvbayes.model.parameters import is_prior, names, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect, Natural
 
