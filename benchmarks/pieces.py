@@ -4,11 +4,11 @@ import time
 
 import jax
 import numpy as np
+from qlvbayes.model.posterior import Posterior
 
 from qlvbayes import read_study
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.record import with_zeros
 

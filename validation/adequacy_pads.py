@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from qlvbayes.model.posterior import Posterior
 from scipy.signal import butter, lfilter
 
 from qlvbayes import Choices, Pad, Test
@@ -23,7 +24,6 @@ from qlvbayes.inference.density import Point
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.units import PAD
 from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.record import Record
 from qlvbayes.simulate import Noise, SimulatedTest, draw_constants, simulate_study, thin

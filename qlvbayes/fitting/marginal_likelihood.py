@@ -44,10 +44,10 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import Floor, White
-from qlvbayes.model.parameters import is_prior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.record import Blocks, Record
+from qlvbayes.motion.record import Blocks, Record, held
+from qlvbayes.priors.distributions import AbstractScalarPrior
 
 _SCALES = 5  # draws of the floor: its median and 1.3 sds either way
 _PRIOR = replace(UNDECIDED, sizes=2 * UNDECIDED.sizes - 1)  # in steps of a fifth
@@ -83,7 +83,7 @@ def with_zero_errors(record: Record, trials: Sequence[Trial], model: Model) -> R
     further, nearer = (forces[k * sds.size :][range(sds.size), range(sds.size)] for k in (0, 1))
     changes = 0.5 * (further - nearer)
     own = np.array([not stage for stage in shared_stages(trials)])[:, None]
-    zero, stage = np.where(own, changes, 0.0), np.where(own, 0.0, changes)
+    zero, stage = held(np.where(own, changes, 0.0)), held(np.where(own, 0.0, changes))
     return replace(record, blocks=replace(record.blocks, zero=zero, stage=stage))
 
 
@@ -163,16 +163,16 @@ def _sds(
     white: object, level: float, log_likelihood: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """Return the values (C,) that an independent noise's sd may have, and their log priors."""
-    if not is_prior(white):
+    if not isinstance(white, AbstractScalarPrior):
         return np.array([float(white)]), np.zeros(1)  # type: ignore[arg-type]
     logs = math.log(level) + np.linspace(-1.0, 1.0, _VALUES) * math.log(_FACTOR)
     for _ in range(4):  # each time over the values that are left
         sds = np.exp(logs)
-        log_prior = white.log_density(sds) + logs
+        log_prior = np.asarray(white.log_density(sds)) + logs
         density = log_prior + log_likelihood(sds)
         left = np.flatnonzero(density > density.max() - _NEGLIGIBLE)
-        ends = max(left[0] - 1, 0), min(left[-1] + 1, _VALUES - 1)
-        logs = np.linspace(*logs[list(ends)], _VALUES)
+        low, high = logs[max(left[0] - 1, 0)], logs[min(left[-1] + 1, _VALUES - 1)]
+        logs = np.linspace(low, high, _VALUES)
     return sds, log_prior - logsumexp(log_prior)
 
 

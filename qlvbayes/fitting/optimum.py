@@ -65,7 +65,7 @@ class Start:
 def build_posterior(experiment: Experiment, choices: Choices, trials: Tests) -> Posterior:
     """Return the posterior over the block means of some trials, its discrepancy not separated."""
     noise = choices.build(experiment.scales)[1]
-    if isinstance(noise, White):
+    if not isinstance(noise, Floor):
         return find_start(experiment, choices, trials).posterior
     predictor = predictor_of(experiment, choices, trials)
     discrepancy = discrepancy_of(experiment, trials, predictor.record.blocks, noise)

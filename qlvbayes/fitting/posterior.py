@@ -9,9 +9,10 @@ from typing import Self
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.fitting.likelihood import NoiseLikelihood
-from qlvbayes.inference.density import LARGEST_FORCE, log_priors
+from qlvbayes.inference.density import LARGEST_FORCE
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.arrays import Array
@@ -35,7 +36,8 @@ class Predictor:
     @classmethod
     def from_model(cls, model: Model, noise: AbstractNoise, record: Record) -> Self:
         """Return the predictor of a model with numbers, or priors, in its fields."""
-        elastic, relaxation = map(in_quadratic_coordinates, (model.elastic, model.relaxation))
+        elastic = in_quadratic_coordinates(model.elastic)
+        relaxation = in_quadratic_coordinates(model.relaxation)
         effects = {one.name: in_quadratic_coordinates(one) for one in model.effects}
         # the likelihood sums over what is free of the noise
         summed = jax.tree.map(lambda x: np.nan if is_prior(x) else x, noise, is_leaf=is_prior)
@@ -96,12 +98,16 @@ class Posterior(Predictor):
         logs = np.full(len(thetas), -np.inf)
         inside = np.flatnonzero(np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1))
         for rows in _parts(inside):
-            residuals = self.residuals(own.constants(thetas[rows]))
-            peak = np.abs(np.asarray(self.record.blocks.force)).max()
-            sound = np.abs(residuals).max(axis=(1, 2)) < LARGEST_FORCE * peak  # false for NaN
-            found = self.likelihood.log_likelihood(residuals[sound])
-            logs[rows[sound]] = found + log_priors(own, thetas[rows[sound]])
+            constants, priors = own.bound(thetas[rows])
+            residuals = self.residuals(constants)
+            sound = np.abs(residuals).max(axis=(1, 2)) < self._largest  # false for NaN
+            logs[rows[sound]] = priors[sound] + self.likelihood.log_likelihood(residuals[sound])
         return np.where(np.isnan(logs), -np.inf, logs)
+
+    @cached_property
+    def _largest(self) -> float:
+        """Return the residual (N) from which the force is absurd."""
+        return LARGEST_FORCE * float(np.abs(self.record.blocks.force).max())
 
     def drawn_constants(self, thetas: Array, rng: np.random.Generator) -> Array:
         """Return constants (K, P) at thetas (K, D), those that are summed over drawn.
@@ -149,6 +155,6 @@ class Posterior(Predictor):
         return digest.hexdigest()
 
 
-def _parts(rows: Array) -> list[Array]:
+def _parts(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     """Return indices in parts that are computed together."""
     return [rows[k : k + _TOGETHER] for k in range(0, len(rows), _TOGETHER)]

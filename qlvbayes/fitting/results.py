@@ -21,12 +21,13 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import (
     check_draws,
+    completed,
     flat_names,
     infer_choices,
     pad_name,
     stated_units,
-    wanted_names,
 )
+from qlvbayes.model.noise import NOISES, neutral_names
 from qlvbayes.model.parameters import all_fields, described
 from qlvbayes.motion.covered import Covered, covered
 
@@ -239,14 +240,15 @@ def _check_arrays(path: Path) -> None:
 
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
     """Return the contents of a file that this program wrote."""
-    attrs, (names, columns) = tree.attrs, _flattened(posterior)
-    coverage = attrs.get("covered")
-    curves = _flattened(tree["curve"].to_dataset())[1] if "curve" in tree else None
+    attrs, coverage = tree.attrs, tree.attrs.get("covered")
+    choices = Choices.from_dict(json.loads(attrs["choices"]))
+    draws = _with_noise(choices, posterior)
+    curves = _with_noise(choices, tree["curve"].to_dataset()) if "curve" in tree else None
     return Saved(
         pad=str(attrs["pad"]),
-        names=tuple(names),
-        constants=np.stack(columns, axis=-1),
-        choices=Choices.from_dict(json.loads(attrs["choices"])),
+        names=tuple(draws),
+        constants=np.stack(list(draws.values()), axis=-1),
+        choices=choices,
         method=str(attrs["method"]),
         source=str(attrs["source"]),
         sha256=str(attrs["sha256"]),
@@ -256,8 +258,16 @@ def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(coverage)) if coverage else None,
         converged=bool(attrs.get("converged", True)),
-        curves=None if curves is None else np.stack(curves, axis=-1),
+        curves=None if curves is None else np.stack(list(curves.values()), axis=-1),
     )
+
+
+def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.ndarray]:
+    """Return draws (chain, draw) by name; older results may lack the discrepancy's constants."""
+    draws = dict(zip(*_flattened(posterior), strict=True))
+    for name, value in neutral_names(NOISES[choices.noise]).items():
+        draws.setdefault(name, np.full_like(draws["m"], value))
+    return draws
 
 
 def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
@@ -280,7 +290,7 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
             bonded=bool(attrs.get("bonded", units.bonded_default)),
             effects_file=attrs.get("effects_file"),
         )
-        draws = {name: np.asarray(columns[name], float) for name in wanted_names(choices, columns)}
+        draws = completed(choices, columns)
         check_draws(choices, draws)
     except InputError as error:
         raise InputError(str(error), file=path) from error

@@ -199,18 +199,17 @@ class Density:
         logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         if not inside.any():
             return logs
-        predicted = self.space.forces(parameters.hypothesis, parameters.constants(thetas[inside]))
-        residuals = self._force - predicted
+        constants, priors = parameters.bound(thetas[inside])
+        residuals = self._force - self.space.forces(parameters.hypothesis, constants)
         largest = np.abs(residuals).max(axis=(1, 2))
         sound = largest < LARGEST_FORCE * self.discrepancy.peak  # false for NaN
         kept = np.flatnonzero(inside)[sound]
+        priors = priors[sound] + _log_noticeable(parameters, thetas[kept], tolerance)
         white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], modes)
         for k, point in enumerate(modes):
             nearest_k = nearest == k
             likelihood = self.discrepancy.log_likelihoods(white[nearest_k], point.separation, sizes)
-            prior = log_priors(parameters, thetas[kept[nearest_k]])
-            prior += _log_noticeable(parameters, thetas[kept[nearest_k]], tolerance)
-            logs[kept[nearest_k]] = likelihood + prior[:, None]
+            logs[kept[nearest_k]] = likelihood + priors[nearest_k, None]
         return logs
 
     def terms(self, point: Point, size: float) -> Terms:
@@ -258,17 +257,6 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
         overflowed = not np.isfinite(second).all()
         curvature[here, here] = 0.0 if overflowed else positive_part(-second)
     return Terms(loss, gradient, curvature)
-
-
-def log_priors(parameters: Parameters, thetas: Array) -> Array:
-    """Return log prior densities (K,) at thetas (K, F)."""
-    direct = parameters.direct
-    offset = thetas[:, direct.theta] - direct.mean
-    logs = direct.top - 0.5 * (direct.precision * offset**2).sum(axis=1)
-    with np.errstate(all="ignore"):
-        for leaf in parameters.joint:
-            logs = logs + leaf.constrain(thetas)[1]
-    return np.asarray(logs)
 
 
 def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:

@@ -37,6 +37,7 @@ class AbstractNoise(Pytree):
     meanings: ClassVar[dict[str, str]]
     words: ClassVar[str]
     prefix: ClassVar[str] = "noise."
+    neutral: ClassVar[dict[str, float]] = {}  # constants that a posterior may leave out, by value
 
     @abstractmethod
     def sample_sd(self, samples: Blocks) -> Array:
@@ -122,6 +123,7 @@ class Floor(AbstractNoise):
         "factor": "noise in the fit over noise measured at rest",
         "remainder": "what the model misses, one standard deviation",
     }
+    neutral: ClassVar[dict[str, float]] = {"factor": 1.0, "remainder": 0.0}
     words: ClassVar[str] = (
         "as measured at rest, without the model, and not fitted; what the model misses goes into a "
         "discrepancy of smooth functions and a rough part, whose size (noise.remainder) is summed "
@@ -137,6 +139,11 @@ class Floor(AbstractNoise):
         """Return the square root of (white weight)^2 + ou^2, times the factor (N)."""
         own = Correlated(self.white, self.ou, self.tau).sample_sd(samples)
         return self.factor * own
+
+
+def neutral_names(kind: type[AbstractNoise]) -> dict[str, float]:
+    """Return the constants that a posterior may leave out, by name, with their values."""
+    return {kind.prefix + name: value for name, value in kind.neutral.items()}
 
 
 NOISES: dict[str, type[White | Floor]] = catalogue.loaded(catalogue.NOISES)

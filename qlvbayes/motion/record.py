@@ -42,7 +42,7 @@ class Blocks(Pytree):
     @property
     def contact(self) -> Array:
         """Return the change of the force (N) for one standard error of the contact, of any kind."""
-        return np.hypot(self.zero, self.stage)
+        return held(np.hypot(self.zero, self.stage))
 
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior, draw_priors
 from support.endtoend import experiment
 
 from qlvbayes.fitting.coordinates import Coordinates, best_reading
@@ -14,7 +15,6 @@ from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import White
-from qlvbayes.model.posterior import Posterior, draw_priors
 
 NOISE = 30.0  # N, which drowns a test of some newtons
 SHARE = 1e-3  # of its force: sd of the one good reading

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import emcee
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior, draw_priors
 from scipy.special import logsumexp
 from scipy.stats import beta, multivariate_normal, multivariate_t, norm
 from support.endtoend import experiment
@@ -20,7 +21,6 @@ from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import White
 from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior, draw_priors
 
 RNG = 20
 DRAWN = 5000  # rates, from their prior

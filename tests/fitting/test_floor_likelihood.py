@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior
 from scipy.linalg import block_diag, solve_triangular
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
@@ -30,7 +31,6 @@ from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.simulate import TABLE_1
 from qlvbayes.simulate.hidden import SqueezeFilm, ViscousDrag
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior
 from support.spaces import space_of
 
 from qlvbayes import read_study
@@ -20,7 +21,6 @@ from qlvbayes.inference.forward.space import FEW
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony, Spectrum
 from qlvbayes.model.model import Model
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import prepare
 
 HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior, draw_priors
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
@@ -13,7 +14,6 @@ from qlvbayes.model.choices import Choices, default_model
 from qlvbayes.model.noise import NOISES
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import fields_of, names, unit_kinds
-from qlvbayes.model.posterior import Posterior, draw_priors
 from qlvbayes.motion.record import Blocks, Record, batch
 from qlvbayes.priors import (
     Dirichlet,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from qlvbayes.model.posterior import central
 
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.fitting import compiled
@@ -16,7 +17,6 @@ from qlvbayes.io.wording import plain
 from qlvbayes.model import parameters
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields, factors
-from qlvbayes.model.posterior import central
 from qlvbayes.motion.experiment import prepare
 
 LENGTHS = {"mm": 1.0, "um": 1e3, "nm": 1e6, "m": 1e-3}

@@ -1,12 +1,12 @@
 """Draws of a posterior's priors."""
 
 import numpy as np
+from qlvbayes.model.posterior import draw_priors
 from scipy.stats import kstest
 from support.endtoend import experiment
 
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.posterior import draw_priors
 
 
 def test_prior_draws_are_of_the_prior():

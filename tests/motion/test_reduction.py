@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from qlvbayes.model.posterior import Posterior
 
 from qlvbayes.io.data import Test
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import default_model
 from qlvbayes.model.noise import Correlated, White
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.record import batch
 from qlvbayes.motion.reduction import clear_of_kinks, reduce_test

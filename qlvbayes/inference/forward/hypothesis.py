@@ -94,6 +94,11 @@ class Direct:
         selected[:, self.in_log] = np.exp(selected[:, self.in_log])
         return selected
 
+    def log_densities(self, thetas: Array) -> Array:
+        """Return the sum of the log densities (K,) at thetas (K, F), within the bounds."""
+        offset = thetas[:, self.theta] - self.mean
+        return np.asarray(self.top - 0.5 * (self.precision * offset**2).sum(axis=1))
+
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
@@ -177,13 +182,19 @@ class Parameters:
 
     def constants(self, thetas: Array) -> Array:
         """Return the constants (K, P) at thetas (K, F)."""
-        values = np.tile(self.fixed, (len(thetas), 1))
+        return self.bound(thetas)[0]
+
+    def bound(self, thetas: Array) -> tuple[Array, Array]:
+        """Return the constants (K, P) at thetas (K, F), and log prior densities (K,) over these."""
+        values, logs = np.tile(self.fixed, (len(thetas), 1)), self.direct.log_densities(thetas)
         values[:, self.direct.constants] = self.direct.values(thetas)
         for leaf in self.joint:
             columns = slice(leaf.constants.start, leaf.constants.stop)
             with np.errstate(all="ignore"):  # what is not finite is refused with its force
-                values[:, columns] = leaf.constrain(thetas)[0].reshape(-1, len(thetas)).T
-        return values
+                own, log = leaf.constrain(thetas)
+            values[:, columns] = own.reshape(-1, len(thetas)).T
+            logs = logs + log
+        return values, logs
 
     def model_at(self, constants: Array) -> Model:
         """Return the model whose fields are the constants (P,)."""
