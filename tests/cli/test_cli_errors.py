@@ -44,7 +44,6 @@ def refused(*words):
         (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
         (["--method", "guess"], f"use one of {', '.join(METHODS)}"),
         (["--noise", "pink"], f"use one of {', '.join(NOISES)}"),
-        (["--method", "two-step", "--noise", "correlated"], "takes no noise model"),
         (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
         (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
         (["--prior", "v[1]"], "is not name=value"),

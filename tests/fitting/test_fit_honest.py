@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -11,12 +10,12 @@ from support.endtoend import CONSTANTS
 
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import build_posterior, fit_pad
-from qlvbayes.fitting.least_squares import least_squares, without_noise
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.least_squares import least_squares
+from qlvbayes.fitting.optimum import predictor_of
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import names
 from qlvbayes.motion.experiment import prepare
 
 ROOT = Path(__file__).parents[2]
@@ -35,12 +34,12 @@ def both_errors(experiment, choices):
     """On tests left out: of the fit, and of least squares of the same model and samples."""
     found = fit_pad(experiment, choices, settings=QUICK)
     fitted = {name: found.constants[..., k] for k, name in enumerate(found.names)}
-    posterior = build_posterior(experiment, choices, found.trials)
-    scale = 1.0 / np.sqrt(np.asarray(posterior.record.blocks.count))
-    best = least_squares(without_noise(posterior), scale, np.random.default_rng(0)).thetas[0]
-    numbers = np.asarray(posterior.constants(jnp.asarray(best)))
+    predictor = predictor_of(experiment, choices, found.trials)
+    scale = 1.0 / np.sqrt(predictor.record.blocks.count)
+    best = least_squares(predictor, scale, np.random.default_rng(0)).thetas[0]
+    (numbers,) = predictor.parameters.constants(best[None])
     nothing = dict.fromkeys(("noise.white", "noise.ou", "noise.remainder"), np.zeros(1))
-    squares = dict(zip(names(posterior), numbers[:, None], strict=True)) | nothing
+    squares = dict(zip(predictor.names, numbers[:, None], strict=True)) | nothing
     squares |= {"noise.tau": np.ones(1), "noise.factor": np.ones(1)}
     return errors(experiment, choices, fitted), errors(experiment, choices, squares)
 

@@ -13,8 +13,8 @@ from support.endtoend import call, one_line
 from support.hidden_pads import FEW
 
 from qlvbayes import InputError
-from qlvbayes.fitting.fit import build_posterior, fit_pad
-from qlvbayes.fitting.optimum import starting_point
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.optimum import find_start
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.io.data import Pad, Test, read_measurements
@@ -120,9 +120,8 @@ def test_a_stretch_left_out_of_a_hold_is_as_good_as_rows_that_are_not_there():
         (disturbed(by=lambda t: 1.0 + 0.0 * t), {"keep_all_readings": True}),
     ):
         experiment = prepared(test, **chosen)
-        posterior = build_posterior(experiment, Choices(), experiment.trials)
-        top = starting_point(posterior, experiment.floor, np.random.default_rng(0))
-        modes.append((top.normal.mean, np.sqrt(np.diag(top.normal.covariance))))
+        normal = find_start(experiment, Choices(), experiment.trials).normal
+        modes.append((normal.mean, np.sqrt(np.diag(normal.covariance))))
     (left_out, sd), (absent, _), (knocked, _) = modes
     assert np.max(np.abs(left_out - absent) / sd) < 0.01
     assert np.max(np.abs(knocked - absent) / sd) > 1.0

@@ -186,14 +186,15 @@ class Parameters:
 
     def bound(self, thetas: Array) -> tuple[Array, Array]:
         """Return the constants (K, P) at thetas (K, F), and log prior densities (K,) over these."""
-        values, logs = np.tile(self.fixed, (len(thetas), 1)), self.direct.log_densities(thetas)
-        values[:, self.direct.constants] = self.direct.values(thetas)
-        for leaf in self.joint:
-            columns = slice(leaf.constants.start, leaf.constants.stop)
-            with np.errstate(all="ignore"):  # what is not finite is refused with its force
+        values = np.tile(self.fixed, (len(thetas), 1))
+        with np.errstate(all="ignore"):  # what is not finite is refused with its force
+            values[:, self.direct.constants] = self.direct.values(thetas)
+            logs = self.direct.log_densities(thetas)
+            for leaf in self.joint:
+                columns = slice(leaf.constants.start, leaf.constants.stop)
                 own, log = leaf.constrain(thetas)
-            values[:, columns] = own.reshape(-1, len(thetas)).T
-            logs = logs + log
+                values[:, columns] = own.reshape(-1, len(thetas)).T
+                logs = logs + log
         return values, logs
 
     def model_at(self, constants: Array) -> Model:
