@@ -4,7 +4,6 @@ import time
 
 import jax
 import numpy as np
-from qlvbayes.model.posterior import Posterior
 
 from qlvbayes import read_study
 from qlvbayes.diagnosis.searchsetup import build_search
@@ -51,10 +50,9 @@ def _in_turn(space, hypothesis, constants):
     """Quickest microseconds a set: by NumPy, and by one call of one compiled function."""
     record = with_zeros(space.record, "sagitta", float)
     own = space.parameters(hypothesis)
-    posterior = Posterior(own.model, own.noise, record)
 
     def one(row, motion):
-        return posterior.with_constants(row)[0].force(motion)
+        return filled(own.model, row).force(motion)
 
     whole = jax.jit(jax.vmap(jax.vmap(one, in_axes=(0, None)), in_axes=(None, 0)))
     calls = (
