@@ -8,6 +8,7 @@ import numpy as np
 from qlvbayes import read_study
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.model.parameters import filled
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.record import with_zeros
 

@@ -51,16 +51,19 @@ class Coordinates:
             return straight
         near = straight._about(start.mean)
         some = start.draw(_TRIALS, np.random.default_rng(0))
-        moved = np.concatenate([near, some, *(some + unit for unit in np.eye(posterior.size))])
-        logs = straight._logs(moved)
-        if not np.isfinite(logs).all():  # as with the platen off the specimen
+        some = posterior.parameters.within(some)
+        at_mean, *steps = straight._logs(near)
+        logs, units = straight._logs(some), np.eye(posterior.size)
+        if not np.isfinite([at_mean, *steps, *logs]).all():  # as with the platen off the specimen
             return straight
-        at_mean, slope = logs[0], _slope(logs[: len(near)])
-        logs = logs[len(near) :].reshape(-1, _TRIALS)
+        slope = _slope(np.array([at_mean, *steps]))
         linear = at_mean + (some - start.mean) @ slope
-        bends = float(np.mean((logs[0] - linear) ** 2)) > float(slope @ start.covariance @ slope)
-        follows = np.all(np.abs(logs[1:] - logs[0] - 1.0) < _EXACT, axis=1)
-        return replace(straight, index=int(np.argmax(follows)) if bends and any(follows) else None)
+        bends = float(np.mean((logs - linear) ** 2)) > float(slope @ start.covariance @ slope)
+        follows = [
+            bool(np.all(np.abs(straight._logs(some + unit) - logs - 1.0) < _EXACT))
+            for unit in units
+        ]
+        return replace(straight, index=follows.index(True) if bends and any(follows) else None)
 
     def from_theta(self, theta: Array) -> Array:
         """Return coordinates (..., D) of theta (..., D)."""

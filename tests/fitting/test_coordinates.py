@@ -80,7 +80,7 @@ def test_the_map_is_a_shear_and_has_an_inverse(elastic, relaxation):
     start = thin(own)
     coordinates = Coordinates.from_posterior(own, start)
     assert coordinates.index is not None
-    theta = start.draw(5, np.random.default_rng(2))
+    theta = own.parameters.within(start.draw(5, np.random.default_rng(2)))
     there = coordinates.from_theta(theta)
     np.testing.assert_allclose(coordinates.to_theta(there), theta, rtol=0, atol=1e-12)
     step = 1e-6

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.least_squares import least_squares
-from qlvbayes.fitting.optimum import predictor_of
+from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
@@ -42,6 +42,27 @@ def both_errors(experiment, choices):
     squares = dict(zip(predictor.names, numbers[:, None], strict=True)) | nothing
     squares |= {"noise.tau": np.ones(1), "noise.factor": np.ones(1)}
     return errors(experiment, choices, fitted), errors(experiment, choices, squares)
+
+
+def bundled():
+    """Pads of the files that come with the package."""
+    files = [ROOT / "data" / name for name in ("pads.csv", "hidden.csv")]
+    return [(file, pad.name) for file in files for pad in read_measurements(file).pads]
+
+
+@pytest.mark.parametrize(("file", "pad"), bundled(), ids=[pad for _, pad in bundled()])
+@pytest.mark.parametrize("role", ["fit", "all"])
+def test_the_curve_leaves_little_more_than_least_squares(file, pad, role):
+    """Of the same model on the same block means: the rule of validation/budget.py."""
+    experiment = prepare(read_measurements(file).pad(pad), all_tests=role == "all")
+    trials = experiment.with_role("fit")
+    predictor = predictor_of(experiment, Choices(), trials)
+    ones = np.ones(predictor.record.blocks.force.shape)
+    squares = least_squares(predictor, ones, np.random.default_rng(0)).thetas[0]
+    fit = find_start(experiment, Choices(), trials).normal.mean
+    left = predictor.residuals(predictor.parameters.constants(np.stack([squares, fit])))
+    least, found = (rmse([one[predictor.space.real]]) for one in left)
+    assert found <= 1.05 * least
 
 
 @pytest.mark.slow
