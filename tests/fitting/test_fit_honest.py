@@ -52,17 +52,25 @@ def bundled():
 
 @pytest.mark.parametrize(("file", "pad"), bundled(), ids=[pad for _, pad in bundled()])
 @pytest.mark.parametrize("role", ["fit", "all"])
-def test_the_curve_leaves_little_more_than_least_squares(file, pad, role):
-    """Of the same model on the same block means: the rule of validation/budget.py."""
+def test_the_curve_leaves_what_least_squares_leave_to_within_the_noise(file, pad, role):
+    """Of the same model on the same block means: less than the noise of these.
+
+    Correlated noise moves the likeliest curve off that of least squares even where the model is
+    right, by up to a quarter of what is left of one test: least squares follow the noise. There the
+    likelihood has to say so.
+    """
     experiment = prepare(read_measurements(file).pad(pad), all_tests=role == "all")
     trials = experiment.with_role("fit")
     predictor = predictor_of(experiment, Choices(), trials)
     ones = np.ones(predictor.record.blocks.force.shape)
     squares = least_squares(predictor, ones, np.random.default_rng(0)).thetas[0]
-    fit = find_start(experiment, Choices(), trials).normal.mean
-    left = predictor.residuals(predictor.parameters.constants(np.stack([squares, fit])))
+    start = find_start(experiment, Choices(), trials)
+    thetas = np.stack([squares, start.normal.mean])
+    left = predictor.residuals(predictor.parameters.constants(thetas))
     least, found = (rmse([one[predictor.space.real]]) for one in left)
-    assert found <= 1.05 * least
+    noise = rmse([start.spread.discrepancy.whitener.sds])
+    assert found <= 1.05 * least or found**2 < least**2 + noise**2
+    assert np.diff(start.posterior.log_density(thetas)) > 0.0
 
 
 @pytest.mark.slow
