@@ -62,17 +62,6 @@ class Start:
     spread: Spread | None
 
 
-def build_posterior(experiment: Experiment, choices: Choices, trials: Tests) -> Posterior:
-    """Return the posterior over the block means of some trials, its discrepancy not separated."""
-    noise = choices.build(experiment.scales)[1]
-    if not isinstance(noise, Floor):
-        return find_start(experiment, choices, trials).posterior
-    predictor = predictor_of(experiment, choices, trials)
-    discrepancy = discrepancy_of(experiment, trials, predictor.record.blocks, noise)
-    likelihood = floor_likelihood(experiment, noise, discrepancy)
-    return Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
-
-
 def predictor_of(experiment: Experiment, choices: Choices, trials: Tests) -> Predictor:
     """Return the predictor of the chosen model over the block means of some trials."""
     experiment = replace(experiment, rested=choices.rested)

@@ -9,12 +9,12 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import beta, multivariate_normal, multivariate_t, norm
 from support.endtoend import experiment
+from support.posteriors import build_posterior
 
 from qlvbayes.fitting.chainstore import ChainStore, remove_chain
 from qlvbayes.fitting.diagnostics import diagnose_chain, highest_density
 from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.optimum import build_posterior
 from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import draw_priors

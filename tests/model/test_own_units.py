@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.posteriors import build_posterior
 
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.fitting.optimum import build_posterior
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements

@@ -7,11 +7,11 @@ from functools import cache
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.posteriors import build_posterior
 from support.sequences import join_programs, record_sequence
 
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting.fit import fit_pad
-from qlvbayes.fitting.optimum import build_posterior
 from qlvbayes.io.data import Pad as MeasuredPad
 from qlvbayes.io.data import Test, read_measurements
 from qlvbayes.io.units import PAD

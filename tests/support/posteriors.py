@@ -3,7 +3,13 @@
 import arviz_base
 import numpy as np
 
-from qlvbayes.fitting.optimum import find_start
+from qlvbayes.fitting.marginal_likelihood import (
+    discrepancy_of,
+    floor_likelihood,
+    white_likelihood,
+)
+from qlvbayes.fitting.optimum import find_start, predictor_of
+from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.model.choices import Choices
 from qlvbayes.simulate import TABLE_1
 
@@ -68,6 +74,18 @@ def written(folder, variables, attrs=(), **options):
     path = folder / "posterior.nc"
     tree.to_netcdf(path, engine="h5netcdf")
     return path
+
+
+def build_posterior(experiment, choices, trials):
+    """Return the posterior of some trials, without looking for its mode; white noise is fixed."""
+    model = predictor_of(experiment, choices, trials)
+    noise, blocks = model.noise, model.record.blocks
+    if choices.noise == "white":
+        likelihood = white_likelihood(noise, blocks, experiment.scales.noise)
+    else:
+        discrepancy = discrepancy_of(experiment, trials, blocks, noise)
+        likelihood = floor_likelihood(experiment, noise, discrepancy)
+    return Posterior(model.space, model.hypothesis, noise, likelihood)
 
 
 def from_truth(constants, experiment, seed=0):

@@ -84,12 +84,12 @@ def test_a_mistake_is_in_the_density_that_is_sampled(broken):
     """In a process of its own: a mistake stays for good."""
     program = f"""
 import sys
-sys.path.insert(0, {str(ROOT / "validation")!r})
+sys.path[:0] = [{str(ROOT / "validation")!r}, {str(ROOT / "tests")!r}]
 import numpy as np, ranks
 from tempfile import TemporaryDirectory
 from pathlib import Path
 from qlvbayes import read_study
-from qlvbayes.fitting.optimum import build_posterior
+from support.posteriors import build_posterior
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import simulate_study, write_csv
 truth, noise = ranks.drawn(np.random.default_rng(0))
