@@ -21,7 +21,8 @@ from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import one_step, part_notice, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io import catalogue
-from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.checks import check_known
+from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
@@ -164,19 +165,16 @@ def fit_pad(
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
     trials = experiment.with_role("fit")
-    if method in SAMPLERS:
-        return _sampled(experiment, choices, method, trials, settings, folder, progress)
-    check_known("method", method, catalogue.METHODS)
-    return _approximated(experiment, independent_noise(choices, method), settings, trials, method)
+    if method not in SAMPLERS:
+        check_known("method", method, catalogue.METHODS)
+    with one_blas_thread():  # its products are small
+        if method in SAMPLERS:
+            return _sampled(experiment, choices, method, trials, settings, folder, progress)
+        return _approximated(experiment, independent_noise(choices), settings, trials, method)
 
 
-def independent_noise(choices: Choices, method: str) -> Choices:
+def independent_noise(choices: Choices) -> Choices:
     """Return the choices of a least-squares method: independent noise of the residuals' own sd."""
-    if choices.noise not in (Choices().noise, "white"):
-        raise InputError(
-            f"{method} takes no noise model: its noise is the scatter of the residuals",
-            remedy="leave out --noise, or use --method emcee",
-        )
     return replace(choices, noise="white")
 
 
