@@ -21,7 +21,6 @@ import diagnosis
 import force
 import many
 import numpy as np
-import others
 import pieces
 import shell
 import stepping
@@ -173,15 +172,12 @@ Nanoseconds a step of processor time (gcc -O2), a minute at 1 kHz: ramp, hold, b
 
 def density_section():
     rows, grid, blocks = density.rows()
-    table = "\n".join(f"| {noise} | {w} | {d:.2f} | {g:.2f} |" for noise, w, d, g in rows)
-    times = {(noise, w): d for noise, w, d, _ in rows}
-    ratio = times["correlated", 32] / times["white", 32]
+    table = "\n".join(f"| {noise} | {w} | {d:.2f} |" for noise, w, d in rows)
     return f"""\
 Pad B of `data/pads.csv`, all six tests: grids of {grid[1]} points, {blocks[1]} blocks a test.
-Correlated noise takes {ratio:.1f} times as long as white noise at 32 walkers.
 
-| noise | walkers | log density ms | gradients ms |
-|---|---:|---:|---:|
+| noise | walkers | log density ms |
+|---|---:|---:|
 {table}
 """
 
@@ -248,7 +244,6 @@ SECTIONS = {
     "stepping": ("Step by step, and displacement from force", stepping_section),
     "header": ("The exported C header", c_section),
     "density": ("Log density on the reduced record", density_section),
-    "others": ("Next to other packages", others.section),
     "fit": ("`qlvbayes fit` of one pad from the shell", shell_section),
     "diagnose": ("`qlvbayes diagnose` of one pad, six tests, all effects", diagnosis_section),
     "many": ("Many pads on two cores", many_section),

@@ -14,12 +14,9 @@ def shell_times(warm_runs=1):
 def where_time_goes():
     """(part, seconds) of a warm fit, in a process of its own."""
     began = time.perf_counter()
-    import numpy as np
-
     import qlvbayes as q
     from qlvbayes.fitting.ensemble import Settings, sample
-    from qlvbayes.fitting.fit import build_posterior
-    from qlvbayes.fitting.optimum import starting_point
+    from qlvbayes.fitting.optimum import find_start
     from qlvbayes.motion.experiment import prepare
 
     marks = [("imports", time.perf_counter() - began)]
@@ -33,10 +30,8 @@ def where_time_goes():
     study = mark("reading the file", q.read_study, "data/pads.csv")
     experiment = mark("motion, phases, noise floor", prepare, study.pad("B"))
     trials = experiment.with_role("fit")
-    posterior = mark("reduction, priors", build_posterior, experiment, q.Choices(), trials)
-    rng = np.random.default_rng(0)
-    start = mark("optimum (loads compiled code)", starting_point, posterior, experiment.floor, rng)
-    mark("emcee", sample, posterior, start.normal, Settings())
+    start = mark("reduction, modes", find_start, experiment, q.Choices(), trials)
+    mark("emcee", sample, start.posterior, start.normal, Settings())
     return marks
 
 

@@ -14,16 +14,12 @@ from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.least_squares import without_noise
-from qlvbayes.fitting.optimum import Optimum, optimum_near
+from qlvbayes.fitting.optimum import find_start
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.fitting.residuals import CheckResult, check
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.units import PAD
-from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.motion.record import Record
 from qlvbayes.simulate import Noise, SimulatedTest, draw_constants, simulate_study, thin
@@ -33,7 +29,6 @@ ROWS = 500
 PADS = 4  # sets of constants that are simulated; each gets fresh noise many times,
 NOISELESS_PADS = 300  # or, without noise, only its own
 _NO_NOISE = Noise(white=0.0, correlated=0.0)
-_FREE = Choices(noise="correlated")
 
 Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 
@@ -106,7 +101,7 @@ class Bench:
         experiment = prepare(self._measured(pad, rng), all_tests=True)
         record, mode = self._mode(experiment, pad)
         found = adequacy(experiment, record, mode, DiagnosisSettings().cells)
-        cells = self._check(experiment, *self._fitted(experiment, mode.constants), rng)
+        cells = self._check(experiment, rng)
         return {
             "index": index,
             "p": found.p_value,
@@ -146,21 +141,13 @@ class Bench:
         assert mode is not None
         return search.density.space.record, mode.point
 
-    def _fitted(self, experiment: Experiment, constants: np.ndarray) -> tuple[Posterior, Optimum]:
-        """The same with its noise fitted too, as `fit --noise correlated` does."""
-        model, noise = _FREE.build(experiment.scales)
-        posterior = Posterior(model, noise, experiment.record(experiment.trials))
-        theta = posterior.unconstrain(constants)[: without_noise(posterior).size]
-        return posterior, optimum_near(posterior, experiment.floor, [theta])
-
-    def _check(
-        self, experiment: Experiment, posterior: Posterior, top: Optimum, rng: np.random.Generator
-    ) -> CheckResult:
-        """Cells of ``check``, from normal draws about the highest point."""
-        theta = top.normal.draw(400, rng)
-        draws = np.asarray(compiled.constants(posterior, theta))
-        constants = dict(zip(names(posterior), draws.T, strict=True))
-        predictions = predict(experiment, _FREE, constants, experiment.trials)
+    def _check(self, experiment: Experiment, rng: np.random.Generator) -> CheckResult:
+        """Cells of ``check``, from normal draws about the mode of a fit."""
+        start = find_start(experiment, Choices(), experiment.trials)
+        theta = start.posterior.parameters.within(start.normal.draw(400, rng))
+        draws = start.posterior.drawn_constants(theta, rng)
+        constants = dict(zip(start.posterior.names, draws.T, strict=True))
+        predictions = predict(experiment, Choices(), constants, experiment.trials)
         return check("pad", experiment.floor.total, predictions)
 
 

@@ -33,9 +33,8 @@ from qlvbayes.diagnosis.checks.heldout import held_out
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior, separated_start
-from qlvbayes.fitting.optimum import least_squares_points
+from qlvbayes.fitting.least_squares import least_squares as scipys
+from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -173,12 +172,12 @@ def checks(diagnosis: Diagnosis) -> Case:
 def by_fit(experiment: Experiment, choices: Choices) -> dict[str, float]:
     """Return what the best curve of ``qlvbayes fit`` leaves (N), and what least squares would."""
     trials = experiment.with_role("fit")
-    plain, rng = build_posterior(experiment, choices, trials), np.random.default_rng(0)
-    points = least_squares_points(plain, experiment.floor, rng)
-    points.append(separated_start(experiment, choices, trials, rng)[1].mean)
-    real = np.asarray(plain.record.blocks.real)
-    *least, rms = (rmse([compiled.response(plain, point)[1][real]]) for point in points)
-    return _compared(rms, min(rms, *least))
+    plain, rng = predictor_of(experiment, choices, trials), np.random.default_rng(0)
+    squares = scipys(plain, np.ones(plain.record.blocks.force.shape), rng)
+    thetas = squares.thetas[0], find_start(experiment, choices, trials).normal.mean
+    left = plain.residuals(plain.parameters.constants(np.stack(thetas)))
+    least, rms = (rmse([one[plain.space.real]]) for one in left)
+    return _compared(rms, min(rms, least))
 
 
 def rises(steps: Sequence[float]) -> list[float]:

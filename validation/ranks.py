@@ -35,7 +35,7 @@ from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import Constants, Noise, simulate_study, write_csv
 
 RATE = 20.0  # mm/s, of the one test
-ROWS = {"floor": 120, "correlated": 60}  # a test; a noise floor is measured in its rests
+ROWS = 120  # of a test; a noise floor is measured in its rests
 DRAWS = 99  # of a posterior, among which the truth has one of a hundred ranks
 MOST_STEPS = 6000  # fewer than the default, as a fit that needs more would take minutes
 LEVEL = 0.01  # of the test of uniform ranks, over all constants of a kind of noise together
@@ -56,22 +56,20 @@ _NOISE = {
 
 @dataclass(frozen=True)
 class Kind:
-    """Noise model with which a series of pads is fitted, and what is broken on purpose."""
+    """A series of pads, by what is broken on purpose."""
 
-    noise: str
     broken: str = ""
 
     @property
     def name(self) -> str:
         """A name for files."""
-        return f"ranks-{self.noise}" + (f"-broken-{self.broken}" if self.broken else "")
+        return "ranks-floor" + (f"-broken-{self.broken}" if self.broken else "")
 
     @property
     def choices(self) -> Choices:
         """The model under the priors that the truth is drawn from."""
-        stated = _LOGNORMAL | (_NOISE if self.noise == "correlated" else {})
-        priors = [f"{name}=lognormal({a!r},{b!r})" for name, (a, b) in stated.items()]
-        return Choices(noise=self.noise, priors=(*priors, f"c=dirichlet{_SHARES}"))
+        priors = [f"{name}=lognormal({a!r},{b!r})" for name, (a, b) in _LOGNORMAL.items()]
+        return Choices(priors=(*priors, f"c=dirichlet{_SHARES}"))
 
 
 def drawn(rng: np.random.Generator) -> tuple[Constants, Noise]:
@@ -97,7 +95,7 @@ def run(kind: Kind, seed: int, index: int) -> dict[str, Any]:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "pad.csv"
         simulated = int(rng.integers(2**32))
-        tests = simulate_study({"pad": truth}, [RATE], noise, simulated, ROWS[kind.noise])
+        tests = simulate_study({"pad": truth}, [RATE], noise, simulated, ROWS)
         write_csv(file, tests, ["ranks"])
         pad = read_measurements(file).pad("pad")
         fit = fit_pad(
@@ -106,9 +104,6 @@ def run(kind: Kind, seed: int, index: int) -> dict[str, Any]:
     values = {"m": truth.m, "b": truth.b}
     values |= {f"c[{k}]": c for k, c in enumerate(truth.c)}
     values |= {f"v[{k}]": v for k, v in enumerate(truth.v, start=1)}
-    if kind.noise == "correlated":
-        values |= {"noise.white": noise.white, "noise.ou": noise.correlated}
-        values["noise.tau"] = noise.correlation_time
     return {"index": index, "converged": bool(fit.enough), "ranks": _ranks(fit, values, rng)}
 
 
@@ -144,10 +139,10 @@ def break_jacobian() -> None:
 
 def break_noise() -> None:
     """Let the correlated noise start anew at each block mean."""
-    from qlvbayes.model import noise
+    from qlvbayes.inference.errors import whitening
 
-    links = noise._links
-    noise._links = lambda blocks, tau: links(blocks, tau)._replace(gap=0.0 * blocks.first)
+    whole = whitening.averaged_correlation
+    whitening.averaged_correlation = lambda *some: np.diag(np.diag(whole(*some)))
 
 
 BROKEN = {"jacobian": break_jacobian, "noise": break_noise}
@@ -224,16 +219,16 @@ def row(kind: Kind, fits: Sequence[dict]) -> list[str]:
     least, name = min((p_of_uniform(some), name) for name, some in ranks.items())
     shares = sorted(inside(some, 0.9) for some in ranks.values())
     return [
-        _TITLES[kind.broken].format(noise=kind.noise), str(len(fits)),
+        _TITLES[kind.broken], str(len(fits)),
         "uniform" if passes(fits) else "**not uniform**", f"{p_of_no_bias(fits):.2g}",
         f"{least:.2g} ({name})", f"{shares[0]:.0%} to {shares[-1]:.0%}",
     ]  # fmt: skip
 
 
 _TITLES = {
-    "": "{noise} noise",
-    "jacobian": "{noise} noise, log-Jacobians left out on purpose",
-    "noise": "{noise} noise, forgotten between block means on purpose",
+    "": "as it is",
+    "jacobian": "log-Jacobians left out on purpose",
+    "noise": "noise forgotten between block means on purpose",
 }
 
 
@@ -245,7 +240,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=JOBS, help="two or more: mistakes stay in them")
     options = parser.parse_args()
     origin, rows = Origin.now(), []
-    for kind in (Kind("floor"), Kind("correlated"), *(Kind("correlated", one) for one in BROKEN)):
+    for kind in map(Kind, ("", *BROKEN)):
         count = options.broken_fits if kind.broken else options.fits
         name, study = f"{kind.name}-seed{options.seed}", partial(run, kind, options.seed)
         rows.append(row(kind, finished(name, study, range(count), max(options.jobs, 2))))

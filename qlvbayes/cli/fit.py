@@ -36,7 +36,6 @@ def fit(
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done
-    from qlvbayes.fitting.fit import SAMPLERS, independent_noise
     from qlvbayes.fitting.runs import record_run
     from qlvbayes.pipeline.drawing import draw_constants, find_references
     from qlvbayes.pipeline.many import raise_failed, run_steps
@@ -49,8 +48,6 @@ def fit(
     watcher = Terminal(quiet=as_json)
     source = watcher.reading(inputs, work.part)
     choices = chosen.choices_of(source)
-    if method not in SAMPLERS:
-        independent_noise(choices, method)  # refuses another noise model, before the work
     reference_file = find_references(source.location, chosen["references"])
     source = source.kept(output)
 

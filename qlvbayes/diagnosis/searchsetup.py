@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
-import numpy as np
-
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.marginal_likelihood import (
     has_uncertain_zeros,
     known_floor,
     with_zero_errors,
 )
-from qlvbayes.fitting.optimum import least_squares_points
+from qlvbayes.fitting.optimum import best_model
 from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
@@ -89,9 +85,8 @@ def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
     record = experiment.record(experiment.trials, errors=True)
     if not has_uncertain_zeros(model, experiment.trials):
         return record
-    posterior = build_posterior(experiment, choices, experiment.trials)
-    points = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))
-    return with_zero_errors(record, experiment.trials, posterior.bind(jnp.asarray(points[0]))[0])
+    trials = experiment.trials
+    return with_zero_errors(record, trials, best_model(experiment, choices, trials))
 
 
 def _space(

@@ -6,12 +6,9 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.least_squares import without_noise
-from qlvbayes.fitting.optimum import least_squares_points
+from qlvbayes.fitting.optimum import best_model
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Control, Pad
@@ -156,9 +153,7 @@ class Session:
 def _fitted(experiment: Experiment, bonded: bool, mm: float, newton: float) -> Constants:
     """Return the constants of the paper's law closest to all tests, in mm and N."""
     choices = Choices(rested=True, bonded=bonded)
-    posterior = build_posterior(experiment, choices, experiment.trials)
-    theta = least_squares_points(posterior, experiment.floor, np.random.default_rng(0))[0]
-    model = without_noise(posterior).bind(jnp.asarray(theta))[0]
+    model = best_model(experiment, choices, experiment.trials)
     elastic, relaxation = model.elastic, model.relaxation
     assert isinstance(elastic, Exponential)  # the laws of the paper, which `Choices` begin with
     assert isinstance(relaxation, Prony)

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.fitting.posterior import Posterior
+from qlvbayes.inference.forward.fixedrates import relaxation_of
+from qlvbayes.io.arrays import Array
 from qlvbayes.motion.record import Record
 
 _TRIALS = 64  # draws at which u is tried
@@ -51,22 +51,25 @@ class Coordinates:
             return straight
         near = straight._about(start.mean)
         some = start.draw(_TRIALS, np.random.default_rng(0))
-        moved = np.concatenate([near, some, *(some + unit for unit in np.eye(posterior.size))])
-        logs = straight._logs(moved)
-        if not np.isfinite(logs).all():  # as with the platen off the specimen
+        some = posterior.parameters.within(some)
+        at_mean, *steps = straight._logs(near)
+        logs, units = straight._logs(some), np.eye(posterior.size)
+        if not np.isfinite([at_mean, *steps, *logs]).all():  # as with the platen off the specimen
             return straight
-        at_mean, slope = logs[0], _slope(logs[: len(near)])
-        logs = logs[len(near) :].reshape(-1, _TRIALS)
+        slope = _slope(np.array([at_mean, *steps]))
         linear = at_mean + (some - start.mean) @ slope
-        bends = float(np.mean((logs[0] - linear) ** 2)) > float(slope @ start.covariance @ slope)
-        follows = np.all(np.abs(logs[1:] - logs[0] - 1.0) < _EXACT, axis=1)
-        return replace(straight, index=int(np.argmax(follows)) if bends and any(follows) else None)
+        bends = float(np.mean((logs - linear) ** 2)) > float(slope @ start.covariance @ slope)
+        follows = [
+            bool(np.all(np.abs(straight._logs(some + unit) - logs - 1.0) < _EXACT))
+            for unit in units
+        ]
+        return replace(straight, index=follows.index(True) if bends and any(follows) else None)
 
-    def from_theta(self, theta: np.ndarray) -> np.ndarray:
+    def from_theta(self, theta: Array) -> Array:
         """Return coordinates (..., D) of theta (..., D)."""
         return theta if self.index is None else self._with_index(theta, self._logs(theta))
 
-    def to_theta(self, coordinates: np.ndarray) -> np.ndarray:
+    def to_theta(self, coordinates: Array) -> Array:
         """Return theta (..., D) at coordinates (..., D)."""
         if self.index is None:
             return coordinates
@@ -83,22 +86,28 @@ class Coordinates:
             self.from_theta(normal.mean), jacobian @ normal.covariance @ jacobian.T
         )
 
-    def _with_index(self, theta: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def _with_index(self, theta: Array, values: Array) -> Array:
         changed = np.array(theta)
         changed[..., self.index] = values
         return changed
 
-    def _logs(self, theta: np.ndarray) -> np.ndarray:
-        flat = theta.reshape(-1, theta.shape[-1])
-        logs = _log_forces(self.posterior, self.depth, self.time, flat)
-        return np.asarray(logs).reshape(theta.shape[:-1])
+    def _logs(self, theta: Array) -> Array:
+        """Return ln |g(t) F_e(depth)| (...,) at theta (..., D)."""
+        own = self.posterior.parameters
+        constants = own.constants(theta.reshape(-1, own.size))
+        law = own.model_at(constants.T)
+        fractions, rates = self.posterior.space.spectra(self.posterior.hypothesis, constants)
+        left = relaxation_of(fractions, rates, np.array([self.time]))[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            (force,) = law.elastic.force(np.array([[self.depth]]))
+            return np.log(np.abs(left * force)).reshape(theta.shape[:-1])
 
-    def _about(self, theta: np.ndarray) -> np.ndarray:
+    def _about(self, theta: Array) -> Array:
         """Return theta (D,) and, below it, theta with a step along each of its numbers."""
         return theta + _STEP * np.vstack([np.zeros(theta.size), np.eye(theta.size)])
 
 
-def _slope(logs: np.ndarray) -> np.ndarray:
+def _slope(logs: Array) -> Array:
     """Return the derivatives (D,) of u from its values (1 + D,) at a point and at steps from it."""
     return (logs[1:] - logs[0]) / _STEP
 
@@ -114,15 +123,3 @@ def best_reading(record: Record) -> tuple[float, float]:
     displacement, time = motion.displacement[test], motion.time[test]
     first = int(np.argmax(np.abs(displacement) >= 0.5 * abs(displacement[node])))
     return float(displacement[node]), float(time[node] - time[min(first, node)])
-
-
-@jax.jit
-def _log_forces(posterior: Posterior, depth: float, time: float, thetas: Array) -> Array:
-    """Return ln |g(t) F_e(depth)| (W,) at thetas (W, D)."""
-
-    def one(theta: Array) -> Array:
-        model = posterior.bind(theta)[0]
-        left = model.relaxation.curve(jnp.asarray(time)) * model.elastic.force(jnp.asarray(depth))
-        return jnp.log(jnp.abs(left))
-
-    return jax.vmap(one)(thetas)

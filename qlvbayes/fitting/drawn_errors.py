@@ -17,18 +17,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from qlvbayes.fitting import compiled
+from qlvbayes.fitting.posterior import Predictor
 from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Locations
 from qlvbayes.io.arrays import Array
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.record import Blocks
-
-BATCH = 100
-"""Number of draws that are computed together."""
 
 _TINY = 1e-300  # avoids 0/0 where no time has passed
 
@@ -92,7 +88,7 @@ def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) ->
 
 def discrepancy_draws(
     experiment: Experiment,
-    posterior: Posterior,
+    predictor: Predictor,
     fitted: Sequence[Trial],
     constants: Array,
     locations: Locations,
@@ -104,11 +100,10 @@ def discrepancy_draws(
     rows = np.flatnonzero(sizes > 0.0)
     if not rows.size:
         return draws
-    blocks = posterior.record.blocks
-    predicted = compiled.in_batches(compiled.predictions, posterior, constants[rows], size=BATCH)
+    blocks = predictor.record.blocks
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
     discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
-    residuals = discrepancy.whitener(np.asarray(blocks.force) - predicted)
+    residuals = discrepancy.whitener(predictor.residuals(constants[rows]))
     features = Features.from_locations(Locations.from_blocks(experiment, fitted, blocks))(locations)
     ratios = sizes[rows] / scales[rows]
     left_out = np.maximum(locations.size**2 - np.sum(features**2, axis=0), 0.0) + discrepancy.rough

@@ -1,6 +1,6 @@
 """Sample a posterior with emcee, store the chain on disk, and stop when it suffices.
 
-One compiled call evaluates all walkers, which move in `coordinates` that straighten the posterior;
+One call evaluates all walkers that move, in `coordinates` that straighten the posterior;
 what is kept is theta. Two kinds of moves alternate at random: independence
 proposals shaped like the posterior (see ``proposal``), and differential evolution between walkers
 (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs no knowledge of the posterior. Each
@@ -15,16 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import emcee
-import jax
 import numpy as np
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainSegment, ChainStore
 from qlvbayes.fitting.coordinates import Coordinates
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.least_squares import NormalApproximation
+from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.proposal import Proposal, from_draws, from_normal
-from qlvbayes.model.posterior import Posterior
 
 Progress = Callable[[int, int], None]
 
@@ -189,11 +187,7 @@ def _sampler(
     size = posterior.size
 
     def log_density(points: np.ndarray) -> np.ndarray:
-        # a move asks for all walkers or for half of them: one compiled size serves both
-        full = np.zeros((walkers, size))
-        full[: len(points)] = points
-        thetas = coordinates.to_theta(full)
-        return np.asarray(compiled.log_densities(posterior, thetas))[: len(points)]
+        return posterior.log_density(coordinates.to_theta(points))
 
     independent = [(emcee.moves.MHMove(p.move), _INDEPENDENT / len(proposals)) for p in proposals]
     moves = [*independent, *_differential(size)]
@@ -219,11 +213,20 @@ def _state(
     if so_far.segments:
         last = so_far.segments[-1]
         return _state_after(last, coordinates)
-    points = start.draw(walkers, np.random.default_rng(seed))
+    points = _inside(coordinates, start.draw(walkers, np.random.default_rng(seed)))
     random_state = np.random.RandomState(seed).get_state()
     return emcee.State(
         points, log_prob=sampler.compute_log_prob(points)[0], random_state=random_state
     )
+
+
+def _inside(coordinates: Coordinates, points: np.ndarray) -> np.ndarray:
+    """Return points (W, D) that lie beyond a bound of theta reflected at it."""
+    own, theta = coordinates.posterior.parameters, coordinates.to_theta(points)
+    reflected = np.where(theta < own.lowest, 2.0 * own.lowest - theta, theta)
+    reflected = np.where(theta > own.highest, 2.0 * own.highest - theta, reflected)
+    outside = np.any(reflected != theta, axis=1)[:, None]
+    return np.where(outside, coordinates.from_theta(own.within(reflected)), points)
 
 
 def _state_after(segment: ChainSegment, coordinates: Coordinates) -> emcee.State:
@@ -249,8 +252,5 @@ def _advance(
 
 def key_of(posterior: Posterior, settings: Settings, method: str = "emcee") -> str:
     """Return a digest of everything that a chain depends on."""
-    leaves, shape = jax.tree.flatten(posterior)
-    digest = hashlib.sha256(repr((str(shape), settings, method)).encode())
-    for leaf in leaves:
-        digest.update(np.ascontiguousarray(leaf).tobytes())
-    return digest.hexdigest()
+    text = repr((posterior.digest, settings, method))
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -7,41 +7,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of
-from qlvbayes.fitting.least_squares import (
-    NormalApproximation,
-    fitting_draws,
-    without_noise,
-)
-from qlvbayes.fitting.marginal_likelihood import (
-    FitResponse,
-    Spread,
-    discrepancy_of,
-    floor_likelihood,
-    with_zero_errors,
-)
-from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
+from qlvbayes.fitting.least_squares import NormalApproximation, fitting_draws
+from qlvbayes.fitting.marginal_likelihood import Spread, white_likelihood
+from qlvbayes.fitting.optimum import find_start, predictor_of
+from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
-from qlvbayes.fitting.routes import LeastSquaresFit, one_step, part_notice, two_step
+from qlvbayes.fitting.routes import one_step, part_notice, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
-from qlvbayes.inference.density import Terms
-from qlvbayes.inference.errors.scatter import UNDECIDED
 from qlvbayes.io import catalogue
-from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.checks import check_known
+from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.noise import Floor
-from qlvbayes.model.parameters import names, unit_kinds
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.noise import Floor, White
+from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Record
@@ -50,8 +37,6 @@ Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
 ]
 SAMPLERS: dict[str, Sampler] = catalogue.loaded(catalogue.SAMPLERS)
-_SEPARATIONS = 2  # iterations of separation and optimum: the second moves the mode by little
-_NOISE_CONSTANTS = 5  # of measured noise; the last one is the discrepancy's size
 _KEPT = 2000  # largest number of draws kept in the results
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
 
@@ -87,7 +72,7 @@ class Fit:
     @property
     def names(self) -> list[str]:
         """Return the names of the P constants."""
-        return names(self.posterior)
+        return self.posterior.names
 
     @property
     def units(self) -> list[str]:
@@ -167,48 +152,6 @@ class Fit:
         return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 
 
-def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
-    """Return the posterior of model and noise over the block means of some trials."""
-    model, noise = choices.build(experiment.scales)
-    experiment = replace(experiment, rested=choices.rested)
-    record = experiment.record(trials)
-    if not isinstance(noise, Floor):
-        return Posterior(model, noise, record)
-    floor = floor_likelihood(experiment, trials, record.blocks, noise)
-    return Posterior(model, noise, record, floor)
-
-
-def separated_start(
-    experiment: Experiment, choices: Choices, trials: Sequence[Trial], rng: np.random.Generator
-) -> tuple[Posterior, NormalApproximation, Spread | None]:
-    """Return the posterior to sample, the normal approximation about its mode, and the spread."""
-    posterior, floor = build_posterior(experiment, choices, trials), experiment.floor
-    noise = posterior.noise
-    if not isinstance(noise, Floor):
-        return posterior, starting_point(posterior, floor, rng).normal, None
-    points = least_squares_points(posterior, floor, rng)
-    for _ in range(_SEPARATIONS):
-        fitted = FitResponse(*compiled.response(posterior, points[0]))
-        record = with_zero_errors(
-            posterior.record, trials, posterior.bind(jnp.asarray(points[0]))[0]
-        )
-        posterior, blocks = replace(posterior, record=record), record.blocks
-        likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted)
-        posterior = replace(posterior, floor=likelihood)
-        best = optimum_near(posterior, floor, points)
-        points = [best.theta]
-    fitted = FitResponse(*compiled.response(posterior, points[0]))
-    blocks = posterior.record.blocks
-    discrepancy = discrepancy_of(experiment, trials, blocks, noise)
-    if len(trials) > 1:
-        discrepancy = replace(discrepancy, scatter=UNDECIDED)
-    predicted = np.asarray(blocks.force) - fitted.residual
-    # some priors have no derivative at their bounds
-    slopes = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))
-    spread = Spread.about(discrepancy, fitted, Terms(0.0, *slopes), predicted)
-    return posterior, best.normal, spread
-
-
 def fit_pad(
     experiment: Experiment,
     choices: Choices,
@@ -222,24 +165,16 @@ def fit_pad(
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
     trials = experiment.with_role("fit")
-    if method in SAMPLERS:
-        return _sampled(experiment, choices, method, trials, settings, folder, progress)
-    check_known("method", method, catalogue.METHODS)
-    white = independent_noise(choices, method)
-    posterior = build_posterior(experiment, white, trials)
-    rng = np.random.default_rng(settings.seed)
-    route = one_step if method == "least-squares" else two_step
-    result = route(experiment, posterior, rng)
-    return _approximated(experiment, white, settings, trials, method, result, rng)
+    if method not in SAMPLERS:
+        check_known("method", method, catalogue.METHODS)
+    with one_blas_thread():  # its products are small
+        if method in SAMPLERS:
+            return _sampled(experiment, choices, method, trials, settings, folder, progress)
+        return _approximated(experiment, independent_noise(choices), settings, trials, method)
 
 
-def independent_noise(choices: Choices, method: str) -> Choices:
+def independent_noise(choices: Choices) -> Choices:
     """Return the choices of a least-squares method: independent noise of the residuals' own sd."""
-    if choices.noise not in (Choices().noise, "white"):
-        raise InputError(
-            f"{method} takes no noise model: its noise is the scatter of the residuals",
-            remedy="leave out --noise, or use --method emcee",
-        )
     return replace(choices, noise="white")
 
 
@@ -254,14 +189,17 @@ def _sampled(
 ) -> Fit:
     """Return the fit by a sampler."""
     rng = np.random.default_rng(settings.seed)
-    posterior, start, spread = separated_start(experiment, choices, trials, rng)
+    start = find_start(experiment, choices, trials, settings.seed)
+    posterior = start.posterior
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
-    chain = SAMPLERS[method](posterior, start, settings, store, progress)
+    chain = SAMPLERS[method](posterior, start.normal, settings, store, progress)
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))
     theta = np.swapaxes(chain.theta, 0, 1)
     constants = _constants(posterior, theta, rng)
-    every = _moved(posterior, theta, constants, spread, rng) if spread else constants
+    every = constants
+    if start.spread is not None:
+        every = _moved(posterior, theta, constants, start.spread, rng)
     facts = {
         "autocorrelation_steps": chain.autocorrelation,
         "acceptance": chain.acceptance,
@@ -281,20 +219,23 @@ def _approximated(
     settings: Settings,
     trials: tuple[Trial, ...],
     method: str,
-    result: LeastSquaresFit,
-    rng: np.random.Generator,
 ) -> Fit:
     """Return the fit by a least-squares route."""
+    rng = np.random.default_rng(settings.seed)
+    predictor = predictor_of(experiment, choices, trials)
+    route = one_step if method == "least-squares" else two_step
+    result = route(experiment, predictor, rng)
     chains, draws = _NORMAL_DRAWS
-    bare = without_noise(result.posterior)
-    theta = fitting_draws(bare, result.scale, result.normal, chains * draws, rng)
+    theta = fitting_draws(predictor, result.scale, result.normal, chains * draws, rng)
     moved = theta + rng.standard_normal((len(theta), len(result.moves))) @ result.moves
-    curves, every = (
-        _constants(result.posterior, one.reshape(chains, draws, -1), rng) for one in (theta, moved)
-    )
-    facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
-    setup = experiment.pad, method, choices, settings, experiment, trials, result.posterior
+    moved = predictor.parameters.within(moved).reshape(chains, draws, -1)
     theta = theta.reshape(chains, draws, -1)
+    noise = White(result.residual_sd)
+    likelihood = white_likelihood(noise, predictor.record.blocks, experiment.scales.noise)
+    posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
+    curves, every = _constants(posterior, theta, rng), _constants(posterior, moved, rng)
+    facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
+    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
     return Fit(*setup, theta, every, every, curves, result.agreeing > 1, facts)
 
 
@@ -303,15 +244,14 @@ def _notices(fit: Fit) -> Iterator[str]:
     constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
 
     def predicted(record: Record) -> np.ndarray:
-        posterior = replace(fit.posterior, record=record)
-        return np.asarray(compiled.predictions(posterior, constants[None]))[0]
+        return np.asarray(fit.posterior.over(record).forces(constants[None])[0])
 
-    if fit.posterior.floor is not None or fit.method == "least-squares":
+    if isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares":
         yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
     yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
-    model = fit.posterior.with_constants(jnp.asarray(constants))[0]
+    model = fit.posterior.parameters.model_at(constants)
     times = unresolved_times(model.relaxation, fit.experiment.scales)
     for text in (*fit.experiment.floor.notices, *times):
         yield f"pad {fit.pad}: {text}"
@@ -344,13 +284,7 @@ def _length_troubles(fit: Fit) -> list[str]:
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return constants (..., P) at thetas (..., D)."""
     flat = theta.reshape(-1, theta.shape[-1])
-    if posterior.floor is None:
-        values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
-        return values.reshape(*theta.shape[:-1], -1)
-    visited, rows = np.unique(flat, axis=0, return_inverse=True)
-    shares = rng.random(len(visited))
-    values = compiled.in_batches(compiled.drawn_constants, posterior, visited, shares)
-    return values[rows.ravel()].reshape(*theta.shape[:-1], -1)
+    return posterior.drawn_constants(flat, rng).reshape(*theta.shape[:-1], -1)
 
 
 def _moved(
@@ -361,9 +295,9 @@ def _moved(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return constants (..., P) with the moves that a discrepancy may have caused."""
-    flat = theta.reshape(-1, theta.shape[-1])
-    noise = chain.reshape(-1, chain.shape[-1])[:, -_NOISE_CONSTANTS:]
-    moves = spread.draws(noise[:, -1], rng)
-    values = compiled.in_batches(compiled.constants, posterior, flat + moves, size=4096)
-    values[:, -_NOISE_CONSTANTS:] = noise
+    own, flat = posterior.parameters, theta.reshape(-1, theta.shape[-1])
+    noise = chain.reshape(-1, chain.shape[-1])[:, posterior.of_noise]
+    moves = spread.draws(noise[:, -1], rng)  # the last one is the discrepancy's size
+    values = own.constants(own.within(flat + moves))
+    values[:, posterior.of_noise] = noise
     return values.reshape(chain.shape)

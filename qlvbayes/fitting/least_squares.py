@@ -1,7 +1,4 @@
-"""Fit a model by least squares from many starts.
-
-The paper's routes use it, and the sampler starts from it.
-"""
+"""Fit a model by least squares from many starts, as the paper's routes do."""
 
 from __future__ import annotations
 
@@ -11,16 +8,17 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 from scipy.optimize import least_squares as minimise
 
-from qlvbayes.fitting import compiled
+from qlvbayes.fitting.posterior import Predictor
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
-from qlvbayes.model.noise import White
-from qlvbayes.model.posterior import Posterior, draw_priors
+from qlvbayes.model.parameters import draw_priors
 
-LARGEST_SD = 3.0  # of a direction that the data do not determine, in theta's units of order one
+LARGEST_SD = 3.0  # natural lengths: of a direction that the data do not determine
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
 _LINEAR = 4.0  # times the predicted rise of the sum of squares that a draw may have
 _HALVINGS = 12  # of a draw's step: to 1/4000 of a prior's width
+_TOGETHER = 256  # draws whose residuals are held together
 
 
 @dataclass(frozen=True)
@@ -44,25 +42,20 @@ class LeastSquares:
     costs: tuple[float, ...]
 
 
-def without_noise(posterior: Posterior) -> Posterior:
-    """Return the posterior with the same constants and record, but with fixed noise."""
-    return Posterior(posterior.model, White(1.0), posterior.record)
-
-
 def least_squares(
-    posterior: Posterior, scale: np.ndarray, rng: np.random.Generator, starts: int = 8
+    predictor: Predictor, scale: Array, rng: np.random.Generator, starts: int = 8
 ) -> LeastSquares:
     """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants."""
     # the optimiser's tolerance on gradients is absolute
-    scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
-    draws = draw_priors(posterior, _PRIOR_DRAWS, rng)
+    scale = scale * float(np.max(np.abs(predictor.record.blocks.force)))
+    own, draws = predictor.parameters, draw_priors(predictor.model, _PRIOR_DRAWS, rng)
     centre, distance = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
-    low, high = centre - distance, centre + distance
-    draws = np.clip(draws, low, high)
+    bounds = own.within(centre - distance), own.within(centre + distance)
+    draws = np.clip(draws, *bounds)
+    sums = _sums_of_squares(predictor, scale, draws)
+    order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
     with np.errstate(over="ignore"):  # a sum that overflows is the worst
-        sums = np.array([np.sum(_residuals(posterior, scale, draw)[0] ** 2) for draw in draws])
-        order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
-        optima = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
+        optima = [_descend(predictor, scale, draws[k], bounds) for k in order[:starts]]
     if not optima:
         raise NoFiniteForceError
     optima.sort(key=lambda result: result.cost)
@@ -70,10 +63,7 @@ def least_squares(
 
 
 def _descend(
-    posterior: Posterior,
-    scale: np.ndarray,
-    start: np.ndarray,
-    bounds: tuple[np.ndarray, np.ndarray],
+    predictor: Predictor, scale: Array, start: Array, bounds: tuple[Array, Array]
 ) -> OptimizeResult:
     """Return the optimum that a start leads to."""
     inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
@@ -82,7 +72,7 @@ def _descend(
     def residuals(theta: np.ndarray) -> np.ndarray:
         # the derivatives come with the residuals, and the optimiser asks for them next
         slopes_at.clear()
-        values, slopes_at[theta.tobytes()] = _residuals(posterior, scale, theta)
+        values, slopes_at[theta.tobytes()] = residuals_and_slopes(predictor, scale, theta)
         return values
 
     def slopes(theta: np.ndarray) -> np.ndarray:
@@ -93,56 +83,66 @@ def _descend(
     return minimise(residuals, inside, jac=slopes, bounds=bounds, x_scale="jac", max_nfev=200)
 
 
-def _residuals(
-    posterior: Posterior, scale: np.ndarray, theta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return residuals (T*B,) over ``scale`` and their derivatives (T*B, D)."""
-    values, slopes = compiled.residuals_and_slopes(posterior, scale, theta)
-    return np.asarray(values), np.asarray(slopes)
+def residuals_and_slopes(predictor: Predictor, scale: Array, theta: Array) -> tuple[Array, Array]:
+    """Return residuals (n,) of the block means over ``scale``, and their derivatives (n, D)."""
+    _, forces, slopes = predictor.space.forces_and_slopes(predictor.hypothesis, theta)
+    real = predictor.space.real
+    values = ((np.asarray(predictor.record.blocks.force) - forces) / scale)[real]
+    return values, -(slopes / scale)[:, real].T
 
 
 def normal_approximation(
-    posterior: Posterior, scale: np.ndarray, theta: np.ndarray
+    predictor: Predictor, scale: Array, theta: Array
 ) -> tuple[NormalApproximation, float]:
     """Return the covariance s^2 (J^T J)^-1 about an optimum, and s in units of ``scale``."""
-    values, slopes = _residuals(posterior, scale, theta)
-    cost = float(np.sum(values**2))
-    points = int(np.sum(np.asarray(posterior.record.blocks.real) & np.isfinite(scale)))
-    variance = cost / max(points - theta.size, 1)
+    values, slopes = residuals_and_slopes(predictor, scale, theta)
+    variance = float(values @ values) / max(_fitted(predictor, scale) - theta.size, 1)
     curvature = slopes.T @ slopes / max(variance, 1e-300)
-    return NormalApproximation(theta, covariance_from(curvature)), float(np.sqrt(variance))
+    covariance = covariance_from(curvature, predictor.parameters.length)
+    return NormalApproximation(theta, covariance), float(np.sqrt(variance))
 
 
 def fitting_draws(
-    posterior: Posterior,
-    scale: np.ndarray,
+    predictor: Predictor,
+    scale: Array,
     normal: NormalApproximation,
     count: int,
     rng: np.random.Generator,
-) -> np.ndarray:
+) -> Array:
     """Return draws (count, D) that fit about as well as the normal approximation says."""
-    draws = normal.draw(count, rng)
-    values, slopes = _residuals(posterior, scale, normal.mean)
-    cost = float(values @ values)
-    fitted = int(np.sum(np.asarray(posterior.record.blocks.real) & np.isfinite(scale)))
-    slack = cost * normal.mean.size / max(fitted - normal.mean.size, 1)
-
-    def rises(thetas: np.ndarray) -> np.ndarray:
-        return compiled.in_batches(
-            lambda known, some: compiled.sums_of_squares(known, scale, some), posterior, thetas
-        )
-
+    draws = predictor.parameters.within(normal.draw(count, rng))
+    values, slopes = residuals_and_slopes(predictor, scale, normal.mean)
+    cost, size = float(values @ values), normal.mean.size
+    slack = cost * size / max(_fitted(predictor, scale) - size, 1)
     for _ in range(_HALVINGS):
         expected = np.sum(((draws - normal.mean) @ slopes.T) ** 2, axis=1)
-        far = ~(rises(draws) <= cost + slack + _LINEAR * expected)
+        sums = _sums_of_squares(predictor, scale, draws)
+        far = ~(sums <= cost + slack + _LINEAR * expected)
         if not far.any():
             break
         draws[far] = 0.5 * (draws[far] + normal.mean)
     return draws
 
 
-def covariance_from(curvature: np.ndarray) -> np.ndarray:
-    """Return the inverse of a curvature (D, D), with sds of ``LARGEST_SD`` at most."""
-    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+def _sums_of_squares(predictor: Predictor, scale: Array, thetas: Array) -> Array:
+    """Return the sums (K,) of squared residuals over ``scale`` at thetas (K, D)."""
+    sums = []
+    for k in range(0, len(thetas), _TOGETHER):
+        constants = predictor.parameters.constants(thetas[k : k + _TOGETHER])
+        with np.errstate(over="ignore", invalid="ignore"):
+            some = (predictor.residuals(constants) / scale)[:, predictor.space.real]
+            sums.append(np.sum(some**2, axis=1))
+    return np.concatenate(sums)
+
+
+def _fitted(predictor: Predictor, scale: Array) -> int:
+    """Return the number of block means that count."""
+    return int(np.sum(predictor.space.real & np.isfinite(scale)))
+
+
+def covariance_from(curvature: Array, lengths: Array) -> Array:
+    """Return the inverse of a curvature (D, D), with sds of ``LARGEST_SD`` lengths at most."""
+    scaled = curvature * np.outer(lengths, lengths)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     limited = np.maximum(values, 1.0 / LARGEST_SD**2)
-    return (vectors / limited) @ vectors.T
+    return np.asarray((vectors / limited) @ vectors.T * np.outer(lengths, lengths))

@@ -23,34 +23,37 @@ added to each of their draws (`Spread`), as the diagnosis adds it to its normals
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.special import logsumexp
 
 from qlvbayes.effects.contacts import ContactOffset
-from qlvbayes.fitting import compiled
+from qlvbayes.fitting.likelihood import NoiseLikelihood
 from qlvbayes.inference.common_errors import shared_stages, stage_changes, with_common_errors
-from qlvbayes.inference.density import Terms, gauss_newton, positive_part
+from qlvbayes.inference.density import Point, Terms, gauss_newton, positive_part
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
 from qlvbayes.inference.evidence import second_moment
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import Floor
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.noise import Floor, White
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.record import Blocks, Record
+from qlvbayes.motion.record import Blocks, Record, held
+from qlvbayes.priors.distributions import AbstractScalarPrior
 
 _SCALES = 5  # draws of the floor: its median and 1.3 sds either way
 _PRIOR = replace(UNDECIDED, sizes=2 * UNDECIDED.sizes - 1)  # in steps of a fifth
+_VALUES = 201  # of an independent noise's sd that are summed over
+_FACTOR = 1e4  # by which that sd may lie off the measured noise
+_NEGLIGIBLE = 40.0  # log density below the largest from which a value is left out
 
 
 def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
@@ -74,56 +77,103 @@ def with_zero_errors(record: Record, trials: Sequence[Trial], model: Model) -> R
     if not has_uncertain_zeros(model, trials):
         return record
     sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
-    further, nearer = (compiled.beyond_gaps(model, record, sign * sds) for sign in (1.0, -1.0))
+    gaps = np.concatenate([sds, -sds])
+    sets = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], gaps.size, -1), model)
+    forces = Forces().over(sets + ContactOffset(gaps), gaps.size, record)
+    further, nearer = (forces[k * sds.size :][range(sds.size), range(sds.size)] for k in (0, 1))
     changes = 0.5 * (further - nearer)
-    own = jnp.asarray([not stage for stage in shared_stages(trials)])[:, None]
-    zero, stage = jnp.where(own, changes, 0.0), jnp.where(own, 0.0, changes)
+    own = np.array([not stage for stage in shared_stages(trials)])[:, None]
+    zero, stage = held(np.where(own, changes, 0.0)), held(np.where(own, 0.0, changes))
     return replace(record, blocks=replace(record.blocks, zero=zero, stage=stage))
 
 
 def discrepancy_of(
     experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
 ) -> Discrepancy:
-    """Return the discrepancy of the block means (T, B) of some trials, under the floor as known."""
+    """Return the discrepancy of the block means (T, B) of some trials, under the floor as known.
+
+    A size that the user gives is the only one that has a probability.
+    """
     experiment = replace(experiment, floor=known_floor(experiment.floor, noise))
     discrepancy = Discrepancy.from_blocks(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    if np.isfinite(size := float(noise.remainder)):
+        sizes, logs = ([0.0, size], [-np.inf, 0.0]) if size > 0.0 else ([0.0], [0.0])
+        discrepancy = replace(discrepancy, sizes=np.array(sizes), log_prior=np.array(logs))
     return with_common_errors(discrepancy, stage_changes(trials, blocks))
 
 
 def floor_likelihood(
     experiment: Experiment,
-    trials: Sequence[Trial],
-    blocks: Blocks,
     noise: Floor,
-    fitted: FitResponse | None = None,
-) -> FloorLikelihood:
-    """Return the likelihood of the block means (T, B) of some trials."""
-    floor = known_floor(experiment.floor, noise)
-    discrepancy = discrepancy_of(experiment, trials, blocks, noise)
-    shapes, precisions = discrepancy.shapes, discrepancy.whitener.precisions
+    discrepancy: Discrepancy,
+    separation: Separation | None = None,
+) -> NoiseLikelihood:
+    """Return the likelihood of the block means that a discrepancy is of, by `discrepancy_of`."""
+    floor, whitener = known_floor(experiment.floor, noise), discrepancy.whitener
+    shapes, precisions = discrepancy.shapes, whitener.precisions
     smooth = shapes.T @ shapes
-    if fitted is not None:
-        smooth -= discrepancy.separated(fitted.slopes, np.ones(len(fitted.slopes))).removed
+    if separation is not None:
+        smooth -= separation.removed
     kappa, axes = np.linalg.eigh(smooth + discrepancy.rough * np.diag(precisions))
-    scales, sizes, log_prior = _pairs(floor, noise, discrepancy)
+    scales, sizes, log_prior = _choices(floor, noise, discrepancy)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))
     expected = floor.expected()
     known = (np.full(scales.size, value) for value in (expected.white, expected.ou, expected.tau))
-    return FloorLikelihood(
-        indices=jnp.flatnonzero(jnp.asarray(blocks.real)),
-        axes=jnp.asarray(axes.T @ discrepancy.whitener.matrix),
-        precisions=jnp.asarray(1.0 / variances),
-        heights=jnp.asarray(log_prior + constant - 0.5 * np.log(variances).sum(axis=1)),
-        constants=jnp.asarray(np.column_stack([*known, scales, sizes])),
+    return NoiseLikelihood(
+        np.stack(whitener.blocks),
+        axes.T @ whitener.matrix,
+        1.0 / variances,
+        scales[:, None] ** 2,
+        log_prior + constant - 0.5 * np.log(variances).sum(axis=1),
+        np.column_stack([*known, scales, sizes]),
     )
 
 
-class FitResponse(NamedTuple):
-    """The response at a fit: derivatives (D, T, B) of the force, and residuals (T, B) in N."""
+def white_likelihood(
+    noise: White, blocks: Blocks, level: float, residual: Array | None = None
+) -> NoiseLikelihood:
+    """Return the likelihood of block means (T, B) under independent noise.
 
-    slopes: Array
-    residual: Array
+    A free sd is summed over values that are likely given the residual (T, B) of a fit. level: the
+    measured noise (N).
+    """
+    real = np.asarray(blocks.real)
+    fields = (blocks.count, blocks.weight, blocks.scale, blocks.extra, blocks.timing)
+    count, weight, scale, extra, timing = (np.asarray(one)[real] for one in fields)
+    shares, others = (weight * scale) ** 2 / count, extra**2 + timing**2
+    squares = np.zeros(count.size) if residual is None else residual[real] ** 2
+    level = max(level, float(np.sqrt(np.mean(squares / shares))))
+
+    def heights(sds: Array) -> tuple[Array, Array]:
+        variances = sds[:, None] ** 2 * shares + others
+        return variances, -0.5 * np.log(2.0 * np.pi * variances).sum(axis=1)
+
+    def log_likelihood(sds: Array) -> Array:
+        variances, height = heights(sds)
+        return height - 0.5 * (squares / variances).sum(axis=1)
+
+    sds, log_prior = _sds(noise.white, level, log_likelihood)
+    variances, height = heights(sds)
+    axes, constants = np.eye(count.size), sds[:, None]
+    return NoiseLikelihood(real, axes, 1.0 / variances, variances, height + log_prior, constants)
+
+
+def _sds(
+    white: object, level: float, log_likelihood: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Return the values (C,) that an independent noise's sd may have, and their log priors."""
+    if not isinstance(white, AbstractScalarPrior):
+        return np.array([float(white)]), np.zeros(1)  # type: ignore[arg-type]
+    logs = math.log(level) + np.linspace(-1.0, 1.0, _VALUES) * math.log(_FACTOR)
+    for _ in range(4):  # each time over the values that are left
+        sds = np.exp(logs)
+        log_prior = np.asarray(white.log_density(sds)) + logs
+        density = log_prior + log_likelihood(sds)
+        left = np.flatnonzero(density > density.max() - _NEGLIGIBLE)
+        low, high = logs[max(left[0] - 1, 0)], logs[min(left[-1] + 1, _VALUES - 1)]
+        logs = np.linspace(low, high, _VALUES)
+    return sds, log_prior - logsumexp(log_prior)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,24 +185,20 @@ class Spread:
     separation: Separation  # from what these can follow
     prior: Terms  # expansion of minus the log prior density
 
-    @classmethod
-    def about(
-        cls,
-        discrepancy: Discrepancy,
-        fitted: FitResponse,
-        prior: Terms,
-        predicted: Array | None = None,
-    ) -> Spread:
-        """Return the spread about a fit; prior: expansion of minus the log prior density there.
+    lengths: Array  # (D,): natural lengths of theta
 
-        predicted (T, B): force (N) whose scale may differ from test to test (`scatter`), by as much
-        as is likeliest; None for no such scatter.
+    @classmethod
+    def about(cls, discrepancy: Discrepancy, point: Point) -> Spread:
+        """Return the spread about a fit, where the force's scale may differ from test to test.
+
+        It differs by as much as is likeliest, if the discrepancy has a prior of that (`scatter`).
         """
-        vectors = discrepancy.whitener(np.concatenate([fitted.residual[None], fitted.slopes]))
-        parts = None if predicted is None else (lambda: predicted[None])
-        separation = discrepancy.separated(fitted.slopes, np.ones(len(fitted.slopes)), parts)
-        _, scatter = discrepancy.likeliest(vectors[0], 0.0, separation)
-        return cls(discrepancy, vectors, separation.with_scatter(scatter), prior)
+        separation = discrepancy.separated(
+            point.responses, point.own.length, lambda: point.predicted[None]
+        )
+        _, scatter = discrepancy.likeliest(point.residual, 0.0, separation)
+        separation = separation.with_scatter(scatter)
+        return cls(discrepancy, point.vectors, separation, point.prior, point.own.length)
 
     @property
     def scatter(self) -> float:
@@ -161,13 +207,12 @@ class Spread:
 
     def covariance(self, size: float) -> Array:
         """Return the covariance (D, D) that a discrepancy of a size (N) and the scatter add."""
-        lengths = np.ones(len(self.vectors) - 1)  # of unconstrained parameters
         separated = self.discrepancy.at(size, self.separation)
         precision = gauss_newton(separated, self.vectors, self.prior).curvature
-        known: Array = np.asarray(np.linalg.inv(precision + np.diag(lengths**-2.0)), float)
+        known: Array = np.asarray(np.linalg.inv(precision + np.diag(self.lengths**-2.0)), float)
         whole = self.discrepancy.unseparated(size, self.separation)
         free = gauss_newton(whole, self.vectors, self.prior)
-        return positive_part(second_moment(free, lengths) - known)
+        return positive_part(second_moment(free, self.lengths) - known)
 
     def draws(self, sizes: Array, rng: np.random.Generator) -> Array:
         """Return moves (W, D) of theta for discrepancies of sizes (W,) in N; 0 for nothing."""
@@ -180,7 +225,9 @@ class Spread:
         return moves
 
 
-def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[Array, Array, Array]:
+def _choices(
+    floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy
+) -> tuple[Array, Array, Array]:
     """Return C scales of the floor, sizes of the discrepancy, and log priors, (C,) each."""
     drawn = np.array([one.total for one in floor.draws(_SCALES)])
     scales_drawn = drawn / floor.expected().total
@@ -189,48 +236,7 @@ def _pairs(floor: NoiseFloor, noise: Floor, discrepancy: Discrepancy) -> tuple[A
     sizes, log_sizes = discrepancy.sizes, discrepancy.log_prior
     if np.isfinite(noise.factor):
         scales, log_scales = np.array([float(noise.factor)]), np.zeros(1)
-    if np.isfinite(noise.remainder):
-        sizes, log_sizes = np.array([float(noise.remainder)]), np.zeros(1)
+    probable = np.isfinite(log_sizes)
+    sizes, log_sizes = sizes[probable], log_sizes[probable]
     log_prior = log_scales[:, None] + log_sizes
     return np.repeat(scales, sizes.size), np.tile(sizes, scales.size), log_prior.ravel()
-
-
-class DrawResiduals:
-    """The residuals of draws, each with the pair of scale and size that its constants contain.
-
-    Raises KeyError where the constants (N, P) of a draw are not those of a pair.
-    """
-
-    def __init__(self, posterior: Posterior, predicted: Array, constants: Array) -> None:
-        floor = posterior.floor
-        assert floor is not None
-        self._axes = np.asarray(floor.axes)
-        self._precisions = np.asarray(floor.precisions)
-        self._back = np.linalg.inv(self._axes)
-        self._indices = np.asarray(floor.indices)
-        self._predicted = predicted.reshape(len(predicted), -1)[:, self._indices]
-        measured = np.asarray(posterior.record.blocks.force).ravel()[self._indices]
-        self._residuals = measured - self._predicted
-        pairs = {tuple(row): k for k, row in enumerate(np.asarray(floor.constants).tolist())}
-        rows = constants[:, -len(posterior.noise.units) :].tolist()
-        self._pairs = np.array([pairs[tuple(row)] for row in rows])
-        self._scales = np.asarray(floor.constants)[self._pairs, -2:-1]
-
-    def log_likelihoods(self) -> Array:
-        """Return log densities (N, n) of each block mean given the ones before it in the record."""
-        logs = np.empty_like(self._residuals)
-        for pair in np.unique(self._pairs):
-            same = self._pairs == pair
-            root = np.linalg.cholesky((self._back / self._precisions[pair]) @ self._back.T)
-            errors = solve_triangular(root, self._residuals[same].T, lower=True).T
-            heights = np.log(np.diag(root)) + 0.5 * np.log(2.0 * np.pi)
-            logs[same] = -0.5 * errors**2 - heights
-        return logs
-
-    def replicates(self, rng: np.random.Generator) -> Array:
-        """Return block means (N, n) of new noise, with the discrepancy that the data imply."""
-        noise_share = self._scales**2 * self._precisions[self._pairs]  # of the variance
-        draws = rng.standard_normal((2, *self._residuals.shape))
-        white = (1.0 - noise_share) * (self._residuals @ self._axes.T)
-        white += self._scales * (np.sqrt(np.maximum(1.0 - noise_share, 0.0)) * draws[0] + draws[1])
-        return self._predicted + white @ self._back.T

@@ -1,112 +1,176 @@
-"""Find the mode of the posterior, from which sampling starts, and the curvature there (Laplace).
+"""Find the mode of a fit's posterior, from which sampling starts, and the curvature there.
 
-The optimisation starts from least squares for the model and from the centre of the prior for the
-noise.
+The modes of the diagnosis (`qlvbayes.inference.modes`) are found from several draws of the priors.
+There the discrepancy is separated from what the derivatives of the force can follow, so that the
+curve follows the data. The highest of them is then refined under the likelihood that is sampled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import minimize
 
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.least_squares import (
-    LARGEST_SD,
-    NormalApproximation,
-    least_squares,
-    normal_approximation,
-    without_noise,
+from qlvbayes.fitting.least_squares import NormalApproximation, covariance_from
+from qlvbayes.fitting.marginal_likelihood import (
+    Spread,
+    discrepancy_of,
+    floor_likelihood,
+    has_uncertain_zeros,
+    white_likelihood,
+    with_zero_errors,
 )
-from qlvbayes.model.posterior import Posterior, central
-from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.fitting.posterior import Posterior, Predictor
+from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.scatter import UNDECIDED
+from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.modes import (
+    Mode,
+    bounded_step,
+    find_mode,
+    modes,
+    predicted_decrease,
+    redrawn_modes,
+)
+from qlvbayes.io.arrays import Array
+from qlvbayes.io.checks import NoFiniteForceError
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import Floor, White
+from qlvbayes.motion.experiment import Experiment, Trial
 
-_PASSES = 3
-_NOISE_SD = 0.3  # of the noise's unconstrained parameters, as a first guess
-_OPTIMA = 2  # distinct least-squares optima from which the posterior is optimised
+_STARTS = 8  # draws of the priors, those nearest to the data, from which modes are looked for
+_REDRAWN = 6  # draws of the relaxation in a row that lead no higher, after which the search ends
+_STEPS = 50  # of the refinement
+_CLOSE = 1e-9  # predicted rise of the log density of a step at which it ends
+_HALVINGS = 30
+
+Tests = tuple[Trial, ...]
 
 
-@dataclass(frozen=True)
-class Optimum:
-    """The mode theta (D,), the log density there, and the normal approximation."""
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where sampling starts: the posterior, the normal approximation about its mode, the spread.
 
-    theta: np.ndarray
-    log_density: float
+    log_density: at the mode; spread: None where no discrepancy is modelled.
+    """
+
+    posterior: Posterior
     normal: NormalApproximation
+    log_density: float
+    spread: Spread | None
 
 
-def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
-    """Return the sd (T, B) of each block mean under the noise floor, ignoring correlations."""
-    blocks = posterior.record.blocks
-    variance = floor.white**2 / np.asarray(blocks.count) + floor.ou**2
-    readings = np.asarray(blocks.weight) * np.asarray(blocks.scale) * np.sqrt(variance)
-    return np.hypot(readings, np.asarray(blocks.extra))
+def predictor_of(experiment: Experiment, choices: Choices, trials: Tests) -> Predictor:
+    """Return the predictor of the chosen model over the block means of some trials."""
+    experiment = replace(experiment, rested=choices.rested)
+    return Predictor.from_model(*choices.build(experiment.scales), experiment.record(trials))
 
 
-def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
-    """Return the mode found from multi-start least squares."""
-    return optimum_near(posterior, floor, least_squares_points(posterior, floor, rng))
+def best_model(experiment: Experiment, choices: Choices, trials: Tests, seed: int = 0) -> Model:
+    """Return the chosen model with the numbers of its highest mode in its fields."""
+    predictor = predictor_of(experiment, choices, trials)
+    mode = _highest(_density(experiment, predictor, trials), predictor, seed)
+    return predictor.parameters.model_at(mode.point.constants)
 
 
-def least_squares_points(
-    posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator
-) -> list[np.ndarray]:
-    """Return thetas of the model alone at the best optima of multi-start least squares."""
-    fits = least_squares(without_noise(posterior), block_scale(posterior, floor), rng)
-    return list(fits.thetas[:_OPTIMA])
+def find_start(experiment: Experiment, choices: Choices, trials: Tests, seed: int = 0) -> Start:
+    """Return where sampling starts.
+
+    Raises NoFiniteForceError where no draw of the priors has a finite force.
+    """
+    predictor = predictor_of(experiment, choices, trials)
+    density = _density(experiment, predictor, trials)
+    mode = _highest(density, predictor, seed)
+    noise, own = predictor.noise, predictor.parameters
+    if isinstance(noise, Floor) and has_uncertain_zeros(predictor.model, trials):
+        model = own.model_at(mode.point.constants)
+        predictor = predictor.over(with_zero_errors(predictor.record, trials, model))
+        density = _density(experiment, predictor, trials)
+        mode = find_mode(density, predictor.hypothesis, mode.point.theta) or mode
+    blocks = predictor.record.blocks
+    if isinstance(noise, Floor):
+        separation = density.discrepancy.separated(mode.point.responses, own.length)
+        likelihood = floor_likelihood(experiment, noise, density.discrepancy, separation)
+    else:
+        assert isinstance(noise, White)
+        residual = np.asarray(blocks.force) - mode.point.predicted
+        likelihood = white_likelihood(noise, blocks, experiment.scales.noise, residual)
+    posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
+    point, log_density, curvature = _refined(posterior, density, mode.point)
+    normal = NormalApproximation(point.theta, covariance_from(curvature, own.length))
+    if not isinstance(noise, Floor):
+        return Start(posterior, normal, log_density, None)
+    discrepancy = density.discrepancy
+    if len(trials) > 1:
+        discrepancy = replace(discrepancy, scatter=UNDECIDED)
+    return Start(posterior, normal, log_density, Spread.about(discrepancy, point))
 
 
-def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.ndarray]) -> Optimum:
-    """Return the mode found from thetas (D,) of the model alone."""
-    bare, scale = without_noise(posterior), block_scale(posterior, floor)
-    noise = central(posterior.noise)
-    guesses = []
-    for theta in thetas:
-        normal, _ = normal_approximation(bare, scale, theta)
-        spread = block_diag(normal.covariance, _NOISE_SD**2 * np.eye(noise.size))
-        guesses.append(NormalApproximation(np.concatenate([theta, noise]), spread))
-    return find_optimum(posterior, guesses)
+def _density(experiment: Experiment, predictor: Predictor, trials: Tests) -> Density:
+    """Return the density of the diagnosis, of the one model of a fit."""
+    noise, blocks = predictor.noise, predictor.record.blocks
+    if isinstance(noise, Floor):
+        discrepancy = discrepancy_of(experiment, trials, blocks, noise)
+        return Density(predictor.space, discrepancy.whitener, discrepancy)
+    floor = replace(experiment.floor, white=experiment.scales.noise, ou=0.0, dwells=None)
+    whitener = Whitener.from_floor(floor, blocks, experiment.scales.force)
+    nothing = Discrepancy.none(whitener, experiment.scales.force)
+    return Density(predictor.space, whitener, nothing)
 
 
-def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Optimum:
-    """Return the highest of the modes found from each guess (quasi-Newton with exact gradients)."""
-    optima = [(_optimised(posterior, guess), guess) for guess in guesses]
-    (theta, loss), guess = min(optima, key=lambda optimum: optimum[0][1])
-    covariance = _covariance(posterior, theta, np.linalg.cholesky(guess.covariance))
-    return Optimum(theta, -loss, NormalApproximation(theta, covariance))
+def _highest(density: Density, predictor: Predictor, seed: int) -> Mode:
+    """Return the highest mode that draws of the priors lead to."""
+    space, hypothesis = predictor.space, predictor.hypothesis
+    draws = predictor.parameters.within(space.prior_draws(hypothesis, seed))
+    with np.errstate(over="ignore"):
+        residuals = predictor.residuals(predictor.parameters.constants(draws))
+        squares = np.sum(residuals[:, space.real] ** 2, axis=1)
+    order = [k for k in np.argsort(squares) if np.isfinite(squares[k])]
+    found = modes(density, hypothesis, draws[order[:_STARTS]])
+    if not found:
+        raise NoFiniteForceError
+    return redrawn_modes(density, hypothesis, found, seed, _REDRAWN)[0]
 
 
-def _optimised(posterior: Posterior, guess: NormalApproximation) -> tuple[np.ndarray, float]:
-    """Return the mode that a guess leads to, and minus the log density there."""
-    axes = np.linalg.cholesky(guess.covariance)
+def _refined(posterior: Posterior, density: Density, point: Point) -> tuple[Point, float, Array]:
+    """Return the mode of the likelihood that is sampled, log density and curvature (D, D) there.
 
-    def loss(z: np.ndarray) -> tuple[float, np.ndarray]:
-        value, gradient = compiled.loss_and_gradient(posterior, guess.mean + axes @ z)
-        if not np.isfinite(value):
-            return 1e100, np.zeros_like(z)
-        return float(value), axes.T @ np.asarray(gradient)
+    Given the probabilities of scale and size the density is normal to the first order, so that
+    each step is one of Gauss and Newton (expectation maximisation over scale and size).
+    """
+    height = float(posterior.log_density(point.theta[None])[0])
+    for _ in range(_STEPS):
+        terms = _expanded(posterior, point)
+        step = bounded_step(terms, 0.0, point)
+        if predicted_decrease(terms, step) < _CLOSE:
+            break
+        for _ in range(_HALVINGS):
+            theta = point.own.within(point.theta + step)
+            reached = float(posterior.log_density(theta[None])[0])
+            if reached > height:
+                break
+            step = 0.5 * step
+        else:
+            break
+        moved = density.at(posterior.hypothesis, theta)
+        if moved is None:
+            break
+        point, height = moved, reached
+    return point, height, _expanded(posterior, point).curvature
 
-    options = {"maxiter": 500, "maxcor": 20, "ftol": 1e-12, "gtol": 1e-4}
-    result = minimize(loss, np.zeros_like(guess.mean), jac=True, method="L-BFGS-B", options=options)
-    return guess.mean + axes @ result.x, float(result.fun)
 
-
-def _covariance(posterior: Posterior, theta: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Return the inverse curvature (D, D) of minus the log density, at the posterior's scale."""
-    for _ in range(_PASSES):
-        change = np.array([_gradient_change(posterior, theta, 0.5 * axis) for axis in axes.T])
-        values, vectors = np.linalg.eigh(0.5 * (change @ axes + axes.T @ change.T))
-        directions = axes @ vectors
-        flattest = np.sum(directions**2, axis=0) / LARGEST_SD**2
-        axes = directions / np.sqrt(np.maximum(values, flattest))
-    return axes @ axes.T
-
-
-def _gradient_change(posterior: Posterior, theta: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return the change (D,) of the gradient between ``half`` an axis before and after theta."""
-    above = compiled.loss_and_gradient(posterior, theta + half)[1]
-    below = compiled.loss_and_gradient(posterior, theta - half)[1]
-    return np.asarray(above) - np.asarray(below)
+def _expanded(posterior: Posterior, point: Point) -> Terms:
+    """Return the expansion of minus the log density, with probabilities of the choices as here."""
+    likelihood = posterior.likelihood
+    residual = np.asarray(posterior.record.blocks.force) - point.predicted
+    (white,), slopes = likelihood.white(residual[None]), likelihood.white(point.responses)
+    logs = likelihood.log_choices(white[None])[0]
+    shares = np.exp(logs - logs.max())
+    weighted = slopes * ((shares / shares.sum()) @ likelihood.precisions)
+    return Terms(
+        0.0,
+        point.prior.gradient - weighted @ white,
+        point.prior.curvature + weighted @ slopes.T,
+    )

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.drawn_errors import discrepancy_draws, realisations
 from qlvbayes.fitting.marginal_likelihood import known_floor, with_zero_errors
+from qlvbayes.fitting.posterior import Predictor
 from qlvbayes.inference.errors.features import Locations
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
-from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.parameters import filled
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import phase_index
 from qlvbayes.motion.record import Record, batch
@@ -65,18 +63,18 @@ def predict(
     """Predict some trials from posterior draws (draws,) of each constant."""
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
-    posterior = _sample_by_sample(experiment, choices, trials, chosen)
+    predictor = _sample_by_sample(experiment, choices, trials, chosen)
     rng = np.random.default_rng(seed)
-    matrix = _drawn(constants, names(posterior), rng)
-    forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
-    if isinstance(posterior.noise, Floor):
-        middle = posterior.with_constants(jnp.asarray(matrix.mean(axis=0)))[0]
-        posterior = replace(posterior, record=with_zero_errors(posterior.record, trials, middle))
-    noise = _noise(posterior, matrix, rng)
-    floor = _floor_draws(experiment, posterior, rng)
-    if isinstance(posterior.noise, Floor):
-        known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
-        noise += _discrepancy(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
+    matrix = _drawn(constants, predictor.names, rng)
+    forces = predictor.forces(matrix)
+    if isinstance(predictor.noise, Floor):
+        middle = predictor.parameters.model_at(matrix.mean(axis=0))
+        predictor = predictor.over(with_zero_errors(predictor.record, trials, middle))
+    noise = _noise(predictor, matrix, rng)
+    floor = _floor_draws(experiment, predictor.record, rng)
+    if isinstance(predictor.noise, Floor):
+        known = replace(experiment, floor=known_floor(experiment.floor, predictor.noise))
+        noise += _discrepancy(known, predictor, matrix, trials, chosen, forces.mean(axis=0), rng)
     return [
         _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
         for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
@@ -98,14 +96,14 @@ def _rows(trial: Trial) -> np.ndarray:
 
 def _sample_by_sample(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
-) -> Posterior:
-    """Return a posterior of which each sample is a block of its own."""
+) -> Predictor:
+    """Return the model over a record of which each sample is a block of its own."""
     model, noise = choices.build(experiment.scales)
     records = [
         single_samples(experiment, trial, chosen)
         for trial, chosen in zip(trials, rows, strict=True)
     ]
-    return Posterior(model, noise, batch(records))
+    return Predictor.from_model(model, noise, batch(records))
 
 
 def representative_rows(trial: Trial) -> np.ndarray:
@@ -135,20 +133,20 @@ def _drawn(
     return matrix[rng.integers(0, len(matrix), DRAWS)]
 
 
-def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return noise (DRAWS, T, B) of single samples, each draw with its own sd."""
-    samples = posterior.record.blocks
-    contact = np.asarray(samples.contact)
-    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(samples))(matrix)
-    noise = np.asarray(sds) * rng.standard_normal((len(matrix), *samples.weight.shape))
-    if contact.any():
-        noise += contact * rng.standard_normal((len(matrix), len(contact), 1))
-    return noise
+    samples, count = predictor.record.blocks, len(predictor.noise.units)
+    noise = filled(predictor.noise, matrix.T[-count:, :, None, None])
+    shape = (len(matrix), *samples.weight.shape)
+    errors: np.ndarray = noise.sample_sd(samples) * rng.standard_normal(shape)
+    if samples.contact.any():
+        errors += samples.contact * rng.standard_normal((*shape[:2], 1))
+    return errors
 
 
 def _discrepancy(
     experiment: Experiment,
-    posterior: Posterior,
+    predictor: Predictor,
     matrix: np.ndarray,
     trials: Sequence[Trial],
     chosen: Sequence[np.ndarray],
@@ -170,7 +168,7 @@ def _discrepancy(
         ]
     )
     fitted = experiment.with_role("fit")
-    of_fit = Posterior(posterior.model, posterior.noise, experiment.record(fitted))
+    of_fit = predictor.over(experiment.record(fitted))
     drawn = np.zeros((len(matrix), *forces.shape))
     inside = np.zeros(forces.shape, dtype=bool)
     for k, rows in enumerate(chosen):
@@ -179,11 +177,9 @@ def _discrepancy(
     return drawn
 
 
-def _floor_draws(
-    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
-) -> np.ndarray:
+def _floor_draws(experiment: Experiment, record: Record, rng: np.random.Generator) -> np.ndarray:
     """Return realisations (DRAWS, T, B) of the floor, each with its own draw given the dwells."""
-    blocks = posterior.record.blocks
+    blocks = record.blocks
     floors = experiment.floor.draws(DRAWS)
     tests = [
         jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(blocks.force))

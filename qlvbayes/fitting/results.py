@@ -13,9 +13,7 @@ import numpy as np
 import xarray
 
 import qlvbayes
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import Fit
-from qlvbayes.fitting.marginal_likelihood import DrawResiduals
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import folder_fault, write_whole
@@ -23,12 +21,13 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import (
     check_draws,
+    completed,
     flat_names,
     infer_choices,
     pad_name,
     stated_units,
-    wanted_names,
 )
+from qlvbayes.model.noise import NOISES, neutral_names
 from qlvbayes.model.parameters import all_fields, described
 from qlvbayes.motion.covered import Covered, covered
 
@@ -81,7 +80,8 @@ def to_arviz(
     force = fit.experiment.units.force_name
     real = np.asarray(fit.posterior.record.blocks.real)
     shape = fit.theta.shape[:2]
-    likelihood, predicted = _judged(fit, real, seed)
+    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
+    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
     moved = not np.array_equal(fit.followed, fit.constants)
     curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
     facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
@@ -103,25 +103,6 @@ def to_arviz(
         node.attrs.pop("created_at", None)  # the same fit gives the same file
     tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
     return tree
-
-
-def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return pointwise log likelihoods (draws, blocks) and block means with new noise."""
-    posterior = fit.posterior
-    if posterior.floor is not None:
-        constants = fit.followed.reshape(-1, fit.followed.shape[-1])
-        forces = compiled.in_batches(compiled.predictions, posterior, constants)
-        residuals = DrawResiduals(posterior, forces, constants)
-        return residuals.log_likelihoods(), residuals.replicates(np.random.default_rng(seed))
-    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
-    keys = _keys(len(flat), seed)
-    values = compiled.in_batches(compiled.judgements, posterior, flat, keys)
-    return values[:, 0, real], values[:, 1, real]
-
-
-def _keys(count: int, seed: int) -> np.ndarray:
-    """Return random keys (count, 2), as numbers."""
-    return np.random.default_rng(seed).integers(0, 2**32, (count, 2), dtype=np.uint32)
 
 
 def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
@@ -259,14 +240,15 @@ def _check_arrays(path: Path) -> None:
 
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
     """Return the contents of a file that this program wrote."""
-    attrs, (names, columns) = tree.attrs, _flattened(posterior)
-    coverage = attrs.get("covered")
-    curves = _flattened(tree["curve"].to_dataset())[1] if "curve" in tree else None
+    attrs, coverage = tree.attrs, tree.attrs.get("covered")
+    choices = Choices.from_dict(json.loads(attrs["choices"]))
+    draws = _with_noise(choices, posterior)
+    curves = _with_noise(choices, tree["curve"].to_dataset()) if "curve" in tree else None
     return Saved(
         pad=str(attrs["pad"]),
-        names=tuple(names),
-        constants=np.stack(columns, axis=-1),
-        choices=Choices.from_dict(json.loads(attrs["choices"])),
+        names=tuple(draws),
+        constants=np.stack(list(draws.values()), axis=-1),
+        choices=choices,
         method=str(attrs["method"]),
         source=str(attrs["source"]),
         sha256=str(attrs["sha256"]),
@@ -276,8 +258,16 @@ def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(coverage)) if coverage else None,
         converged=bool(attrs.get("converged", True)),
-        curves=None if curves is None else np.stack(curves, axis=-1),
+        curves=None if curves is None else np.stack(list(curves.values()), axis=-1),
     )
+
+
+def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.ndarray]:
+    """Return draws (chain, draw) by name; older results may lack the discrepancy's constants."""
+    draws = dict(zip(*_flattened(posterior), strict=True))
+    for name, value in neutral_names(NOISES[choices.noise]).items():
+        draws.setdefault(name, np.full_like(draws["m"], value))
+    return draws
 
 
 def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
@@ -300,7 +290,7 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
             bonded=bool(attrs.get("bonded", units.bonded_default)),
             effects_file=attrs.get("effects_file"),
         )
-        draws = {name: np.asarray(columns[name], float) for name in wanted_names(choices, columns)}
+        draws = completed(choices, columns)
         check_draws(choices, draws)
     except InputError as error:
         raise InputError(str(error), file=path) from error

@@ -10,23 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import block_diag
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.least_squares import (
     NormalApproximation,
     least_squares,
     normal_approximation,
-    without_noise,
+    residuals_and_slopes,
 )
 from qlvbayes.fitting.marginal_likelihood import has_uncertain_zeros, with_zero_errors
+from qlvbayes.fitting.posterior import Predictor
 from qlvbayes.inference.common_errors import stage_changes
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model.noise import White
-from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 
 _LITTLE = 1.0 / 3.0  # of a test from its first ramp on: less is said to be little
@@ -35,52 +33,47 @@ _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 
 @dataclass(frozen=True)
 class LeastSquaresFit:
-    """The normal approximation over the posterior's theta, with white noise of the residual's sd.
+    """The normal approximation over the free constants.
 
-    posterior: with the noise as fitted; scale: divisors (T, B) of the residuals, infinite where
-    none counts; residual_sd: root mean square of the block means' residuals (N); agreeing: how many
-    starts led to the best optimum; moves: changes (S, D) of the optimum for one standard error of
-    each of S measured contacts, which no scatter of residuals shows.
+    scale: divisors (T, B) of the residuals, infinite where none counts; residual_sd: root mean
+    square of the block means' residuals (N); agreeing: how many starts led to the best optimum;
+    moves: changes (S, D) of the optimum for one standard error of each of S measured contacts,
+    which no scatter of residuals shows.
     """
 
-    posterior: Posterior
     normal: NormalApproximation
-    scale: np.ndarray
+    scale: Array
     residual_sd: float
     agreeing: int
-    moves: np.ndarray
+    moves: Array
 
 
 def one_step(
-    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+    experiment: Experiment, predictor: Predictor, rng: np.random.Generator
 ) -> LeastSquaresFit:
     """Return the fit that minimises the time integral of squared residuals of ramp and hold."""
-    bare = without_noise(posterior)
     trials = experiment.with_role("fit")
-    scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weighted=True)
-    fits = least_squares(bare, scale, rng)
-    normal, _ = normal_approximation(bare, scale, fits.thetas[0])
-    moves = contact_moves(bare, scale, normal.mean, trials)
-    return _finish(posterior, bare, scale, normal, _agreeing(fits.costs), moves)
+    scale = _scale(predictor, [_span(trial, ("ramp", "hold")) for trial in trials], weighted=True)
+    fits = least_squares(predictor, scale, rng)
+    normal, _ = normal_approximation(predictor, scale, fits.thetas[0])
+    moves = contact_moves(predictor, scale, normal.mean, trials)
+    return _finished(predictor, scale, normal, _agreeing(fits.costs), moves)
 
 
 def two_step(
-    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+    experiment: Experiment, predictor: Predictor, rng: np.random.Generator
 ) -> LeastSquaresFit:
     """Return the fit of elastic constants to the fastest ramp, then of relaxation to the hold."""
-    bare = without_noise(posterior)
     fastest = max(experiment.trials, key=lambda trial: trial.rate)
-    ramp = Posterior(
-        replace(bare.model, relaxation=Prony(jnp.array([1.0, 0.0]), jnp.array([1.0]))),
-        bare.noise,
-        experiment.record([fastest]),
-    )
+    model, noise = predictor.model, predictor.noise
+    elastic_alone = replace(model, relaxation=Prony(np.array([1.0, 0.0]), np.array([1.0])))
+    ramp = Predictor.from_model(elastic_alone, noise, experiment.record([fastest]))
     ramp_scale = _scale(ramp, [_span(fastest, ("ramp",))], weighted=False)
     ramp_fits = least_squares(ramp, ramp_scale, rng)
     first, _ = normal_approximation(ramp, ramp_scale, ramp_fits.thetas[0])
 
-    elastic = ramp.bind(jnp.asarray(first.mean))[0].elastic
-    hold = Posterior(replace(bare.model, elastic=elastic), bare.noise, bare.record)
+    elastic = ramp.parameters.model_at(ramp.parameters.constants(first.mean[None])[0]).elastic
+    hold = Predictor.from_model(replace(model, elastic=elastic), noise, predictor.record)
     trials = experiment.with_role("fit")
     hold_scale = _scale(hold, [_span(trial, ("hold",)) for trial in trials], weighted=True)
     hold_fits = least_squares(hold, hold_scale, rng)
@@ -89,26 +82,27 @@ def two_step(
     mean = np.concatenate([first.mean, second.mean])
     normal = NormalApproximation(mean, block_diag(first.covariance, second.covariance))
     agreeing = min(_agreeing(ramp_fits.costs), _agreeing(hold_fits.costs))
-    return _finish(posterior, bare, hold_scale, normal, agreeing, np.zeros((0, mean.size)))
+    return _finished(predictor, hold_scale, normal, agreeing, np.zeros((0, mean.size)))
 
 
 def contact_moves(
-    posterior: Posterior, scale: np.ndarray, theta: np.ndarray, trials: Sequence[Trial]
-) -> np.ndarray:
+    predictor: Predictor, scale: Array, theta: Array, trials: Sequence[Trial]
+) -> Array:
     r"""Return what one standard error of each of S contacts moves an optimum by, (S, D).
 
-    With the derivatives J (T*B, D) of the residuals, and the change u of the predicted block means
+    With the derivatives J (n, D) of the residuals, and the change u of the predicted block means
     over the same ``scale``, the move is :math:`(J^T J)^{-1} J^T u`, to first order.
     """
-    model = posterior.bind(jnp.asarray(theta))[0]
+    own = predictor.parameters
+    model = own.model_at(own.constants(theta[None])[0])
     if not has_uncertain_zeros(model, trials):
         return np.zeros((0, theta.size))
-    blocks = with_zero_errors(posterior.record, trials, model).blocks
-    own = np.eye(len(trials))[:, :, None] * np.asarray(blocks.zero)
-    changes = np.concatenate([own, stage_changes(trials, blocks)])
-    scaled = np.where(np.asarray(blocks.real), changes / scale, 0.0).reshape(len(changes), -1)
-    _, slopes = compiled.residuals_and_slopes(posterior, scale, theta)
-    return np.asarray(np.linalg.lstsq(np.asarray(slopes), scaled[scaled.any(axis=1)].T)[0].T)
+    blocks = with_zero_errors(predictor.record, trials, model).blocks
+    of_tests = np.eye(len(trials))[:, :, None] * np.asarray(blocks.zero)
+    changes = np.concatenate([of_tests, stage_changes(trials, blocks)])
+    scaled = (changes / scale)[:, predictor.space.real]
+    _, slopes = residuals_and_slopes(predictor, scale, theta)
+    return np.asarray(np.linalg.lstsq(slopes, scaled[scaled.any(axis=1)].T)[0].T)
 
 
 def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
@@ -138,9 +132,9 @@ def part_notice(experiment: Experiment, method: str) -> tuple[str, ...]:
     )
 
 
-def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weighted: bool) -> np.ndarray:
+def _scale(predictor: Predictor, spans: list[tuple[float, float]], *, weighted: bool) -> Array:
     """Return the divisors (T, B) of residuals, which are infinite outside the spans."""
-    blocks = posterior.record.blocks
+    blocks = predictor.record.blocks
     first, last, count = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.count))
     middle = 0.5 * (first + last)
     low, high = (np.array(x)[:, None] for x in zip(*spans, strict=True))
@@ -158,19 +152,12 @@ def _agreeing(costs: tuple[float, ...]) -> int:
     return sum(cost <= _AGREEMENT * costs[0] + 1e-12 for cost in costs)
 
 
-def _finish(
-    posterior: Posterior,
-    bare: Posterior,
-    scale: np.ndarray,
-    normal: NormalApproximation,
-    agreeing: int,
-    moves: np.ndarray,
+def _finished(
+    predictor: Predictor, scale: Array, normal: NormalApproximation, agreeing: int, moves: Array
 ) -> LeastSquaresFit:
-    """Return the fit with white noise of the residual's root mean square over the fitted blocks."""
-    values, _ = compiled.residuals_and_slopes(
-        bare, np.where(np.isinf(scale), np.inf, 1.0), normal.mean
-    )
+    """Return the fit with the root mean square of its residuals over the fitted blocks."""
+    counting = np.where(np.isinf(scale), np.inf, 1.0)
+    values, _ = residuals_and_slopes(predictor, counting, normal.mean)
     count = max(int(np.sum(np.isfinite(scale))), 1)
-    residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / count))
-    fitted = Posterior(posterior.model, White(residual_sd), posterior.record)
-    return LeastSquaresFit(fitted, normal, scale, residual_sd, agreeing, moves)
+    sd = float(np.sqrt(values @ values / count))
+    return LeastSquaresFit(normal, scale, sd, agreeing, moves)

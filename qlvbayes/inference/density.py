@@ -29,14 +29,14 @@ from qlvbayes.inference.errors.scatter import NONE, by_test, scaled_parts
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
-from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.forward.space import STEP, Space
 from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
 
 _COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
-_LARGEST_FORCE = 1e6  # times the peak force: beyond it squares overflow and nothing fits
+LARGEST_FORCE = 1e6
+"""Times the peak force: beyond it squares overflow and nothing fits."""
 _PRIOR_STEP = 3e-4  # of the unconstrained numbers of a prior
-_STEP = 1e-5  # natural lengths of a difference quotient: half the digits of a float64
 
 
 class Terms(NamedTuple):
@@ -143,29 +143,16 @@ class Density:
         precisions = self.whitener.precisions
         return 0.5 * float(np.log(precisions).sum() - precisions.size * math.log(2.0 * math.pi))
 
-    def predicted(self, hypothesis: Hypothesis, theta: Array) -> tuple[Array, Array]:
-        """Return block means (T, B) of the force (N) at theta (F,), and derivatives (F, T, B)."""
-        return self._forces_and_slopes(self.space.parameters(hypothesis), theta)[1:]
-
-    def _forces_and_slopes(
-        self, parameters: Parameters, theta: Array
-    ) -> tuple[Array, Array, Array]:
-        """Return constants (1 + F, P), block means (T, B) and their derivatives (F, T, B)."""
-        steps = _STEP * parameters.length
-        constants = parameters.constants(_stepped(theta, steps))
-        forces = self.space.forces(parameters.hypothesis, constants)
-        return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
-
     def at(
         self, hypothesis: Hypothesis, theta: Array, like: Separation | None = None
     ) -> Point | None:
         """Return the point at theta (F,); None where the force is not finite or absurdly large."""
         parameters = self.space.parameters(hypothesis)
-        constants, predicted, responses = self._forces_and_slopes(parameters, theta)
+        constants, predicted, responses = self.space.forces_and_slopes(hypothesis, theta)
         prior = _prior(parameters, theta)
-        steps = np.abs(responses).max() * _STEP * parameters.length.max()
+        steps = np.abs(responses).max() * STEP * parameters.length.max()
         largest = np.maximum(np.abs(predicted).max(), steps)  # a NaN fails the comparison below
-        if not (largest < _LARGEST_FORCE * self.discrepancy.peak and np.isfinite(prior.loss)):
+        if not (largest < LARGEST_FORCE * self.discrepancy.peak and np.isfinite(prior.loss)):
             return None
         if not (np.isfinite(prior.gradient).all() and np.isfinite(prior.curvature).all()):
             return None
@@ -174,7 +161,7 @@ class Density:
             parameters,
             theta,
             constants[0],
-            ((constants[1:] - constants[0]) / (_STEP * parameters.length)[:, None]).T,
+            ((constants[1:] - constants[0]) / (STEP * parameters.length)[:, None]).T,
             predicted,
             responses,
             whitened[0],
@@ -212,17 +199,17 @@ class Density:
         logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         if not inside.any():
             return logs
-        predicted = self.space.forces(parameters.hypothesis, parameters.constants(thetas[inside]))
-        residuals = self._force - predicted
+        constants, priors = parameters.bound(thetas[inside])
+        residuals = self._force - self.space.forces(parameters.hypothesis, constants)
         largest = np.abs(residuals).max(axis=(1, 2))
-        sound = largest < _LARGEST_FORCE * self.discrepancy.peak  # false for NaN
+        sound = largest < LARGEST_FORCE * self.discrepancy.peak  # false for NaN
         kept = np.flatnonzero(inside)[sound]
+        priors = priors[sound] + _log_noticeable(parameters, thetas[kept], tolerance)
         white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], modes)
         for k, point in enumerate(modes):
             nearest_k = nearest == k
             likelihood = self.discrepancy.log_likelihoods(white[nearest_k], point.separation, sizes)
-            prior = _log_priors(parameters, thetas[kept[nearest_k]], tolerance)
-            logs[kept[nearest_k]] = likelihood + prior[:, None]
+            logs[kept[nearest_k]] = likelihood + priors[nearest_k, None]
         return logs
 
     def terms(self, point: Point, size: float) -> Terms:
@@ -245,11 +232,6 @@ class Density:
         separation = point.separation.with_errors(errors)
         size, scatter = self.discrepancy.likeliest(point.residual, guess, separation)
         return size, replace(point, separation=separation.with_scatter(scatter))
-
-
-def _stepped(theta: Array, steps: Array) -> Array:
-    """Return theta and, below it, theta with a step along each parameter, (1 + F, F)."""
-    return np.concatenate([theta[None], theta + np.diag(steps)])
 
 
 def _nearest(thetas: Array, modes: Sequence[Point]) -> NDArray[np.intp]:
@@ -277,20 +259,15 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
     return Terms(loss, gradient, curvature)
 
 
-def _log_priors(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
-    """Return log prior densities (K,) at thetas (K, F), with negligible amplitudes excluded."""
-    direct = parameters.direct
-    offset = thetas[:, direct.theta] - direct.mean
-    logs = direct.top - 0.5 * (direct.precision * offset**2).sum(axis=1)
-    with np.errstate(all="ignore"):
-        for leaf in parameters.joint:
-            logs = logs + leaf.constrain(thetas)[1]
+def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
+    """Return by how much (K,) the log prior changes where negligible amplitudes are excluded."""
+    logs = np.zeros(len(thetas))
     for leaf in parameters.leaves:
         if isinstance(leaf.prior, Natural):
             inner = leaf.prior.inner
             amplitudes = thetas[:, leaf.theta.start].tolist()
-            logs = logs + [log_noticeable(inner, own, 0.0, tolerance) for own in amplitudes]
-    return np.asarray(logs)
+            logs += [log_noticeable(inner, own, 0.0, tolerance) for own in amplitudes]
+    return logs
 
 
 def positive_part(matrix: Array) -> Array:

@@ -31,7 +31,6 @@ RELAXATION = {
 """Relaxations, ordered likewise."""
 NOISES = {
     "floor": "model.noise.Floor",
-    "correlated": "model.noise.Correlated",
     "white": "model.noise.White",
 }
 """Noise models, ordered likewise; the first is the default."""

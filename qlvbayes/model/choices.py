@@ -29,10 +29,9 @@ from qlvbayes.laws.catalogue import (
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import NOISES, AbstractNoise, Floor
+from qlvbayes.model.noise import NOISES, AbstractNoise, Correlated, Floor
 from qlvbayes.model.overrides import in_words, override, parse
-from qlvbayes.model.parameters import fields_of
-from qlvbayes.model.posterior import is_prior
+from qlvbayes.model.parameters import fields_of, is_prior
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.priors import AbstractPrior
 
@@ -224,9 +223,11 @@ class Choices:
     def from_dict(cls, values: dict) -> Choices:
         """Return choices from a dictionary that ``as_dict`` made.
 
-        Results without these keys are of tests from rest, and of all their readings; in older ones
-        the elastic law is called ``law``.
+        Results without these keys are of tests from rest, and of all their readings. In older ones
+        the elastic law is called ``law``, and the floor without a discrepancy ``correlated``.
         """
+        if values.get("noise") == Correlated.name:
+            values = {**values, "noise": Floor.name}
         values = {"elastic" if key == "law" else key: value for key, value in values.items()}
         names = ("priors", "fixed", "effects", "use", "leave_out")
         lists = {key: tuple(values.get(key, ())) for key in names}
@@ -262,7 +263,7 @@ def _check_floor(noise: Floor) -> None:
         if is_prior(field.value):
             raise InputError(
                 f"{field.name} is measured, not fitted",
-                remedy=f"fix it, as --fix {field.name}=NUMBER, or use --noise correlated",
+                remedy=f"fix it, as --fix {field.name}=NUMBER, or use --noise white",
             )
         if field.value < 0.0 or (
             field.value == 0.0 and field.name in ("noise.tau", "noise.factor")

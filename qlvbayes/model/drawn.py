@@ -14,8 +14,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.model.parameters import Field, fields_of
-from qlvbayes.model.posterior import is_prior, value_shape
+from qlvbayes.model.parameters import Field, fields_of, is_prior, value_shape
 
 # priors are replaced by draws, so that these scales only set the number of nodes of a
 # continuous spectrum: ten decades (s) hold those of any tests

@@ -15,7 +15,7 @@ from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields
-from qlvbayes.model.noise import NOISES
+from qlvbayes.model.noise import NOISES, AbstractNoise, neutral_names
 
 FEWEST = 100  # draws that a 90 % interval needs
 _SUM = 1e-3  # by which the sum of the fractions c may differ from 1
@@ -46,10 +46,9 @@ def infer_choices(
         effects=tuple(effects),
         effects_file=effects_file,
     )
-    wanted = [name for field in described_fields(choices) for name in field.names]
-    if not has_noise(given):
-        wanted = [name for name in wanted if not name.startswith("noise.")]
-    if missing := [name for name in wanted if name not in given]:
+    wanted = wanted_names(choices, given)
+    neutral = neutral_names(NOISES[choices.noise])
+    if missing := [name for name in wanted if name not in given and name not in neutral]:
         raise InputError(
             f"the posterior lacks {', '.join(missing)}",
             remedy=f"{_model(choices)} has {', '.join(wanted)}",
@@ -67,6 +66,19 @@ def wanted_names(choices: Choices, given: Iterable[str]) -> list[str]:
     noise = has_noise(given)
     all_names = [name for field in described_fields(choices) for name in field.names]
     return [name for name in all_names if noise or not name.startswith("noise.")]
+
+
+def completed(choices: Choices, draws: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the draws of a model's constants by name, in order; the noise's only where given.
+
+    What a posterior may leave out of its noise has its neutral value.
+    """
+    neutral = neutral_names(NOISES[choices.noise])
+    like = np.ones_like(next(iter(draws.values())))
+    return {
+        name: np.asarray(draws[name] if name in draws else neutral[name] * like, float)
+        for name in wanted_names(choices, draws)
+    }
 
 
 def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
@@ -145,13 +157,18 @@ def _indices(name: str, key: str) -> list[int]:
     return [int(match[1])] if match else []
 
 
+def _needed(kind: type[AbstractNoise]) -> list[str]:
+    """Return the names of the constants that every posterior with this noise has."""
+    return [kind.prefix + name for name in kind.units if name not in kind.neutral]
+
+
 def _noise(given: set[str]) -> str:
     for name, kind in NOISES.items():
-        if {kind.prefix + constant for constant in kind.units} <= given:
+        if set(_needed(kind)) <= given:
             return name
     if has_noise(given):
         present = ", ".join(sorted(name for name in given if name.startswith("noise.")))
         kinds = sorted(NOISES.values(), key=lambda kind: len(kind.units))
-        wanted = ", or ".join(joined([kind.prefix + name for name in kind.units]) for kind in kinds)
+        wanted = ", or ".join(joined(_needed(kind)) for kind in kinds)
         raise InputError(f"the posterior's noise has only {present}", remedy=f"give {wanted}")
     return "white"

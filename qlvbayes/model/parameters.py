@@ -1,18 +1,28 @@
-"""Name a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
+"""Name a model's constants (``m``, ``c[0]``, ``noise.white``), fill its fields, draw its priors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from functools import cache
+from typing import Any, Protocol, TypeGuard, TypeVar
 
+import jax
 import numpy as np
 
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.posterior import is_prior, value_shape
-from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
 from qlvbayes.pytree import Pytree
+from qlvbayes.xp import Array
+
+Part = TypeVar("Part")
+
+
+def is_prior(node: object) -> TypeGuard[AbstractPrior]:
+    """Return whether a field is free."""
+    return isinstance(node, AbstractPrior)
 
 
 @dataclass(frozen=True)
@@ -96,3 +106,53 @@ def _described(value: Any) -> str:
     if is_prior(value):
         return value.describe()
     return NOT_SAMPLED if np.isnan(value).any() else f"fixed at {value}"
+
+
+def filled(part: Part, constants: Array) -> Part:
+    """Return a part of a model whose fields are the numbers ``constants`` (P, ...), in order.
+
+    Where there are K sets of constants, (P, K), each field has them along its last axis.
+    """
+    leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
+    fields, taken = [], 0
+    for leaf in leaves:
+        shape = value_shape(leaf)
+        count = math.prod(shape)
+        rows = constants[taken : taken + count]
+        fields.append(rows.reshape(shape + rows.shape[1:]))
+        taken += count
+    whole: Part = jax.tree.unflatten(structure, fields)
+    return whole
+
+
+def value_shape(field: Any) -> tuple[int, ...]:
+    """Return the shape of the number or numbers that a field stands for."""
+    if isinstance(field, AbstractScalarPrior):
+        return ()
+    if isinstance(field, AbstractPrior):
+        leaves, structure = jax.tree.flatten(field)
+        return _constrained_shape(structure, tuple(map(np.shape, leaves)), field.size)
+    return np.shape(field)
+
+
+@cache  # called often
+def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, ...]:
+    prior = jax.tree.unflatten(structure, [np.ones(shape) for shape in shapes])
+    return np.shape(prior.constrain(np.zeros(size))[0])
+
+
+def draw_priors(part: Pytree, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return (count, D) unconstrained numbers drawn from the priors of a module."""
+    priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
+    values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
+    columns = [
+        unconstrained(prior, np.stack(drawn))
+        for prior, drawn in zip(priors, zip(*values, strict=True), strict=True)
+    ]
+    return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
+
+
+def unconstrained(prior: AbstractPrior, values: np.ndarray) -> np.ndarray:
+    """Return the unconstrained numbers (K, size) of K values (K, ...) of a prior's constants."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(prior.unconstrain(np.moveaxis(values, 0, -1))).T

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any, cast
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -43,7 +42,7 @@ class Blocks(Pytree):
     @property
     def contact(self) -> Array:
         """Return the change of the force (N) for one standard error of the contact, of any kind."""
-        return jnp.hypot(self.zero, self.stage)
+        return held(np.hypot(self.zero, self.stage))
 
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
@@ -101,7 +100,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
             records = [with_zeros(record, field, dtype) for record in records]
     records = _with_as_many_errors(records)
     padded = [_pad(record, points, blocks) for record in records]
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *padded)
 
 
 def padded_size(size: int) -> int:

@@ -110,7 +110,7 @@ class FitStep:
         with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
             experiment = self.choices.prepare(pad, all_tests=self.all_tests)
         sampled = self.method in SAMPLERS
-        used = self.choices if sampled else independent_noise(self.choices, self.method)
+        used = self.choices if sampled else independent_noise(self.choices)
         used.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         pulls = pull_notices(experiment, bonded=used.bonded, effects=used.effects)

@@ -106,7 +106,7 @@ def test_study_refits_with_the_named_effect(study, answer):
 def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
     said = ("m=lognormal(-1,1)", "v[1]=lognormal(2,1)", "noise.white=lognormal(-5,1)")
     stay = ("c[0]=0.3", "friction.strength=0.1")
-    mine = Choices(noise="correlated", effects="friction", priors=said, fixed=("b=1.2", *stay))
+    mine = Choices(noise="white", effects="friction", priors=said, fixed=("b=1.2", *stay))
     base = Base("hertz", "prony:2", 0.99)
     moved = on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
     assert (moved.elastic, moved.relaxing) == ("hertz", "prony:2")

@@ -14,7 +14,6 @@ TABLE = {  # command: what is typed after it, and a word of the refusal
         ("PADS -o OUT --pads Z", "no pad 'Z'; name one of: A, B, C"),
         ("PADS -o OUT --pads B --method guess", "'guess'; use one of emcee"),
         ("PADS -o OUT --pads B --noise pink", "noise"),
-        ("PADS -o OUT --pads B --method two-step --noise correlated", "takes no noise model"),
         ("PADS -o OUT --pads B --elastic rubber", "use one of exponential, linear, hertz"),
         ("PADS -o OUT --pads B --relaxation pony", "'pony'; use"),
         ("PADS -o OUT --pads B --prior v[1]=banana(1,2)", "no prior is called 'banana'"),

@@ -2,19 +2,19 @@
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.endtoend import experiment
 
 from qlvbayes.fitting.coordinates import Coordinates, best_reading
 from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, sample
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.least_squares import NormalApproximation
+from qlvbayes.fitting.marginal_likelihood import white_likelihood
+from qlvbayes.fitting.optimum import predictor_of
+from qlvbayes.fitting.posterior import Posterior, Predictor
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import White
-from qlvbayes.model.posterior import Posterior, draw_priors
+from qlvbayes.model.parameters import draw_priors
 
 NOISE = 30.0  # N, which drowns a test of some newtons
 SHARE = 1e-3  # of its force: sd of the one good reading
@@ -23,15 +23,21 @@ SHARE = 1e-3  # of its force: sd of the one good reading
 def posterior(elastic="exponential", relaxation="prony"):
     """Return the posterior of one test drowned in noise, but for the last reading of the hold."""
     choices = Choices(elastic=elastic, relaxation=relaxation)
-    built = build_posterior(experiment(), choices, experiment().with_role("fit"))
+    built = predictor_of(experiment(), choices, experiment().with_role("fit"))
     blocks = built.record.blocks
     weight = np.asarray(blocks.weight).copy()
     best = good_block(built.record)
     count = float(np.asarray(blocks.count)[0, best])
     force = float(np.asarray(blocks.force)[0, best])
     weight[0, best] = SHARE * force * np.sqrt(count) / NOISE
-    record = replace(built.record, blocks=replace(blocks, weight=jnp.asarray(weight)))
-    return Posterior(built.model, White(NOISE), record)
+    record = replace(built.record, blocks=replace(blocks, weight=weight))
+    return drowned(built.model, record)
+
+
+def drowned(model, record):
+    own, noise = Predictor.from_model(model, White(NOISE), record), White(NOISE)
+    likelihood = white_likelihood(noise, record.blocks, NOISE)
+    return Posterior(own.space, own.hypothesis, noise, likelihood)
 
 
 def good_block(record):
@@ -42,21 +48,26 @@ def good_block(record):
 
 def normal(about):
     """Return a normal of the prior's spread about its mean."""
-    draws = draw_priors(about, 500, np.random.default_rng(1))
+    draws = draw_priors(about.model, 500, np.random.default_rng(1))
     return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
 
 
 def held_force(about, depth, time, theta):
-    model = about.bind(theta)[0]
-    return jnp.log(model.relaxation.curve(time) * model.elastic.force(depth))
+    own = about.parameters
+    model = own.model_at(own.constants(theta[None])[0])
+    return np.log(model.relaxation.curve(np.array(time)) * model.elastic.force(np.array(depth)))
 
 
 def thin(about):
     """The same, but as thin as the good reading's error allows, to first order."""
     wide = normal(about)
     depth, time = best_reading(about.record)
-    slope = jax.grad(lambda theta: held_force(about, depth, time, theta))(wide.mean)
-    along = wide.covariance @ np.asarray(slope)
+    ends = wide.mean + 1e-6 * np.eye(about.size), wide.mean - 1e-6 * np.eye(about.size)
+    above, below = (
+        np.array([held_force(about, depth, time, one) for one in some]) for some in ends
+    )
+    slope = (above - below) / 2e-6
+    along = wide.covariance @ slope
     variance = slope @ along
     covariance = wide.covariance - np.outer(along, along) * (1.0 - SHARE**2 / variance) / variance
     return NormalApproximation(wide.mean, covariance)
@@ -69,7 +80,7 @@ def test_the_map_is_a_shear_and_has_an_inverse(elastic, relaxation):
     start = thin(own)
     coordinates = Coordinates.from_posterior(own, start)
     assert coordinates.index is not None
-    theta = start.draw(5, np.random.default_rng(2))
+    theta = own.parameters.within(start.draw(5, np.random.default_rng(2)))
     there = coordinates.from_theta(theta)
     np.testing.assert_allclose(coordinates.to_theta(there), theta, rtol=0, atol=1e-12)
     step = 1e-6
@@ -102,10 +113,11 @@ def test_without_free_constants_or_a_finite_force_theta_stays():
     own = posterior()
     start = thin(own)
     depths = own.record.motion.displacement
-    motion = replace(own.record.motion, displacement=jnp.zeros_like(depths))
-    off = Posterior(own.model, White(NOISE), replace(own.record, motion=motion))
+    motion = replace(own.record.motion, displacement=np.zeros_like(depths))
+    off = drowned(own.model, replace(own.record, motion=motion))
     assert Coordinates.from_posterior(off, start).index is None
-    fixed = Posterior(own.bind(jnp.asarray(start.mean))[0], White(NOISE), own.record)
+    (constants,) = own.parameters.constants(start.mean[None])
+    fixed = drowned(own.parameters.model_at(constants), own.record)
     nothing = NormalApproximation(np.zeros(0), np.zeros((0, 0)))
     assert Coordinates.from_posterior(fixed, nothing).index is None
 
@@ -129,7 +141,7 @@ def test_one_good_reading_among_noise_does_not_stop_the_walkers():
     assert chain.acceptance > 0.15
     thetas = chain.theta[::10].reshape(-1, own.size)
     rows = np.random.default_rng(0).choice(len(thetas), 500, replace=False)
-    forces = np.asarray(jax.vmap(own.predict)(jnp.asarray(thetas[rows])))[:, 0, best]
+    forces = own.forces(own.parameters.constants(thetas[rows]))[:, 0, best]
     force = float(np.asarray(own.record.blocks.force)[0, best])
     assert forces.mean() == pytest.approx(force, abs=0.25 * SHARE * force)
     assert forces.std() == pytest.approx(SHARE * force, rel=0.2)

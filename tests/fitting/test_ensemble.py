@@ -9,18 +9,15 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import beta, multivariate_normal, multivariate_t, norm
 from support.endtoend import experiment
+from support.posteriors import build_posterior
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore, remove_chain
 from qlvbayes.fitting.diagnostics import diagnose_chain, highest_density
 from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, key_of, sample
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.noise import White
-from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import Posterior, draw_priors
+from qlvbayes.model.parameters import draw_priors
 
 RNG = 20
 DRAWN = 5000  # rates, from their prior
@@ -30,18 +27,15 @@ STEPS = Settings(min_steps=100, stretch=20, max_steps=4000)
 @pytest.fixture(scope="module")
 def uninformed():
     """A posterior that is its prior: the noise drowns the data."""
-    built = build_posterior(
-        experiment(),
-        Choices(priors=("m=lognormal(0,0.5)", "b=lognormal(-1,0.5)")),
-        experiment().with_role("fit"),
-    )
-    return Posterior(built.model, White(1e7), built.record)
+    priors = ("m=lognormal(0,0.5)", "b=lognormal(-1,0.5)")
+    choices = Choices(noise="white", priors=priors, fixed="noise.white=1e7")
+    return build_posterior(experiment(), choices, experiment().with_role("fit"))
 
 
 @pytest.fixture(scope="module")
 def start(uninformed):
     rng = np.random.default_rng(RNG)
-    draws = draw_priors(uninformed, 2000, rng)
+    draws = draw_priors(uninformed.model, 2000, rng)
     return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
 
 
@@ -55,7 +49,7 @@ def constants(uninformed, chain):
     """(walkers, steps, P)."""
     theta = np.swapaxes(chain.theta, 0, 1)
     flat = theta.reshape(-1, theta.shape[-1])
-    values = compiled.in_batches(compiled.constants, uninformed, flat, size=4096)
+    values = uninformed.parameters.constants(flat)
     return values.reshape(*theta.shape[:2], -1)
 
 
@@ -81,7 +75,7 @@ def prior_quantiles(rates, name, shares):
 def test_without_information_the_prior_comes_out(uninformed, constants, rates):
     shares = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
     ess = diagnose_chain(constants).ess_bulk
-    for k, name in enumerate(names(uninformed)[:-1]):
+    for k, name in enumerate(uninformed.names[:-1]):
         expected = prior_quantiles(rates, name, shares)
         found = np.array([np.mean(constants[..., k] < q) for q in expected])
         # effective draws of the chain, and those of the rates
@@ -97,7 +91,7 @@ def test_the_chain_is_enough_and_says_how_long(chain):
 
 
 def test_log_densities_are_those_of_the_posterior(uninformed, chain):
-    last = np.asarray(compiled.log_densities(uninformed, chain.theta[-1]))
+    last = uninformed.log_density(chain.theta[-1])
     np.testing.assert_allclose(chain.log_density[-1], last, rtol=1e-12)
 
 

@@ -1,16 +1,19 @@
 """Fits of pad B: what the data say, what the user says, and the paper's own routes."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import build_posterior, fit_pad
-from qlvbayes.fitting.least_squares import least_squares, without_noise
-from qlvbayes.fitting.optimum import block_scale, starting_point
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.least_squares import least_squares
+from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.routes import part_notice
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -36,9 +39,13 @@ def true_curve(times):
 
 def _least_squares(prior):
     e = experiment()
-    posterior = build_posterior(e, Choices(priors=(prior,)), e.with_role("fit"))
-    scale = block_scale(posterior, e.floor)
-    return least_squares(without_noise(posterior), scale, np.random.default_rng(0))
+    predictor = predictor_of(e, Choices(priors=(prior,)), e.with_role("fit"))
+    scale = np.ones(predictor.record.blocks.force.shape)
+    return least_squares(predictor, scale, np.random.default_rng(0))
+
+
+def start():
+    return find_start(experiment(), Choices(), experiment().with_role("fit"))
 
 
 def test_draws_with_forces_beyond_all_numbers_are_passed_over():
@@ -50,6 +57,8 @@ def test_draws_with_forces_beyond_all_numbers_are_passed_over():
 def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         _least_squares("b=lognormal(9,0.1)")
+    with pytest.raises(InputError, match="narrow the priors"):
+        fitted(Choices(priors=("b=lognormal(9,0.1)",)))
 
 
 def test_draws_obey_the_model():
@@ -82,14 +91,6 @@ def test_the_noise_is_the_measured_floor_and_nothing_is_missed():
     assert remainder.median < 0.5 * floor.total
 
 
-@pytest.mark.slow
-def test_free_noise_is_found_as_it_was_simulated():
-    summary = fitted(Choices(noise="correlated")).summary()
-    # 0.006 N white, 0.008 N correlated over 0.5 s
-    for name, value in (("noise.white", 0.006), ("noise.ou", 0.008), ("noise.tau", 0.5)):
-        assert abs(summary[name].median - value) < 4.0 * summary[name].sd, name
-
-
 def test_kept_draws_stand_for_the_chain():
     found = fitted()
     assert found.theta.shape[:2] == found.constants.shape[:2]
@@ -102,9 +103,7 @@ def test_kept_draws_stand_for_the_chain():
 
 
 def test_the_normal_approximation_agrees_with_the_chain():
-    found = fitted()
-    rng = np.random.default_rng(0)
-    normal = starting_point(found.posterior, experiment().floor, rng).normal
+    found, normal = fitted(), start().normal
     theta = found.theta.reshape(-1, normal.mean.size)
     sd = theta.std(axis=0)
     assert theta.shape[1] == len(CONSTANTS) - 1  # the noise is not sampled
@@ -114,12 +113,10 @@ def test_the_normal_approximation_agrees_with_the_chain():
 
 
 def test_the_start_is_the_highest_point():
-    found = fitted()
-    rng = np.random.default_rng(0)
-    optimum = starting_point(found.posterior, experiment().floor, rng)
+    found, top = fitted(), start()
     flat = found.theta.reshape(-1, found.theta.shape[-1])
-    densities = compiled.in_batches(compiled.log_densities, found.posterior, flat)
-    assert optimum.log_density > np.max(densities) - 1e-6
+    assert top.log_density == found.posterior.log_density(top.normal.mean[None])[0]
+    assert top.log_density > np.max(found.posterior.log_density(flat)) - 1e-6
 
 
 def test_too_few_steps_do_not_converge_and_say_why():
@@ -243,9 +240,8 @@ def test_a_bonded_specimen_may_pull():
     lowest = {}
     for bonded in (False, True):
         trials = experiment().with_role("fit")
-        posterior = build_posterior(experiment(), Choices(bonded=bonded), trials)
-        theta = posterior.unconstrain(np.array(values))
-        lowest[bonded] = float(np.min(posterior.predict(theta)))
+        predictor = predictor_of(experiment(), Choices(bonded=bonded), trials)
+        lowest[bonded] = float(np.min(predictor.forces(np.array([values]))))
     assert lowest[False] == 0.0
     assert lowest[True] < -0.1
 
@@ -255,7 +251,29 @@ def test_an_unknown_method_is_refused():
         fit_pad(experiment(), Choices(), method="guess")
 
 
-@pytest.mark.parametrize("method", ["least-squares", "two-step"])
-def test_least_squares_refuses_a_noise_model_that_it_would_not_use(method):
-    with pytest.raises(InputError, match="takes no noise model"):
-        fit_pad(experiment(), Choices(noise="correlated"), method=method)
+COMPILED = """
+import jax.monitoring
+
+compiled = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, seconds, **_: compiled.append(event) if "compile" in event else None
+)
+from support.endtoend import SHORT, experiment, fitted
+
+fitted(settings=SHORT)
+print(len(compiled))
+"""
+
+
+def test_nothing_is_compiled():
+    """In a process of its own: what was compiled before would not be compiled again."""
+    done = subprocess.run(
+        [sys.executable, "-c", COMPILED], capture_output=True, text=True, env=_with_tests()
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "0"
+
+
+def _with_tests():
+    known = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(known)}

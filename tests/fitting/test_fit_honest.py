@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -11,12 +10,12 @@ from support.endtoend import CONSTANTS
 
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import build_posterior, fit_pad
-from qlvbayes.fitting.least_squares import least_squares, without_noise
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.least_squares import least_squares
+from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import names
 from qlvbayes.motion.experiment import prepare
 
 ROOT = Path(__file__).parents[2]
@@ -35,14 +34,43 @@ def both_errors(experiment, choices):
     """On tests left out: of the fit, and of least squares of the same model and samples."""
     found = fit_pad(experiment, choices, settings=QUICK)
     fitted = {name: found.constants[..., k] for k, name in enumerate(found.names)}
-    posterior = build_posterior(experiment, choices, found.trials)
-    scale = 1.0 / np.sqrt(np.asarray(posterior.record.blocks.count))
-    best = least_squares(without_noise(posterior), scale, np.random.default_rng(0)).thetas[0]
-    numbers = np.asarray(posterior.constants(jnp.asarray(best)))
+    predictor = predictor_of(experiment, choices, found.trials)
+    scale = 1.0 / np.sqrt(predictor.record.blocks.count)
+    best = least_squares(predictor, scale, np.random.default_rng(0)).thetas[0]
+    (numbers,) = predictor.parameters.constants(best[None])
     nothing = dict.fromkeys(("noise.white", "noise.ou", "noise.remainder"), np.zeros(1))
-    squares = dict(zip(names(posterior), numbers[:, None], strict=True)) | nothing
+    squares = dict(zip(predictor.names, numbers[:, None], strict=True)) | nothing
     squares |= {"noise.tau": np.ones(1), "noise.factor": np.ones(1)}
     return errors(experiment, choices, fitted), errors(experiment, choices, squares)
+
+
+def bundled():
+    """Pads of the files that come with the package."""
+    files = [ROOT / "data" / name for name in ("pads.csv", "hidden.csv")]
+    return [(file, pad.name) for file in files for pad in read_measurements(file).pads]
+
+
+@pytest.mark.parametrize(("file", "pad"), bundled(), ids=[pad for _, pad in bundled()])
+@pytest.mark.parametrize("role", ["fit", "all"])
+def test_the_curve_leaves_what_least_squares_leave_to_within_the_noise(file, pad, role):
+    """Of the same model on the same block means: less than the noise of these.
+
+    Correlated noise moves the likeliest curve off that of least squares even where the model is
+    right, by up to a quarter of what is left of one test: least squares follow the noise. There the
+    likelihood has to say so.
+    """
+    experiment = prepare(read_measurements(file).pad(pad), all_tests=role == "all")
+    trials = experiment.with_role("fit")
+    predictor = predictor_of(experiment, Choices(), trials)
+    ones = np.ones(predictor.record.blocks.force.shape)
+    squares = least_squares(predictor, ones, np.random.default_rng(0)).thetas[0]
+    start = find_start(experiment, Choices(), trials)
+    thetas = np.stack([squares, start.normal.mean])
+    left = predictor.residuals(predictor.parameters.constants(thetas))
+    least, found = (rmse([one[predictor.space.real]]) for one in left)
+    noise = rmse([start.spread.discrepancy.whitener.sds])
+    assert found <= 1.05 * least or found**2 < least**2 + noise**2
+    assert np.diff(start.posterior.log_density(thetas)) > 0.0
 
 
 @pytest.mark.slow

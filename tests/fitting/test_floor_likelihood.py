@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, solve_triangular
@@ -13,16 +12,17 @@ from scipy.stats import multivariate_t
 from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.drawn_errors import discrepancy_draws
-from qlvbayes.fitting.fit import build_posterior, fit_pad, separated_start
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.least_squares import least_squares
 from qlvbayes.fitting.marginal_likelihood import (
-    DrawResiduals,
-    FitResponse,
     Spread,
+    discrepancy_of,
     floor_likelihood,
+    white_likelihood,
 )
-from qlvbayes.fitting.optimum import least_squares_points, starting_point
+from qlvbayes.fitting.optimum import find_start, predictor_of
+from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations
@@ -30,14 +30,14 @@ from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.noise import White
+from qlvbayes.priors import LogNormal
 from qlvbayes.simulate import TABLE_1
 from qlvbayes.simulate.hidden import SqueezeFilm, ViscousDrag
 
 FACTOR, SIZE = -2, -1  # places of these in the noise's constants
 CONSTANTS = np.array([TABLE_1["B"].m, TABLE_1["B"].b, *TABLE_1["B"].c, *TABLE_1["B"].v])
 LONGER = replace(SHORT, max_steps=1000)
-log_priors = jax.jit(jax.vmap(lambda posterior, theta: posterior.bind(theta)[2], (None, 0)))
 
 
 @cache
@@ -51,7 +51,13 @@ def two_tests():
 def likelihood(*fixed, trials=None):
     noise = Choices(fixed=fixed).build(experiment().scales)[1]
     known, blocks = two_tests()
-    return floor_likelihood(experiment(), trials or known, blocks, noise)
+    made = discrepancy_of(experiment(), trials or known, blocks, noise)
+    return floor_likelihood(experiment(), noise, made)
+
+
+def log_likelihood(own, whole):
+    """Of one residual (T, B)."""
+    return float(own.log_likelihood(whole[None])[0])
 
 
 @cache
@@ -93,7 +99,7 @@ def test_each_size_is_a_normal_density_of_all_tests_together(size, factor):
     noise, discrepancy = dense()
     whole, flat = residuals(1)
     expected = log_normal(flat, factor**2 * noise + size**2 * discrepancy)
-    assert float(own.log_likelihood(whole)) == pytest.approx(expected, rel=1e-8)
+    assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-8)
 
 
 def test_sizes_and_scales_are_summed_with_their_priors():
@@ -111,7 +117,7 @@ def test_sizes_and_scales_are_summed_with_their_priors():
         for f in factors
         for s, p in zip(sizes, prior, strict=True)
     ]
-    assert float(own.log_likelihood(whole)) == pytest.approx(logsumexp(every), rel=1e-8)
+    assert log_likelihood(own, whole) == pytest.approx(logsumexp(every), rel=1e-8)
 
 
 def test_it_is_the_likelihood_of_the_diagnosis():
@@ -123,9 +129,9 @@ def test_it_is_the_likelihood_of_the_diagnosis():
     precisions = made.whitener.precisions
     constant = 0.5 * np.log(precisions / (2.0 * np.pi)).sum()
     for k in (0, 5, 12, 18):
-        log_likelihood = constant - made.loss(white, k) - made.log_prior[k]
+        expected = constant - made.loss(white, k) - made.log_prior[k]
         own = likelihood(f"noise.remainder={float(made.sizes[k])!r}", "noise.factor=1")
-        assert float(own.log_likelihood(whole)) == pytest.approx(log_likelihood, rel=1e-9)
+        assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-9)
 
 
 def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
@@ -135,7 +141,7 @@ def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
     whole, flat = residuals(4)
     assert np.asarray(own.constants).tolist() == [[0.004, 0.0, floor.tau, 1.0, 0.0]]
     expected = log_normal(flat, noise)
-    assert float(own.log_likelihood(whole)) == pytest.approx(expected, rel=1e-8)
+    assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -151,14 +157,42 @@ def test_measured_noise_takes_no_prior_and_no_nonsense(choices, said):
         Choices(**choices).build(experiment().scales)
 
 
+@pytest.mark.parametrize("width", [0.02, 1.0])
+def test_an_independent_noise_is_summed_over_its_sd(width):
+    """Against quadrature over the sd, whatever its prior says beside the data."""
+    _, blocks = two_tests()
+    whole, flat = residuals(6)
+    prior = LogNormal(np.log(0.03), width)
+    own = white_likelihood(White(prior), blocks, experiment().scales.noise, whole)
+    count, extra, timing = (
+        np.asarray(x)[_real()] for x in (blocks.count, blocks.extra, blocks.timing)
+    )
+    sds = np.geomspace(1e-3, 1.0, 5001)
+    variances = sds[:, None] ** 2 / count + extra**2 + timing**2
+    logs = -0.5 * (np.log(2.0 * np.pi * variances) + flat**2 / variances).sum(axis=1)
+    logs += np.asarray(prior.log_density(sds)) + np.log(sds)
+    weights = np.exp(logs - logsumexp(logs))
+    mean = weights @ sds
+    drawn = own.drawn(np.repeat(whole[None], 4000, axis=0), (np.arange(4000) + 0.5) / 4000)
+    sd = np.sqrt(weights @ (sds - mean) ** 2)
+    assert drawn.mean() == pytest.approx(mean, abs=0.05 * sd)
+    assert drawn.std() == pytest.approx(sd, rel=0.05)
+    # the log likelihood of another residual, over that of this one
+    other, _ = residuals(7)
+    less = -0.5 * (other[_real()] ** 2 / variances - flat**2 / variances).sum(axis=1)
+    expected = logsumexp(logs + less) - logsumexp(logs)
+    found = log_likelihood(own, other) - log_likelihood(own, whole)
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
 def test_draws_of_what_is_summed_over_follow_its_posterior():
     own = likelihood()
     whole, _ = residuals(5, sd=0.012)
-    logs = np.asarray(own.log_pairs(whole))
+    logs = own.log_choices(own.white(whole[None]))[0]
     weights = np.exp(logs - logsumexp(logs))
     count = 500
-    shares = (jnp.arange(count) + 0.5) / count
-    drawn = np.asarray(jax.vmap(lambda share: own.drawn(jnp.asarray(whole), share))(shares))
+    shares = (np.arange(count) + 0.5) / count
+    drawn = own.drawn(np.repeat(whole[None], count, axis=0), shares)
     for weight, constants in zip(weights, np.asarray(own.constants), strict=True):
         found = np.mean(np.all(drawn == constants, axis=1))
         assert abs(found - weight) <= 1.0 / count  # even shares leave no other error
@@ -166,21 +200,17 @@ def test_draws_of_what_is_summed_over_follow_its_posterior():
 
 def posterior_of(own):
     """Return the posterior of the two tests, with this likelihood."""
-    trials, _ = two_tests()
-    model, noise = Choices().build(experiment().scales)
-    return Posterior(model, noise, experiment().record(trials), own)
+    of_model = predictor_of(experiment(), Choices(), two_tests()[0])
+    return Posterior(of_model.space, of_model.hypothesis, of_model.noise, own)
 
 
 @cache
 def judged(count=1, seed=6):
     """One residual, seen by draws of a factor 1.2 and a size of 0.02 N."""
     own = likelihood("noise.remainder=0.02", "noise.factor=1.2")
-    posterior = posterior_of(own)
     whole, flat = residuals(seed)
-    measured = np.asarray(posterior.record.blocks.force)
-    predicted = np.repeat((measured - whole)[None], count, axis=0)
-    constants = np.repeat(np.asarray(own.constants), count, axis=0)
-    return DrawResiduals(posterior, predicted, constants), flat, measured[_real()] - flat
+    choices = own.choices_of(np.repeat(own.constants, count, axis=0))
+    return own, np.repeat(whole[None], count, axis=0), choices, flat
 
 
 def _real():
@@ -188,10 +218,10 @@ def _real():
 
 
 def test_each_block_is_conditional_on_the_blocks_before_it():
-    found, flat, _ = judged()
+    own, wholes, choices, flat = judged()
     noise, discrepancy = dense()
     matrix = 1.2**2 * noise + 0.02**2 * discrepancy
-    (logs,) = found.log_likelihoods()
+    (logs,) = own.conditional(wholes, choices)
     for k in (1, 2, 40, flat.size):
         heads = log_normal(flat[:k], matrix[:k, :k])
         assert logs[:k].sum() == pytest.approx(heads, rel=1e-8, abs=1e-8)
@@ -199,11 +229,11 @@ def test_each_block_is_conditional_on_the_blocks_before_it():
 
 def test_replicates_hold_what_is_missed_and_new_noise():
     count = 4000
-    found, flat, predicted = judged(count)
+    own, wholes, choices, flat = judged(count)
     noise, discrepancy = 1.2**2 * dense()[0], 0.02**2 * dense()[1]
     gain = discrepancy @ np.linalg.inv(noise + discrepancy)
     sd = np.sqrt(np.diag(discrepancy - gain @ discrepancy + noise))
-    z = (found.replicates(np.random.default_rng(0)) - predicted - gain @ flat) / sd
+    z = (own.replicates(wholes, choices, np.random.default_rng(0)) - gain @ flat) / sd
     # means of 4000 standard normals, and their squares, of 340 blocks each
     assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
     assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
@@ -228,8 +258,7 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     constants = np.concatenate([CONSTANTS, np.asarray(own.constants)[0]])
     rows = np.repeat(constants[None], count, axis=0)
     draws = discrepancy_draws(e, posterior, trials, rows, places, np.random.default_rng(1))
-    predicted = np.asarray(compiled.predictions(posterior, rows[:1]))[0]
-    flat = (np.asarray(blocks.force) - predicted)[_real()]
+    flat = posterior.residuals(rows[:1])[0][_real()]
     here = Locations.from_blocks(e, trials, blocks)
     features = Features.from_locations(here)
     at, there = features(here), features(places)
@@ -247,18 +276,15 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
 def test_constants_have_the_posterior_that_importance_sampling_finds():
     """From a wide t about the optimum, weighed by the diagnosis's sum over sizes in numpy."""
     found = fitted()
-    posterior = found.posterior
-    normal = starting_point(posterior, experiment().floor, np.random.default_rng(0)).normal
+    posterior, own = found.posterior, found.posterior.parameters
+    normal = find_start(experiment(), Choices(), found.trials).normal
     proposal = multivariate_t(normal.mean, 1.3 * normal.covariance, df=6)
     theta = proposal.rvs(3000, random_state=1)
-    constants = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
-    predicted = compiled.in_batches(compiled.predictions, posterior, constants)
-    blocks = posterior.record.blocks
-    made = Discrepancy.from_blocks(experiment(), found.trials, blocks)
-    white = made.whitener(np.asarray(blocks.force) - predicted)
+    constants, priors = own.bound(theta)
+    made = Discrepancy.from_blocks(experiment(), found.trials, posterior.record.blocks)
+    white = made.whitener(posterior.residuals(constants))
     sizes = range(made.sizes.size)
     losses = np.array([[made.loss(row, k) for k in sizes] for row in white])
-    priors = np.asarray(log_priors(posterior, theta))
     logs = logsumexp(-losses, axis=1) + priors - proposal.logpdf(theta)
     weights = np.exp(logs - logsumexp(logs))
     worth = 1.0 / np.sum(weights**2)
@@ -272,6 +298,16 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
         assert summary[name].sd == pytest.approx(sd[k], rel=0.15), name
 
 
+def point(made, slopes, residual, prior, predicted=None):
+    """Return a fit of these derivatives (D, T, B) and residuals (T, B)."""
+    vectors = made.whitener(np.concatenate([residual[None], slopes]))
+    own = SimpleNamespace(length=np.ones(len(slopes)))
+    return SimpleNamespace(
+        responses=slopes, own=own, residual=vectors[0], vectors=vectors, prior=prior,
+        predicted=predicted,
+    )  # fmt: skip
+
+
 def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     """Compared with least squares: the step squared, and the covariance less that of the curve."""
     rng, size = np.random.default_rng(5), 0.02
@@ -283,8 +319,8 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     )
     whole, flat = residuals(6, 0.05)
     gradient, prior = np.array([0.3, -0.2, 0.0]), np.diag([4.0, 1e8, 0.0])
-    fit = FitResponse(slopes, np.where(blocks.real, whole, 0.0))
-    spread = Spread.about(made, fit, Terms(0.0, gradient, prior))
+    left = np.where(blocks.real, whole, 0.0)
+    spread = Spread.about(made, point(made, slopes, left, Terms(0.0, gradient, prior)))
     rows, (noise, discrepancy) = made.whitener.flattened(slopes), dense()
     basis = np.linalg.qr(rows.T)[0]
     rest = np.eye(len(discrepancy)) - basis @ basis.T
@@ -313,13 +349,14 @@ def test_constants_are_moved_by_a_stiffness_that_differs_from_test_to_test():
     predicted = np.where(blocks.real, 1.0, 0.0)
     scales = np.array([0.3, -0.3])[:, None]
     prior = Terms(0.0, np.zeros(1), np.zeros((1, 1)))
-    fit = FitResponse(predicted[None], scales * predicted)  # the derivative by ln m is the force
-    spread = Spread.about(made, fit, prior, predicted)
+    # the derivative by ln m is the force
+    spread = Spread.about(made, point(made, predicted[None], scales * predicted, prior, predicted))
     assert 0.2 < spread.scatter <= 0.5
     sd = np.sqrt(spread.covariance(0.0)[0, 0])
     assert sd == pytest.approx(spread.scatter / np.sqrt(2.0), rel=0.3)
     assert spread.draws(np.zeros(5), np.random.default_rng(0)).all()
-    same = Spread.about(made, FitResponse(predicted[None], 0.0 * predicted), prior, predicted)
+    alike = point(made, predicted[None], 0.0 * predicted, prior, predicted)
+    same = Spread.about(made, alike)
     assert same.scatter == 0.0
     assert not same.draws(np.zeros(5), np.random.default_rng(0)).any()
 
@@ -327,11 +364,13 @@ def test_constants_are_moved_by_a_stiffness_that_differs_from_test_to_test():
 def test_the_curve_follows_the_data_where_the_model_is_wrong():
     """As least squares does, however large the discrepancy that is taken to be there."""
     pad = hidden_pad(SqueezeFilm(eta=2e-3, h=2.3), rates=(20.0,))
-    posterior = build_posterior(pad, Choices(), pad.trials)
-    best = least_squares_points(posterior, pad.floor, np.random.default_rng(0))[0]
-    _, normal, _ = separated_start(pad, Choices(), pad.trials, np.random.default_rng(0))
-    left = [np.asarray(compiled.response(posterior, theta)[1]) for theta in (best, normal.mean)]
-    least, found = (np.sqrt(np.mean(one**2)) for one in left)
+    predictor = predictor_of(pad, Choices(), pad.trials)
+    squares = least_squares(
+        predictor, np.ones(predictor.record.blocks.force.shape), np.random.default_rng(0)
+    )
+    thetas = squares.thetas[0], find_start(pad, Choices(), pad.trials).normal.mean
+    left = predictor.residuals(predictor.parameters.constants(np.stack(thetas)))
+    least, found = np.sqrt(np.mean(left[:, predictor.space.real] ** 2, axis=1))
     assert least > 2.0 * pad.floor.total  # the model is wrong
     assert found < 1.05 * least
 
@@ -339,7 +378,7 @@ def test_the_curve_follows_the_data_where_the_model_is_wrong():
 def test_what_the_user_knows_of_the_noise_holds_for_what_moves_the_constants():
     choices = Choices(fixed=("noise.white=0.05", "noise.ou=0"))
     trials, _ = two_tests()
-    spread = separated_start(experiment(), choices, trials, np.random.default_rng(0))[2]
+    spread = find_start(experiment(), choices, trials).spread
     noise = dense(replace(experiment().floor, white=0.05, ou=0.0, dwells=None))[0]
     inverse = np.sort(spread.discrepancy.whitener.precisions)
     np.testing.assert_allclose(1.0 / inverse[::-1], np.linalg.eigvalsh(noise), rtol=1e-8)

@@ -14,7 +14,6 @@ from arviz_stats import summary as arviz_summary
 from scipy.stats import multivariate_normal
 from support.endtoend import fitted
 
-from qlvbayes.fitting import compiled
 from qlvbayes.fitting.results import load, save, to_arviz
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -126,16 +125,16 @@ def test_arviz_summary_agrees_with_ours(tree):
 def test_pointwise_log_likelihood_sums_to_the_joint_one(tree):
     """The joint one is that of the draw's pair of factor and remainder."""
     found = fitted()
-    floor, blocks = found.posterior.floor, found.posterior.record.blocks
+    floor, blocks = found.posterior.likelihood, found.posterior.record.blocks
     pointwise = tree["log_likelihood"]["force"].values
     for chain, draw in ((0, 0), (3, 11), (31, 40)):
         constants = found.followed[chain, draw]
-        predicted = np.asarray(compiled.predictions(found.posterior, constants[None]))[0]
+        (left,) = found.posterior.residuals(constants[None])
         pair = np.flatnonzero((np.asarray(floor.constants)[:, -2:] == constants[-2:]).all(axis=1))
         axes, precisions = np.asarray(floor.axes), np.asarray(floor.precisions)[pair[0]]
         noise = np.linalg.inv(axes.T @ (precisions[:, None] * axes))
-        left = (np.asarray(blocks.force) - predicted)[np.asarray(blocks.real)]
-        joint = multivariate_normal(cov=noise, allow_singular=True).logpdf(left)
+        normal = multivariate_normal(cov=noise, allow_singular=True)
+        joint = normal.logpdf(left[np.asarray(blocks.real)])
         assert pointwise[chain, draw].sum() == pytest.approx(joint, rel=1e-8)
 
 
@@ -167,7 +166,7 @@ def test_posterior_predictive_noise_is_the_models(tree):
     """Draws of the right model have the noise's variance; neighbours share its slow part."""
     found = fitted()
     rows = found.constants.reshape(-1, found.constants.shape[-1])[:200]
-    predicted = compiled.in_batches(compiled.predictions, found.posterior, rows)[:, 0]
+    predicted = found.posterior.forces(rows)[:, 0]
     real = np.asarray(found.posterior.record.blocks.real)[0]
     draws = tree["posterior_predictive"]["force"].values.reshape(-1, int(real.sum()))[:200]
     error = draws - predicted[:, real]

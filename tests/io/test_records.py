@@ -10,7 +10,7 @@ from support.endtoend import call
 from support.machine_files import Pressed, bluehill, pressed, workbook
 
 from qlvbayes.comparison.side import Side, unheld_times
-from qlvbayes.fitting.fit import separated_start
+from qlvbayes.fitting.optimum import find_start
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.formats.answers import Answers, UnsureError
@@ -263,9 +263,7 @@ def test_a_fit_heeds_the_error_of_contact():
     for off, sd in ((0.0, None), (0.01, None), (0.0, 0.01), (0.01, 0.01)):
         one = Test("a", "P", test.time, test.way + off, test.load, contact_sd=sd)
         experiment = prepare(Pad("P", (one,), PAD))
-        _, normal, _ = separated_start(
-            experiment, Choices(modes=1), experiment.trials, np.random.default_rng(0)
-        )
+        normal = find_start(experiment, Choices(modes=1), experiment.trials).normal
         found[off, sd] = normal.mean[0], float(np.sqrt(normal.covariance[0, 0]))
     true = found[0.0, None][0]
     assert found[0.0, 0.01][1] > 1.5 * found[0.0, None][1]

@@ -4,19 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.posteriors import build_posterior
 
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.units import PAD, STRAIN, unit_system
 from qlvbayes.io.wording import plain
-from qlvbayes.model import parameters
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields, factors
-from qlvbayes.model.posterior import central
+from qlvbayes.model.parameters import draw_priors, is_prior, unconstrained
 from qlvbayes.motion.experiment import prepare
 
 LENGTHS = {"mm": 1.0, "um": 1e3, "nm": 1e6, "m": 1e-3}
@@ -88,15 +86,22 @@ def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
     )
     ours, theirs = (build_posterior(e, choices, e.trials) for e in (first, second))
     rng = np.random.default_rng(5)
-    thetas = central(ours) + 0.1 * rng.standard_normal((4, ours.size))
-    constants = np.asarray(compiled.constants(ours, thetas))
-    names = parameters.names(ours)
+    middle = np.median(draw_priors(ours.model, 50, np.random.default_rng(0)), axis=0)
+    steps = 0.1 * ours.parameters.length * rng.standard_normal((4, ours.size))
+    thetas, names = ours.parameters.within(middle + steps), ours.names
+    constants = ours.parameters.constants(thetas)
     by = factors(choices, dict(zip(names, constants.T, strict=True)), first.units, second.units)
     converted = constants * np.array([by[name] for name in names])
-    others = np.stack([theirs.unconstrain(row) for row in converted])
-    densities = [
-        np.asarray(compiled.log_densities(*pair)) for pair in ((ours, thetas), (theirs, others))
-    ]
+    others = np.concatenate(
+        [
+            unconstrained(leaf.prior, values if values.shape[1] > 1 else values[:, 0])
+            for leaf in theirs.parameters.leaves
+            if is_prior(leaf.prior)
+            for values in [converted[:, list(leaf.constants)]]
+        ],
+        axis=1,
+    )
+    densities = [one.log_density(at) for one, at in ((ours, thetas), (theirs, others))]
     np.testing.assert_allclose(*(x - x[0] for x in densities), rtol=1e-3, atol=0.1)
 
 

@@ -1,18 +1,17 @@
-"""Draws of a posterior's priors."""
+"""Draws of a model's priors."""
 
 import numpy as np
 from scipy.stats import kstest
 from support.endtoend import experiment
 
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.posterior import draw_priors
+from qlvbayes.model.parameters import draw_priors
 
 
 def test_prior_draws_are_of_the_prior():
-    posterior = build_posterior(experiment(), Choices(), experiment().with_role("fit"))
-    draws = draw_priors(posterior, 400, np.random.default_rng(0))
-    assert draws.shape == (400, posterior.size)
-    m = posterior.model.elastic.m
+    model, _ = Choices().build(experiment().scales)
+    draws = draw_priors(model, 400, np.random.default_rng(0))
+    assert draws.shape == (400, 6)
+    m = model.elastic.m
     standard = (draws[:, 0] - float(m.log_median)) / float(m.log_sd)
     assert kstest(standard, "norm").pvalue > 1e-3

@@ -6,11 +6,11 @@ from functools import cache
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.posteriors import build_posterior
 from support.sequences import join_programs, record_sequence
 
 from qlvbayes.effects.catalogue import find
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior, fit_pad
+from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import Pad as MeasuredPad
 from qlvbayes.io.data import Test
 from qlvbayes.io.units import PAD
@@ -231,8 +231,8 @@ def test_rested_gives_the_record_of_tests_from_rest():
     carried = build_posterior(known, Choices(), known.trials)
     assert carried.record.motion.ago is not None
     theta = np.linspace(-0.3, 0.3, before.size)[None]
-    assert compiled.log_densities(rested, theta) == compiled.log_densities(before, theta)
-    assert compiled.log_densities(carried, theta) != compiled.log_densities(before, theta)
+    assert rested.log_density(theta) == before.log_density(theta)
+    assert carried.log_density(theta) != before.log_density(theta)
 
 
 def test_blocks_and_samples_are_those_of_the_test_itself():
@@ -268,7 +268,7 @@ def test_the_share_that_is_told_is_that_of_the_equations():
     constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
 
     def predict(record):
-        return np.asarray(compiled.predictions(replace(fit.posterior, record=record), constants))[0]
+        return fit.posterior.over(record).forces(constants)[0]
 
     _, second = carryovers(fit.experiment, fit.trials, fit.posterior.record, predict)
     with_it, without = (measured(carried=c).tests[2].force for c in (True, False))

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.controlled import press_and_pause, record_controlled
-from support.endtoend import call
+from support.endtoend import call, one_line
 from support.hidden_pads import FEW
 
 from qlvbayes import InputError
-from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.optimum import starting_point
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.optimum import find_start
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.io.data import Pad, Test, read_measurements
@@ -26,7 +26,15 @@ from qlvbayes.model.model import Model
 from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.pad import arguments_of, refuse_unknown
-from qlvbayes.simulate import NOISES, TABLE_1, Hold, Move, simulate_test
+from qlvbayes.plots.look import plot_look
+from qlvbayes.plots.panels import LABEL
+from qlvbayes.simulate import (
+    NOISES,
+    TABLE_1,
+    Hold,
+    Move,
+    simulate_test,
+)
 
 B = TABLE_1["B"]
 NOISE = NOISES["correlated"]
@@ -112,9 +120,8 @@ def test_a_stretch_left_out_of_a_hold_is_as_good_as_rows_that_are_not_there():
         (disturbed(by=lambda t: 1.0 + 0.0 * t), {"keep_all_readings": True}),
     ):
         experiment = prepared(test, **chosen)
-        posterior = build_posterior(experiment, Choices(), experiment.trials)
-        top = starting_point(posterior, experiment.floor, np.random.default_rng(0))
-        modes.append((top.normal.mean, np.sqrt(np.diag(top.normal.covariance))))
+        normal = find_start(experiment, Choices(), experiment.trials).normal
+        modes.append((normal.mean, np.sqrt(np.diag(normal.covariance))))
     (left_out, sd), (absent, _), (knocked, _) = modes
     assert np.max(np.abs(left_out - absent) / sd) < 0.01
     assert np.max(np.abs(knocked - absent) / sd) > 1.0
@@ -252,6 +259,17 @@ def test_of_a_test_of_phases_only_those_that_are_used_count():
 # a user sees it
 
 
+def test_figures_show_it_grey_and_few():
+    panels = plot_look(prepared(disturbed(), leave_out=[KNOCK]))
+    crosses = [line for line in panels[0].lines if line.get_gid() == LABEL]
+    assert len(crosses) == 1
+    assert not [line for line in panels[1].lines if line.get_gid() == LABEL]  # which counts
+    assert 30 < crosses[0].get_xdata().size <= 50
+    assert panels[0].get_ylim()[1] < 1.0
+    (readings,) = (line for line in panels[0].lines if line.get_gid() == "readings")
+    assert np.isnan(readings.get_ydata()).any()
+
+
 def written(folder, *tests, marked=False):
     rows = []
     for test in tests:
@@ -288,6 +306,21 @@ def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     assert len(test["left_out"]) <= 50
 
 
+def test_two_steps_do_without_a_phase():
+    """The first step takes the ramp: a hold that is left out does not change its constants."""
+    elastic = []
+    for test, leave_out in (
+        (pressed(), ()),
+        (disturbed(low=1.7, high=11.5), ("t:hold",)),
+        (pressed(), ("t:ramp",)),  # whatever is left
+    ):
+        choices = Choices(leave_out=leave_out)
+        fit = fit_pad(prepared(test, leave_out=leave_out), choices, method="two-step")
+        elastic.append([fit.summary().parameters[name].mean for name in ("m", "b")])
+    assert elastic[1] == pytest.approx(elastic[0], rel=0.01)
+    assert np.all(np.isfinite(elastic[2]))
+
+
 def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     """The one test's held-out parts, cells and remainder are of the other phases."""
     monkeypatch.setattr(Choices, "candidates", FEW)
@@ -301,7 +334,44 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     assert "as stated by --leave-out t:hold" in notices(out / "pad" / "diagnosis.json")
 
 
+def test_a_look_goes_on_with_what_it_was_told(tmp_path):
+    file, out = written(tmp_path, disturbed()), tmp_path / "out"
+    words = ("look", file, "-o", out, "--use", "t:..20s", "--leave-out", KNOCK, "--json")
+    status, printed, error = call(*words, drawn=True)
+    assert status == 0, error
+    found = json.loads(printed)
+    assert found["next"][0].endswith("--use t:..20s --leave-out t:5..7s")
+    (test,) = found["pads"][0]["tests"]
+    assert test["left_out"] == 101
+    assert test["peak_N"] < 1.0
+    status, _, error = call("look", file, "-o", out, "--leave-out", "t:hold 2")
+    assert status == 2
+    assert "has no such phase; name one of ramp 1" in one_line(error)
+
+
 # the column
+
+
+@pytest.mark.parametrize(
+    ("yes", "no"), [("1", "0"), ("yes", "no"), ("True", "False"), ("TRUE", "no")]
+)
+def test_the_column_says_it_in_words_or_numbers(tmp_path, yes, no):
+    file = written(tmp_path, disturbed(), marked=True)
+    file.write_text(file.read_text().replace(",yes\n", f",{yes}\n").replace(",no\n", f",{no}\n"))
+    study = read_measurements(file)
+    (test,) = study.pads[0].tests
+    inside = (test.time >= 5.0) & (test.time <= 7.0)
+    assert np.array_equal(test.used, ~inside)
+    assert study.notices == ()
+
+
+def test_a_column_that_says_nothing_leaves_nothing_out(tmp_path):
+    file = written(tmp_path, pressed(), marked=True)
+    for word in ("", "1"):
+        every = file.read_text().replace(",yes\n", f",{word}\n").replace(",no\n", f",{word}\n")
+        (tmp_path / "all.csv").write_text(every)
+        (test,) = read_measurements(tmp_path / "all.csv").pads[0].tests
+        assert test.used is None
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,16 @@
 """Block averages: no sample lost, exact nodes, and as much learned as from every sample."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from qlvbayes.fitting.posterior import Predictor
+from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.forward.space import STEP
 from qlvbayes.io.data import Test
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import default_model
-from qlvbayes.model.noise import Correlated, White
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.noise import White
+from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.record import batch
 from qlvbayes.motion.reduction import clear_of_kinks, reduce_test
@@ -22,8 +23,8 @@ MODEL = default_model(
 )
 CELL = NOISES["correlated"]
 NOISE = {
-    "white": White(NOISES["white"].white),
-    "correlated": Correlated(CELL.white, CELL.correlated, CELL.correlation_time),
+    "white": NoiseFloor(NOISES["white"].white, 0.0, 1.0),
+    "correlated": NoiseFloor(CELL.white, CELL.correlated, CELL.correlation_time),
 }
 
 
@@ -95,7 +96,7 @@ def test_two_nodes_average_a_cubic_exactly(record):
     coefficients = [2e-5, -3e-3, 0.07, 1.0]
     cubic = with_force(test, np.polyval(coefficients, test.time))
     reduced = reduce_test(cubic, trajectory, phases)
-    nodes = jnp.polyval(jnp.array(coefficients), reduced.motion.time)
+    nodes = np.polyval(coefficients, reduced.motion.time)
     assert np.allclose(reduced.average(nodes), reduced.blocks.force, rtol=1e-12)
 
 
@@ -135,70 +136,58 @@ def test_a_record_that_begins_on_the_move_is_given_its_approach():
     assert np.allclose(motion.displacement, 1.5 * motion.time, atol=1e-6)
 
 
-def test_batching_changes_no_density(record):
+def model_over(*records):
+    """The model over some tests, and theta at the constants of the simulated pad."""
+    predictor = Predictor.from_model(MODEL, White(1.0), batch(records))
+    constants = np.array([CONSTANTS.m, CONSTANTS.b, *CONSTANTS.c, *CONSTANTS.v])
+    theta = [
+        np.ravel(leaf.prior.unconstrain(own if own.size > 1 else own[0]))
+        for leaf in predictor.parameters.leaves
+        for own in [constants[list(leaf.constants)]]
+    ]
+    return predictor, np.concatenate(theta)
+
+
+def test_batching_changes_no_force(record):
     """Tests of different lengths, padded to one size."""
     records = [reduce_test(*record(rate)) for rate in (1.0, 20.0)]
-    separate = [Posterior(MODEL, NOISE["correlated"], batch([single])) for single in records]
-    theta = truth(separate[0])
-    together = Posterior(MODEL, NOISE["correlated"], batch(records))
-    total, *parts = (float(log_likelihood(x, theta)) for x in (together, *separate))
-    assert np.isclose(total, sum(parts), rtol=1e-12)
+    together, theta = model_over(*records)
+    whole = together.forces(together.parameters.constants(theta[None]))[0]
+    for k, single in enumerate(records):
+        alone, _ = model_over(single)
+        force = alone.forces(alone.parameters.constants(theta[None]))[0, 0, alone.space.real[0]]
+        np.testing.assert_allclose(whole[k, together.space.real[k]], force, rtol=1e-12)
 
 
-def truth(posterior):
-    """Theta at the constants of the simulated pad, the noise being fixed."""
-    constants = [CONSTANTS.m, CONSTANTS.b, *CONSTANTS.c, *CONSTANTS.v]
-    noise = jax.tree.leaves(posterior.noise)
-    return jnp.asarray(posterior.unconstrain(np.array([*constants, *noise])))
-
-
-@jax.jit
-def log_likelihood(posterior, theta):
-    return posterior.log_likelihood(theta)
-
-
-@jax.jit
-def constant_slopes(posterior, theta):
-    """(7, D) derivatives of the model's constants by theta."""
-    return jax.jacfwd(lambda x: posterior.constants(x)[:7])(theta)
-
-
-@jax.jit
-def information(posterior, theta):
-    """Fisher information (D, D) at theta and the score (D,) of the record there.
-
-    Minus the log likelihood of residuals r is r' S r / 2 plus a constant, S unknown; its values at
-    sums of two columns of the model's slopes give all products between columns.
-    """
-    single = jax.tree.map(lambda leaf: leaf[0], posterior.record)
-    slopes = jax.jacfwd(lambda x: posterior.predict(x)[0])(theta)
-    residual = single.blocks.force - posterior.predict(theta)[0]
-    columns = jnp.column_stack([slopes, residual])
-
-    def power(r):
-        return -jnp.sum(posterior.noise.log_likelihoods(r, single.blocks))
-
-    def product(pair):
-        one, two = columns[:, pair[0]], columns[:, pair[1]]
-        return 0.5 * (power(one + two) - power(one - two))
-
-    size = columns.shape[1]
-    rows, places = np.triu_indices(size)
-    values = jax.lax.map(product, (jnp.asarray(rows), jnp.asarray(places)))
-    products = jnp.zeros((size, size)).at[rows, places].set(values).at[places, rows].set(values)
-    return products[:-1, :-1], products[:-1, -1]
+def of_samples(noise, samples, rows):
+    """Whiten rows (M, 1, B) at single samples, too many for a matrix, by a Kalman filter."""
+    real, time = samples.real[0], samples.first[0]
+    steps, own = np.exp(-np.diff(time, prepend=time[0]) / noise.tau), rows[:, 0].T
+    others = noise.white**2 + samples.extra[0] ** 2 + samples.timing[0] ** 2
+    mean, variance, white = np.zeros(len(rows)), noise.ou**2, np.zeros(own.shape)
+    for k in np.flatnonzero(real):
+        mean, variance = steps[k] * mean, noise.ou**2 + steps[k] ** 2 * (variance - noise.ou**2)
+        spread, error = variance + others[k], own[k] - mean
+        white[k] = error / np.sqrt(spread)
+        mean, variance = mean + variance / spread * error, variance * others[k] / spread
+    return white[real].T
 
 
 def estimate(noise, record, blocks):
     """Shift (P,) of the constants' estimates from the truth, and their sds, to first order."""
-    reduced = reduce_test(*record, blocks=blocks)
-    posterior = Posterior(MODEL, noise, batch([reduced]))
-    theta = truth(posterior)
-    fisher, score = information(posterior, theta)
-    covariance = np.linalg.inv(fisher)
-    to_constants = np.asarray(constant_slopes(posterior, theta))
+    predictor, theta = model_over(reduce_test(*record, blocks=blocks))
+    constants, force, slopes = predictor.space.forces_and_slopes(predictor.hypothesis, theta)
+    steps = constants[1:, :7] - constants[0, :7]
+    to_constants = (steps / (STEP * predictor.parameters.length)[:, None]).T
+    rows = np.concatenate([slopes, (predictor.record.blocks.force - force)[None]])
+    if blocks:
+        rows = Whitener.from_floor(noise, predictor.record.blocks, 0.0)(rows)
+    else:
+        rows = of_samples(noise, predictor.record.blocks, rows)
+    white, residual = rows[:-1], rows[-1]
+    covariance = np.linalg.inv(white @ white.T)
     spread = np.sqrt(np.diag(to_constants @ covariance @ to_constants.T))
-    return to_constants @ covariance @ np.asarray(score), spread
+    return to_constants @ covariance @ white @ residual, spread
 
 
 @pytest.mark.parametrize("rate", [1.0, 20.0])

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from qlvbayes.model.posterior import value_shape
+from qlvbayes.model.parameters import value_shape
 from qlvbayes.priors import Dirichlet, HalfNormal, LogNormal, LogUniform, Normal, Ordered, Uniform
 
 RATE = LogNormal(0.3, 1.4)

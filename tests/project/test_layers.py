@@ -24,7 +24,7 @@ HOUSE = [
         "effects": "what may be missing, effects of one kind a file",
         "motion": "from readings to records: motion, phases, noise floor, blocks",
     },
-    {"model": "a specimen with its noise: force, likelihood, posterior, and a user's choices"},
+    {"model": "a specimen with its noise: force, priors, and a user's choices"},
     {"inference": "the evidence of hypotheses: density, modes, sampling"},
     {"fitting": "constants from tests: emcee, predictions, where they fail, results"},
     {

@@ -3,11 +3,14 @@
 import arviz_base
 import numpy as np
 
-from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.optimum import starting_point
+from qlvbayes.fitting.marginal_likelihood import (
+    discrepancy_of,
+    floor_likelihood,
+    white_likelihood,
+)
+from qlvbayes.fitting.optimum import find_start, predictor_of
+from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import names
 from qlvbayes.simulate import TABLE_1
 
 PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}
@@ -73,15 +76,25 @@ def written(folder, variables, attrs=(), **options):
     return path
 
 
+def build_posterior(experiment, choices, trials):
+    """Return the posterior of some trials, without looking for its mode; white noise is fixed."""
+    model = predictor_of(experiment, choices, trials)
+    noise, blocks = model.noise, model.record.blocks
+    if choices.noise == "white":
+        likelihood = white_likelihood(noise, blocks, experiment.scales.noise)
+    else:
+        discrepancy = discrepancy_of(experiment, trials, blocks, noise)
+        likelihood = floor_likelihood(experiment, noise, discrepancy)
+    return Posterior(model.space, model.hypothesis, noise, likelihood)
+
+
 def from_truth(constants, experiment, seed=0):
     """Return the distance of the truth from the posterior's mean about its top, in sds."""
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
-    top = starting_point(posterior, experiment.floor, np.random.default_rng(seed))
-    theta = top.normal.draw(2000, np.random.default_rng(seed))
-    drawn = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
-    order = names(posterior)
+    start = find_start(experiment, Choices(), experiment.trials, seed)
+    theta = start.normal.draw(2000, np.random.default_rng(seed))
+    drawn, order = start.posterior.parameters.constants(theta), start.posterior.names
     truth = {"m": constants.m, "b": constants.b}
     truth |= {f"c[{k}]": x for k, x in enumerate(constants.c)}
     truth |= {f"v[{k}]": x for k, x in enumerate(constants.v, start=1)}
-    columns = {name: np.asarray(drawn[:, order.index(name)]) for name in truth}
+    columns = {name: drawn[:, order.index(name)] for name in truth}
     return {k: (x - columns[k].mean()) / columns[k].std() for k, x in truth.items()}

@@ -28,7 +28,7 @@ from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
-from qlvbayes.model.posterior import draw_priors, is_prior
+from qlvbayes.model.parameters import draw_priors, is_prior
 from qlvbayes.motion.noisefloor import NoiseFloor
 from recovery.bench import bench
 

@@ -11,8 +11,7 @@ from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model
-from qlvbayes.model.parameters import fields_of
-from qlvbayes.model.posterior import filled
+from qlvbayes.model.parameters import fields_of, filled
 from qlvbayes.motion.record import Record
 
 _CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction

@@ -27,7 +27,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.relaxation.prony import Spectrum
-from qlvbayes.model.posterior import filled
+from qlvbayes.model.parameters import filled
 
 _NOTICED = 0.2
 """Sds of the noise: an error that stays below that in every combination of block means is left

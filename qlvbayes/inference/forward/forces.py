@@ -23,6 +23,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.motion.record import Record
 
 _TOGETHER = 16  # sets that run together: their arrays of one megabyte or so stay in the cache
+_FEW = 16_384  # numbers of an array below which more sets run together: each call costs time too
 _SAME = 1e-9  # of the largest force, by which NumPy and JAX may differ
 _KEPT = 4  # records that are kept in the form in which they run
 _SHORTER = 0.4  # share of the longest test below which a test runs in another group: each group
@@ -75,9 +76,10 @@ class Forces:
             self._together[own] = not own or self._agrees(_selected(model, slice(0, 1)), record)
         if not self._together[own]:
             return _by_jax(model, count, record)
-        if count <= _TOGETHER:
+        together = max(_TOGETHER, _FEW // np.size(record.motion.time))
+        if count <= together:
             return self._by_numpy(model, count, record)
-        parts = [slice(k, min(k + _TOGETHER, count)) for k in range(0, count, _TOGETHER)]
+        parts = [slice(k, min(k + together, count)) for k in range(0, count, together)]
         sizes = [part.stop - part.start for part in parts]
         some = [
             self._by_numpy(_selected(model, part), n, record)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.parameters import names
-from qlvbayes.model.posterior import is_prior, value_shape
+from qlvbayes.model.parameters import is_prior, names, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect, Natural
 
@@ -94,6 +93,11 @@ class Direct:
         selected = thetas[:, self.theta]
         selected[:, self.in_log] = np.exp(selected[:, self.in_log])
         return selected
+
+    def log_densities(self, thetas: Array) -> Array:
+        """Return the sum of the log densities (K,) at thetas (K, F), within the bounds."""
+        offset = thetas[:, self.theta] - self.mean
+        return np.asarray(self.top - 0.5 * (self.precision * offset**2).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,13 +182,20 @@ class Parameters:
 
     def constants(self, thetas: Array) -> Array:
         """Return the constants (K, P) at thetas (K, F)."""
+        return self.bound(thetas)[0]
+
+    def bound(self, thetas: Array) -> tuple[Array, Array]:
+        """Return the constants (K, P) at thetas (K, F), and log prior densities (K,) over these."""
         values = np.tile(self.fixed, (len(thetas), 1))
-        values[:, self.direct.constants] = self.direct.values(thetas)
-        for leaf in self.joint:
-            columns = slice(leaf.constants.start, leaf.constants.stop)
-            with np.errstate(all="ignore"):  # what is not finite is refused with its force
-                values[:, columns] = leaf.constrain(thetas)[0].reshape(-1, len(thetas)).T
-        return values
+        with np.errstate(all="ignore"):  # what is not finite is refused with its force
+            values[:, self.direct.constants] = self.direct.values(thetas)
+            logs = self.direct.log_densities(thetas)
+            for leaf in self.joint:
+                columns = slice(leaf.constants.start, leaf.constants.stop)
+                own, log = leaf.constrain(thetas)
+                values[:, columns] = own.reshape(-1, len(thetas)).T
+                logs = logs + log
+        return values, logs
 
     def model_at(self, constants: Array) -> Model:
         """Return the model whose fields are the constants (P,)."""

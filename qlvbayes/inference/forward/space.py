@@ -29,12 +29,14 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony, Spectrum
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.posterior import filled, is_prior, unconstrained
+from qlvbayes.model.parameters import filled, is_prior, unconstrained
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.natural import Natural, natural
 
 FEW = 4
 """Largest number of modes of a spectrum that is computed as it is, without fixed rates."""
+STEP = 1e-5
+"""Natural lengths of a difference quotient: half the digits of a float64."""
 _DRAWS = 25  # of each prior, for medians, quantiles and starts
 _GRID = 40  # depths, or times, at which the curves of laws are compared
 
@@ -92,6 +94,18 @@ class Space:
         if id(record) not in self._rates:  # the record is kept too, so that its id stays unique
             self._rates[id(record)] = record, FixedRates.over(np.asarray(record.motion.time))
         return self._rates[id(record)][1]
+
+    def forces_and_slopes(self, hypothesis: Hypothesis, theta: Array) -> tuple[Array, Array, Array]:
+        """Return constants (1 + F, P), block means (T, B) and their derivatives (F, T, B).
+
+        The derivatives at theta (F,) are differences of two forces; the constants beyond the first
+        row are those of the steps.
+        """
+        parameters = self.parameters(hypothesis)
+        steps = STEP * parameters.length
+        constants = parameters.constants(np.concatenate([theta[None], theta + np.diag(steps)]))
+        forces = self.forces(hypothesis, constants)
+        return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
     def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
         """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,)."""
