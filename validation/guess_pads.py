@@ -1,0 +1,101 @@
+"""Simulated pads for the first guess: responses of their effects, and what is hidden in them.
+
+The pads are the first studies of a registered run of blind studies, of which it is known what the
+tests could show, and lifelike pads of a seed. Each finished pad lies in build/guess, so that an
+interrupted run goes on where it was; the responses there depend on the code that made them.
+"""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from blind.counting import Case, true_names
+from blind.study import make_study as make_blind
+from lifelike import truth_of
+from lifelike_pads import make_study as make_lifelike
+from registration import Registration
+from results import BUILD
+from runs import read_cases
+
+from qlvbayes.guess.responses import Responses, responses_of
+from qlvbayes.io.data import Pad
+from qlvbayes.io.files import write_whole
+from qlvbayes.motion.experiment import prepare
+
+LIFELIKE_EVERY = 8  # one pad of so many is a lifelike one
+
+
+@dataclass(frozen=True, eq=False)
+class GuessPad:
+    """A simulated pad: its study with its truth, and the responses of one fit.
+
+    population: name of the run, or ``lifelike``; case: with `blind.case`'s keys of the truth;
+    seconds: of CPU, for simulation and for responses.
+    """
+
+    population: str
+    case: Case
+    responses: Responses
+    seconds: tuple[float, float]
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What identifies the pad."""
+        return self.population, self.case["index"]
+
+    @property
+    def programme(self) -> str:
+        """Kind of programme that the platen followed."""
+        strata = self.case["strata"]
+        return strata["protocol"] if "protocol" in strata else f"lifelike {strata['programme']}"
+
+    @property
+    def true(self) -> set[str]:
+        """Effects that may be named, with those that are there though not hidden."""
+        return true_names(self.case)
+
+    @property
+    def hidden(self) -> set[str]:
+        """Listed effects, and families of forms, that are hidden."""
+        if self.case["kind"] in ("single", "double"):
+            return set(self.case["names"])
+        return set().union(*(set(kin) for kin in self.case["kin"].values()))
+
+
+def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
+    """Return ``count`` pads, simulated where they are not stored; one in 8 is lifelike."""
+    population = Registration.read(run).population
+    cases = read_cases(run)
+    for number in range(count):
+        block, place = divmod(number, LIFELIKE_EVERY)
+        if place == LIFELIKE_EVERY - 1:
+            yield _stored("lifelike", block, partial(_lifelike, seed, block))
+        else:
+            case = cases[number - block]
+            study = partial(make_blind, population, case["index"])
+            yield _stored(run, case["index"], lambda c=case, s=study: (c, s().pad))
+
+
+def _lifelike(seed: int, index: int) -> tuple[Case, Pad]:
+    study = make_lifelike(seed, index)
+    return {"index": index, **truth_of(study)}, study.pad
+
+
+def _stored(population: str, index: int, make: Callable[[], tuple[Case, Pad]]) -> GuessPad:
+    path = BUILD.parent / "guess" / f"{population}-{index}.pickle"
+    if path.exists():
+        pad: GuessPad = pickle.loads(path.read_bytes())
+        return pad
+    path.parent.mkdir(parents=True, exist_ok=True)
+    times = [time.process_time()]
+    case, record = make()
+    times.append(time.process_time())
+    responses = responses_of(prepare(record))
+    times.append(time.process_time())
+    pad = GuessPad(population, case, responses, (times[1] - times[0], times[2] - times[1]))
+    write_whole(path, pickle.dumps(pad))
+    return pad
