@@ -102,7 +102,7 @@ def features_of(r: Responses, listed: frozenset[str]) -> Features:
     evidence = alone.evidence
     best_row = {name: _best(evidence, family == name) for name in dict.fromkeys(r.families)}
     order = sorted(names, key=lambda name: -evidence[best_row[name]])
-    beside = {name: alone.beside(best_row[name]) for name in order[: _STEPS]}
+    beside = {name: alone.beside(best_row[name]) for name in order[:_STEPS]}
     gains = _by_block(r, [best_row[name] for name in names])
     largest = int(np.argmin(r.losses))
     own = []

@@ -8,8 +8,8 @@ over the standardised features z of effect k and of the record (`features`); all
 weights but for w_k. Two more regressions, on the record's features alone, say how likely nothing is
 missing that the tests could show, and how likely something is there that no list holds. Several
 effects may be missing, so that the probabilities need not add up to one. They are those of pads
-like the simulated ones, half a per cent to 15 % of the peak force of effect. A record whose features
-are farther from theirs than any of them gets no guess.
+like the simulated ones, whose effects are half a per cent to 15 % of the peak force. A record whose
+features are farther from theirs than any of them gets no guess.
 
 `validation/learn_guess.py` learns ``weights.json``; docs/reliability.md says what it is worth.
 """

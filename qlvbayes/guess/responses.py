@@ -29,7 +29,6 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, find_mode
 from qlvbayes.inference.starts import amplitude_of, over_shapes, starts, transferred
 from qlvbayes.io.arrays import Array
@@ -184,9 +183,7 @@ def _rows(density: Density, mode: Mode, search: Search) -> list[Row]:
     return rows
 
 
-def _best_shapes(
-    density: Density, mode: Mode, rows: Sequence[Row], added: Array
-) -> list[int]:
+def _best_shapes(density: Density, mode: Mode, rows: Sequence[Row], added: Array) -> list[int]:
     """Return of each effect and size the index of the shape that gains most."""
     _, gradient, curvature = _projected(density, mode, added, mode.size)
     best: dict[tuple[str, float], tuple[float, int]] = {}
