@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 
 from blind.counting import Case, true_names
+from blind.population import KINDS
 from blind.study import make_study as make_blind
 from lifelike import truth_of
 from lifelike_pads import make_study as make_lifelike
@@ -70,7 +72,7 @@ class GuessPad:
 def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
     """Return ``count`` pads, simulated where they are not stored; one in 10 is lifelike."""
     population = Registration.read(run).population
-    cases = sorted(read_cases(run), key=_cost)
+    cases = soonest(read_cases(run))
     for number in range(count):
         block, place = divmod(number, LIFELIKE_EVERY)
         if place == LIFELIKE_EVERY - 1:
@@ -81,9 +83,14 @@ def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
             yield _stored(run, case["index"], lambda c=case, s=study: (c, s().pad))
 
 
-def _cost(case: Case) -> tuple[bool, float]:
-    """Return by what the order of a run's studies is, none of which says what is hidden."""
-    return case["strata"]["logger"] == "full", case["seconds"]["simulate"]
+def soonest(cases: Sequence[Case]) -> list[Case]:
+    """Return studies by how soon they are made, one of each kind of what is hidden in turn."""
+
+    def cost(case: Case) -> tuple[bool, float]:
+        return case["strata"]["logger"] == "full", case["seconds"]["simulate"]
+
+    of_kind = [sorted((c for c in cases if c["kind"] == kind), key=cost) for kind in KINDS]
+    return [case for turn in zip_longest(*of_kind) for case in turn if case is not None]
 
 
 def _lifelike(seed: int, index: int) -> tuple[Case, Pad]:

@@ -287,7 +287,8 @@ def keep(some: Sequence[Learnt], developed: int, seed: int, origin: Origin) -> N
     refused = [sum(not own for own in found.values()) for found in (by_fold, by_programme)]
     notes = [
         f"{len(counted)} pads are counted; no guess is given for {refused[0]} of them, and for "
-        f"{refused[1]} where pads of their programme are not learnt from. {first_of(by_fold, counted)}"
+        f"{refused[1]} where pads of their programme are not learnt from.",
+        first_of(by_fold, counted),
     ]
     columns = ["question", "asked", "yes", "log loss", "of prior rates", "other programmes"]
     Table(origin, len(counted), columns, losses(every, other), notes).write("guess")
