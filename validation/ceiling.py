@@ -15,7 +15,8 @@ could be told where all its hidden mechanisms could; with nothing hidden it alwa
 another mechanism imitates a hidden one is not asked: the ceiling that is found is an upper bound.
 
 `ceiling.py --run support --minutes 10` computes this for the studies of a run that are simulated
-soonest, as many as fit in so many minutes of CPU, and writes validation/results/ceiling.json.
+soonest, of each kind in turn, as many as fit in so many minutes of CPU, and writes
+validation/results/ceiling.json.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from blind.population import KINDS
 from blind.store import Store
 from blind.study import BlindStudy, make_study
 from blind.visible import SEEN, _expected_evidence, _factors, _slopes, _some
+from guess_pads import soonest
 from numpy.typing import NDArray
 from registration import Registration
 from results import BUILD, Origin, Table, share
@@ -131,7 +133,7 @@ def main() -> int:
     population = Registration.read(options.run).population
     store = Store(BUILD / f"ceiling-{population.key}.jsonl")
     begun, found = time.process_time(), []
-    for case in sorted(read_cases(options.run), key=lambda case: case["seconds"]["simulate"]):
+    for case in soonest(read_cases(options.run)):
         index = case["index"]
         if index not in store.cases and time.process_time() - begun < 60.0 * options.minutes:
             store.add({"index": index, **ceiling_of(make_study(population, index))})

@@ -12,6 +12,9 @@ from qlvbayes.effects.catalogue import EFFECTS, names
 from qlvbayes.guess.features import COMMON, OWN, Expansion, features_of
 from qlvbayes.guess.guess import guessed, weights
 from qlvbayes.guess.responses import responses_of
+from qlvbayes.io.data import Pad
+from qlvbayes.io.units import PAD
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.simulate import HIDDEN
 
@@ -87,10 +90,6 @@ def test_what_is_gained_in_phases_adds_up(responses):
 
 def test_the_unit_of_force_does_not_matter(dragged, responses):
     thousand = [replace(one.test, force=1000.0 * one.test.force) for one in dragged.trials]
-    from qlvbayes.io.data import Pad
-    from qlvbayes.io.units import PAD
-    from qlvbayes.motion.experiment import prepare
-
     scaled = responses_of(prepare(Pad("B", tuple(thousand), PAD)))
     one, other = (features_of(r, LISTED) for r in (responses, scaled))
     assert one.effects == other.effects
