@@ -15,10 +15,12 @@ from functools import partial
 from itertools import zip_longest
 
 from blind.counting import Case, true_names
-from blind.population import KINDS
+from blind.population import KINDS, Population
 from blind.study import make_study as make_blind
+from blind.visible import SEEN, visible
 from lifelike import truth_of
 from lifelike_pads import make_study as make_lifelike
+from lifelike_sizes import SEEN as RATIO
 from registration import Registration
 from results import BUILD
 from runs import read_cases
@@ -62,11 +64,21 @@ class GuessPad:
         return true_names(self.case | {"base": base, "names": [], "kin": {}, "kind": "none"})
 
     @property
-    def hidden(self) -> set[str]:
-        """Listed effects, and families of forms, that are hidden."""
-        if self.case["kind"] in ("single", "double"):
-            return set(self.case["names"])
-        return set().union(*(set(kin) for kin in self.case["kin"].values()))
+    def shown(self) -> dict[str, bool]:
+        """Of each hidden thing that was asked for, whether the tests could show it."""
+        ratios, expected = self.case.get("ratios"), self.case.get("detectability")
+        if ratios is not None:
+            return {name: ratio >= RATIO for name, ratio in ratios.items()}
+        if expected is not None:
+            return {name: value > SEEN for name, value in expected.items()}
+        return dict.fromkeys(self.case["names"], bool(self.case["seen"]))
+
+    def families(self, shown: bool) -> set[str]:
+        """Listed effects that are hidden, or whose form is, which the tests could show or not."""
+        kin = {name: {name} for name in self.case["names"]}
+        if self.case["kind"] not in ("single", "double"):
+            kin = {name: set(some) for name, some in self.case["kin"].items()}
+        return set().union(*(kin[name] for name, own in self.shown.items() if own is shown))
 
 
 def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
@@ -79,8 +91,7 @@ def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
             yield _stored("lifelike", block, partial(_lifelike, seed, block))
         else:
             case = cases[number - block]
-            study = partial(make_blind, population, case["index"])
-            yield _stored(run, case["index"], lambda c=case, s=study: (c, s().pad))
+            yield _stored(run, case["index"], partial(_blind, population, case))
 
 
 def soonest(cases: Sequence[Case]) -> list[Case]:
@@ -93,9 +104,15 @@ def soonest(cases: Sequence[Case]) -> list[Case]:
     return [case for turn in zip_longest(*of_kind) for case in turn if case is not None]
 
 
+def _blind(population: Population, case: Case) -> tuple[Case, Pad]:
+    study = make_blind(population, case["index"])
+    several = len(case["names"]) > 1 and not case["seen"]
+    return case | ({"detectability": visible(study)} if several else {}), study.pad
+
+
 def _lifelike(seed: int, index: int) -> tuple[Case, Pad]:
     study = make_lifelike(seed, index)
-    return {"index": index, **truth_of(study)}, study.pad
+    return {"index": index, **truth_of(study), "ratios": study.seen}, study.pad
 
 
 def _stored(population: str, index: int, make: Callable[[], tuple[Case, Pad]]) -> GuessPad:

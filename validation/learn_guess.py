@@ -7,9 +7,9 @@ counts become validation/results/guess.json. N, S and the rules of the count are
 validation/registered/guess.json before: pads with which the features were chosen are learnt from,
 and not counted.
 
-What is asked of an effect is whether it, or a form of it, is hidden in a pad where the tests could
-show all that is hidden. Not asked is of effects that are hidden where they could not, and of those
-that are there though not hidden: a gap of more than 0.01 mm, a mode more than the law has.
+What is asked of an effect is whether it, or a form of it, is hidden where the tests could show it.
+Not asked is of effects that are hidden where they could not, and of those that are there though not
+hidden: a gap of more than 0.01 mm, a mode more than the law has.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from registration import FOLDER
 from results import Origin, Table
 
 from qlvbayes.effects.catalogue import EFFECTS, names
-from qlvbayes.guess.features import COMMON, Features, features_of
-from qlvbayes.guess.guess import Member, Weights, guessed
+from qlvbayes.guess.features import COMMON, OWN, Features, features_of
+from qlvbayes.guess.guess import Member, Weights, guessed, standardised
 from qlvbayes.io.files import write_json
 from qlvbayes.laws.scales import TOLERANCE
 
@@ -41,11 +41,14 @@ Array = NDArray[np.float64]
 RUN = "support"  # of blind studies, whose pads are simulated
 MEMBERS = 5
 FOLDS = 5
-_RIDGE = 3.0  # penalty on a weight of a standardised feature,
-_BIAS_RIDGE = 3.0  # and on an effect's own constant
+_CORE = ("evidence", "beside_rival", "rival_beside", "ahead", "beside_two")
+_CORE_RIDGE = 3.0  # penalty on the weight of one of these standardised features,
+_RIDGE = 30.0  # of any other, of which there are more than hidden effects,
+_BIAS_RIDGE = 10.0  # and on an effect's own constant
+_RECORD_RIDGE = 10.0  # the same where a record's features are all there is
 _GAP_MM = 0.01  # from which a gap counts as a contact offset that is there
-_MARGIN = 1.2  # times the largest distance learnt from, beyond which a record is unlike
-_SHRUNK = 0.1  # of the unit matrix in the covariance of the record's features
+_MARGIN = 1.5  # times the largest distance learnt from, beyond which a record is unlike
+_SHRUNK = 1.0  # of the unit matrix in the covariance of the record's features
 _LISTED = frozenset(names(EFFECTS))
 
 
@@ -67,24 +70,22 @@ class Learnt:
 
 def learnt_from(pad: GuessPad) -> Learnt:
     """Return what one pad teaches."""
-    case = pad.case | {"base": {"relaxation": pad.responses.base[1]}}
-    features = features_of(pad.responses, _LISTED)
-    hidden, seen = pad.hidden, bool(case["seen"])
-    anyway = set(pad.anyway) - hidden
+    case, features = pad.case, features_of(pad.responses, _LISTED)
+    there, hidden = pad.families(shown=True), pad.families(shown=False)
+    unknown = (hidden | pad.anyway) - there
     if case["rig"]["gap_mm"] < _GAP_MM:
-        anyway -= {"contact_offset"}
-    there = np.array([name in hidden for name in features.effects])
-    known = np.array([name not in anyway for name in features.effects])
-    share = case["unlisted"]["share_of_peak"] if "unlisted" in case else None
-    outside = case["kind"] in ("outside", "outside_beside")
-    if share is not None:  # a lifelike pad: something unlisted is always there
-        unlisted = True if share > TOLERANCE else None
-        nothing = False if (case["names"] and seen) or share > TOLERANCE else None
-    else:
-        sure = seen or len(case["names"]) == 1
-        unlisted = (outside and seen) if sure else None
-        nothing = (not case["names"] or not seen) if sure else None
-    return Learnt(pad, features, there & seen, known & (seen | ~there), nothing, unlisted)
+        unknown -= {"contact_offset"} - hidden
+    nothing = not any(pad.shown.values())
+    unlisted = any(shown and not case["kin"][name] for name, shown in pad.shown.items())
+    share = case["unlisted"]["share_of_peak"] if "unlisted" in case else 0.0  # of a lifelike pad
+    return Learnt(
+        pad,
+        features,
+        np.array([name in there for name in features.effects]),
+        np.array([name not in unknown for name in features.effects]),
+        None if nothing and 0.0 < share <= TOLERANCE else nothing and share == 0.0,
+        None if 0.0 < share <= TOLERANCE else unlisted or share > TOLERANCE,
+    )
 
 
 def weights_of(some: Sequence[Learnt], seed: int, origin: dict[str, str | int]) -> Weights:
@@ -101,27 +102,28 @@ def weights_of(some: Sequence[Learnt], seed: int, origin: dict[str, str | int]) 
     draws = [rng.integers(len(some), size=len(some)) for _ in range(MEMBERS)]
     members = [_member([some[k] for k in draw], mean, sd) for draw in draws]
     return Weights(
-        mean.tolist(), sd.tolist(), common.min(axis=0).tolist(), common.max(axis=0).tolist(),
-        precision.tolist(), farthest, members, origin,
+        mean.tolist(), sd.tolist(), precision.tolist(), farthest, members, origin
     )  # fmt: skip
 
 
 def _member(some: Sequence[Learnt], mean: Array, sd: Array) -> Member:
     every = sorted(_LISTED)
-    z = np.concatenate([(one.features.rows - mean) / sd for one in some])
+    z = np.concatenate([standardised(one.features.rows, mean, sd) for one in some])
     own = np.array([name == np.array(every) for one in some for name in one.features.effects])
     there = np.concatenate([one.effects for one in some]).astype(float)
     asked = np.concatenate([one.asked for one in some])
-    penalty = np.concatenate([np.full(z.shape[1], _RIDGE), np.full(len(every), _BIAS_RIDGE)])
+    ridges = [_CORE_RIDGE if name in _CORE else _RIDGE for name in (*OWN, *COMMON)]
+    penalty = np.concatenate([ridges, np.full(len(every), _BIAS_RIDGE)])
     weights = logistic(np.column_stack([z, own])[asked], there[asked], penalty)
     split = 1 + z.shape[1]
-    count = len(COMMON)
-    records = np.array([(one.features.common - mean[-count:]) / sd[-count:] for one in some])
+    own_mean, own_sd = mean[-len(COMMON) :], sd[-len(COMMON) :]
+    records = np.array([standardised(one.features.common, own_mean, own_sd) for one in some])
+    ridge = np.full(len(COMMON), _RECORD_RIDGE)
     of_record = []
     for answers in ([one.nothing for one in some], [one.unlisted for one in some]):
         known = np.array([answer is not None for answer in answers])
         true = np.array([float(bool(answer)) for answer in answers])
-        of_record.append(logistic(records[known], true[known], np.full(count, _RIDGE)).tolist())
+        of_record.append(logistic(records[known], true[known], ridge).tolist())
     bias = dict(zip(every, weights[split:].tolist(), strict=True))
     return Member(weights[:split].tolist(), bias, *of_record)
 
@@ -272,13 +274,14 @@ def main() -> int:
         registered = json.loads((FOLDER / "guess.json").read_text(encoding="utf-8"))
         if any(registered[key] != value for key, value in command.items()):
             sys.exit(f"registered are {registered}")
-        keep(some, registered["developed"], options.seed, Origin.now())
+        developed = {tuple(key) for key in registered["developed"]}
+        counted = [one for one in some if one.pad.key not in developed]
+        keep(some, counted, options.seed, Origin.now())
     return 0
 
 
-def keep(some: Sequence[Learnt], developed: int, seed: int, origin: Origin) -> None:
-    """Write the tables of the pads with which the features were not chosen."""
-    counted = some[developed:]
+def keep(some: Sequence[Learnt], counted: Sequence[Learnt], seed: int, origin: Origin) -> None:
+    """Write the tables of the counted pads, those with which the features were not chosen."""
     by_fold = left_out(some, counted, fold_of(some, seed), seed)
     by_programme = left_out(some, counted, lambda one: one.pad.programme, seed)
     every, other = (

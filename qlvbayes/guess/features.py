@@ -26,9 +26,9 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.motion.phases import KINDS
 
 OWN = (
-    "evidence", "beside_rival", "rival_beside", "ahead", "beside_two", "rank", "share_removed",
-    "over_noise", "amplitude", "left_by_constants", "signal", "negative", "cosine",
-    *(f"gain_{kind}" for kind in KINDS), "worst_test", "tests_helped", "other_form",
+    "evidence", "beside_rival", "rival_beside", "ahead", "beside_two", "share_removed",
+    "over_noise", "amplitude", "signal", "negative", "cosine",
+    *(f"gain_{kind}" for kind in KINDS), "worst_test", "tests_helped",
 )  # fmt: skip
 """Names of the features of one effect."""
 COMMON = (
@@ -56,14 +56,14 @@ class Features:
         return np.column_stack([self.own, np.tile(self.common, (len(self.own), 1))])
 
 
+@dataclass(frozen=True, eq=False)
 class Expansion:
     """Losses (S,), gradients (S, K) and curvatures (S, K, K) beside effects that were added."""
 
-    def __init__(
-        self, losses: Array, gradients: Array, curvatures: Array, signed: NDArray[np.bool_]
-    ) -> None:
-        self.losses, self.gradients, self.curvatures = losses, gradients, curvatures
-        self.signed = signed
+    losses: Array
+    gradients: Array
+    curvatures: Array
+    signed: NDArray[np.bool_]
 
     @property
     def factors(self) -> Array:
@@ -82,8 +82,7 @@ class Expansion:
     @property
     def none(self) -> float:
         """Return the log odds that there is no discrepancy."""
-        order = -self.losses + self.losses[0]
-        return float(-logsumexp(order[1:]))
+        return float(-logsumexp(self.losses[0] - self.losses[1:]))
 
     def beside(self, k: int) -> Expansion:
         """Return the expansion with the amplitude of one response integrated out."""
@@ -100,60 +99,45 @@ def features_of(r: Responses, listed: frozenset[str]) -> Features:
     names = tuple(dict.fromkeys(name for name in r.families if name in listed))
     alone = Expansion(r.losses, r.gradients, r.curvatures, r.signed)
     evidence = alone.evidence
-    best_row = {name: _best(evidence, family == name) for name in dict.fromkeys(r.families)}
-    order = sorted(names, key=lambda name: -evidence[best_row[name]])
-    beside = {name: alone.beside(best_row[name]) for name in order[:_STEPS]}
-    gains = _by_block(r, [best_row[name] for name in names])
-    largest = int(np.argmin(r.losses))
+    best = {name: _best(evidence, family == name) for name in names}
+    order = sorted(names, key=lambda name: -evidence[best[name]])
+    beside = {name: alone.beside(best[name]) for name in names}
+    h = r.curvatures[likeliest := int(np.argmin(r.losses))]
+    gains = _by_block(r, [best[name] for name in names])
     own = []
     for name, gain in zip(names, gains, strict=True):
-        k = best_row[name]
-        rivals = [other for other in order if other != name]
-        m = best_row[rivals[0]]
-        with_rival = beside.get(rivals[0]) or alone.beside(m)
-        given_rival = with_rival.evidence
-        j = _best(given_rival, family == name)
-        of_rival = alone.beside(k).evidence
-        others = np.isin(family, [one for one in rivals[1:] if one in listed])
-        second = _best(given_rival, others)
-        given_two = with_rival.beside(second).evidence
-        listed_form = (family == name) & (np.array(r.effects) == name)
-        h = r.curvatures[largest]
-        a = float(r.gradients[largest, k] / (1.0 + h[k, k]))
-        product = float(r.own[k] @ r.left)
-        square = float(r.own[k] @ r.own[k])
-        total = float(r.left @ r.left)
-        helps = r.signed[k] or product > 0.0
-        share = min(product**2 / max(square * total, _LEAST), 1.0 - 1e-9) if helps else 0.0
-        zero = alone.gradients[0, k] ** 2 / (1.0 + r.curvatures[0, k, k])
-        by_phase = np.array([gain[r.phase == p].sum() for p in range(len(KINDS))])
-        by_test = np.array([gain[r.test == t].sum() for t in range(int(r.test.max()) + 1)])
-        scale = max(float(np.abs(by_test).sum()), _LEAST)
+        rival, *others = (other for other in order if other != name)
+        k, m = best[name], best[rival]
+        second = _best(beside[rival].evidence, np.isin(family, others))
+        after = (beside[rival], beside[name], beside[rival].beside(second))
+        of_rival, of_name = family == rival, family == name
+        given = [
+            float(one.evidence[_best(one.evidence, some)])
+            for one, some in zip(after, (of_name, of_rival, of_name), strict=True)
+        ]
+        amplitude = r.gradients[likeliest, k] / (1.0 + h[k, k])
+        toward, square = float(r.own[k] @ r.left), float(r.own[k] @ r.own[k])
+        helps = 1.0 if r.signed[k] or toward > 0.0 else 0.0
+        share = helps * toward**2 / max(square * float(r.left @ r.left), _LEAST)
+        over_noise = helps * r.gradients[0, k] ** 2 / (1.0 + r.curvatures[0, k, k])
+        by_phase = np.bincount(r.phase, gain, len(KINDS))
+        by_test = np.bincount(r.test, gain)
         own.append(
             [
-                math.asinh(evidence[k]),
-                math.asinh(given_rival[j]),
-                math.asinh(of_rival[_best(of_rival, family == rivals[0])]),
-                math.asinh(evidence[k] - evidence[m]),
-                math.asinh(given_two[_best(given_two, family == name)]),
-                1.0 / (1.0 + order.index(name)),
-                -math.log1p(-share),
-                math.log1p(zero) if helps else 0.0,
-                math.log(abs(a) + 1e-3),
-                math.log(max(square, _LEAST) / max(float(r.whole[k] @ r.whole[k]), _LEAST) + 1e-6),
+                *map(math.asinh, (evidence[k], given[0], given[1], evidence[k] - evidence[m])),
+                math.asinh(given[2]),
+                -math.log1p(-min(share, 1.0 - 1e-9)),
+                math.log1p(over_noise),
+                math.log(abs(amplitude) + 1e-3),
                 math.log1p(h[k, k]),
-                float(a < 0.0),
+                float(amplitude < 0.0),
                 abs(h[k, m]) / math.sqrt(max(h[k, k] * h[m, m], _LEAST)),
                 *(by_phase / max(float(np.abs(by_phase).sum()), _LEAST)).tolist(),
-                float(np.abs(by_test).max()) / scale,
+                float(np.abs(by_test).max()) / max(float(np.abs(by_test).sum()), _LEAST),
                 float(np.mean(by_test > 0.0)),
-                math.asinh(evidence[k] - evidence[_best(evidence, listed_form)])
-                if listed_form.any()
-                else 0.0,
             ]
         )
-    common = _common(r, alone, np.isin(family, names))
-    return Features(names, np.array(own), common)
+    return Features(names, np.array(own), _common(r, alone, np.isin(family, names)))
 
 
 def _best(evidence: Array, some: NDArray[np.bool_]) -> int:
@@ -180,8 +164,9 @@ def _common(r: Responses, alone: Expansion, listed: NDArray[np.bool_]) -> Array:
         now = now.beside(k)
     unlisted = [float(one.evidence[~listed].max(initial=0.0)) for _, one in steps[:2]]
     squares = (r.left / r.noise) ** 2
-    by_phase = [float(squares[r.phase == p].mean()) if np.any(r.phase == p) else 1.0
-                for p in range(len(KINDS))]  # fmt: skip
+    readings = np.bincount(r.phase, minlength=len(KINDS))
+    by_phase = np.where(readings > 0, np.bincount(r.phase, squares, len(KINDS)), 1.0)
+    by_phase = np.log(np.maximum(by_phase / np.maximum(readings, 1), 1e-3))
     p = r.protocol
     return np.array(
         [
@@ -194,7 +179,7 @@ def _common(r: Responses, alone: Expansion, listed: NDArray[np.bool_]) -> Array:
             math.log(float(np.median(r.noise)) / r.peak),
             math.log(float(squares.mean())),
             math.asinh(max(r.laws.values(), default=0.0)),
-            *(math.log(max(one, 1e-3)) for one in by_phase),
+            *by_phase.tolist(),
             math.log(p.tests),
             math.log(r.left.size),
             *(float(x) for x in (p.unloads, p.returns, p.one_depth, p.curved, p.timed)),

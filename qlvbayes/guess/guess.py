@@ -16,6 +16,7 @@ features are farther from theirs than any of them gets no guess.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -31,6 +32,7 @@ from qlvbayes.motion.experiment import Experiment
 
 _TOLD = 0.1  # probability from which an effect is told,
 _MOST = 3  # and how many are
+_FARTHEST = 3.0  # sds of a feature, beyond which its weight is not extrapolated
 
 
 @dataclass(frozen=True)
@@ -90,15 +92,13 @@ class Member(msgspec.Struct, frozen=True):
 class Weights(msgspec.Struct, frozen=True):
     """What was learnt, and from what.
 
-    mean, sd: of each feature of an effect, the record's last; low, high: range of the record's
-    features; precision: of the record's standardised features; farthest: the largest distance of a
-    learnt record; origin: run, seed and number of pads.
+    mean, sd: of each feature of an effect, the record's last; precision: of the record's
+    standardised features; farthest: the largest distance from their mean (Mahalanobis) at which
+    there is a guess; origin: run, seed and number of pads.
     """
 
     mean: list[float]
     sd: list[float]
-    low: list[float]
-    high: list[float]
     precision: list[list[float]]
     farthest: float
     members: list[Member]
@@ -127,7 +127,7 @@ def guessed(pad: str, features: Features, learnt: Weights) -> Guess:
     """Return the guess that some weights give at the features of a pad."""
     if unlike := unlikeness(features.common, learnt):
         return Guess(pad, {}, None, None, unlike)
-    rows = (features.rows - np.array(learnt.mean)) / np.array(learnt.sd)
+    rows = standardised(features.rows, learnt.mean, learnt.sd)
     record = rows[0, -len(COMMON) :]
     effects = np.array([_of_effects(m, features.effects, rows) for m in learnt.members])
     nothing = np.array([_logistic(m.nothing, record) for m in learnt.members])
@@ -141,18 +141,18 @@ def guessed(pad: str, features: Features, learnt: Weights) -> Guess:
     )
 
 
+def standardised(features: Array, mean: Sequence[float], sd: Sequence[float]) -> Array:
+    """Return features (..., F) in sds from their means; what is beyond three counts as three."""
+    return np.clip((features - np.array(mean)) / np.array(sd), -_FARTHEST, _FARTHEST)
+
+
 def unlikeness(common: Array, learnt: Weights) -> str:
-    """Return in what a record is unlike those learnt from; empty where it is like them."""
+    """Return how much farther than those learnt from a record is; empty where it is not."""
     count = len(COMMON)
     z = (common - np.array(learnt.mean[-count:])) / np.array(learnt.sd[-count:])
-    low, high = np.array(learnt.low), np.array(learnt.high)
-    margin = 0.1 * (high - low) + 1e-6
-    outside = (common < low - margin) | (common > high + margin)
-    if outside.any():
-        worst = int(np.argmax(np.where(outside, np.abs(z), 0.0)))
-        return f"its feature {COMMON[worst]}"
     distance = float(np.sqrt(z @ np.array(learnt.precision) @ z))
-    return "its features together" if distance > learnt.farthest else ""
+    ratio = distance / learnt.farthest
+    return f"{ratio:.2g} times as far from their mean as is allowed" if ratio > 1.0 else ""
 
 
 def _of_effects(member: Member, names: tuple[str, ...], rows: Array) -> Array:

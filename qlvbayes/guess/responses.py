@@ -47,26 +47,22 @@ _EVERY = 2  # of the sizes of the discrepancy, which are close to one another
 class Responses:
     """The residual of one fit, and the K responses of effects, projected off the constants.
 
-    effects, families (K,): names; amplitudes (K,): at which the response was taken, in sds of the
-    prior; signed (K,): whether the amplitude may be negative; sizes, losses (S,): of the
-    discrepancy (N), and minus the log density without effects; gradients (S, K), curvatures (S, K,
-    K): g and H; left (n,): residual (N) by unweighted least squares, own (K, n) and whole (K, n):
-    responses (N) with and without the projection off the constants; test, phase (n,): of each block
+    families (K,): the effect that each is a form of; signed (K,): whether its amplitude may be
+    negative; losses (S,), gradients (S, K), curvatures (S, K, K): minus the log density without
+    effects, g and H at each size of the discrepancy, the first of which is zero; left (n,), own (K,
+    n): residual and responses (N) by unweighted least squares; test, phase (n,): of each block
     mean; noise (n,): its sd (N); peak (N); laws: log density that each other law adds to the plain
-    model; size: the likeliest of the discrepancy (N); protocol: what the tests do.
+    model; base: the laws of the fit; size: the likeliest of the discrepancy (N); protocol: what the
+    tests do.
     """
 
-    effects: tuple[str, ...]
     families: tuple[str, ...]
-    amplitudes: Array
     signed: NDArray[np.bool_]
-    sizes: Array
     losses: Array
     gradients: Array
     curvatures: Array
     left: Array
     own: Array
-    whole: Array
     test: NDArray[np.intp]
     phase: NDArray[np.intp]
     noise: Array
@@ -101,14 +97,11 @@ def responses_of(experiment: Experiment, choices: Choices | None = None) -> Resp
     losses, gradients, curvatures = (np.stack(some) for some in zip(*expansions, strict=True))
     family_of = search.families.family_of
     return Responses(
-        tuple(row[0] for row in rows),
         tuple(family_of[row[0]] for row in rows),
-        np.array([row[1] for row in rows]),
         np.array([row[2] for row in rows]),
-        sizes, losses, gradients, curvatures,
+        losses, gradients, curvatures,
         left - (left @ basis) @ basis.T,
         added - (added @ basis) @ basis.T,
-        added,
         density.whitener.tests,
         _phases(experiment, density),
         density.whitener.sds,
