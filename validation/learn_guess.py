@@ -31,7 +31,7 @@ from registration import FOLDER
 from results import Origin, Table
 
 from qlvbayes.effects.catalogue import EFFECTS, names
-from qlvbayes.guess.features import COMMON, OWN, Features, features_of
+from qlvbayes.guess.features import COMMON, LISTED, OWN, Features, features_of
 from qlvbayes.guess.guess import Member, Weights, guessed, standardised
 from qlvbayes.io.files import write_json
 from qlvbayes.laws.scales import TOLERANCE
@@ -43,13 +43,12 @@ MEMBERS = 5
 FOLDS = 5
 _CORE = ("evidence", "beside_rival", "rival_beside", "ahead", "beside_two")
 _CORE_RIDGE = 3.0  # penalty on the weight of one of these standardised features,
-_RIDGE = 30.0  # of any other, of which there are more than hidden effects,
+_RIDGE = 100.0  # of any other, of which there are more than hidden effects,
 _BIAS_RIDGE = 10.0  # and on an effect's own constant
 _RECORD_RIDGE = 10.0  # the same where a record's features are all there is
 _GAP_MM = 0.01  # from which a gap counts as a contact offset that is there
 _MARGIN = 1.5  # times the largest distance learnt from, beyond which a record is unlike
 _SHRUNK = 1.0  # of the unit matrix in the covariance of the record's features
-_LISTED = frozenset(names(EFFECTS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ class Learnt:
 
 def learnt_from(pad: GuessPad) -> Learnt:
     """Return what one pad teaches."""
-    case, features = pad.case, features_of(pad.responses, _LISTED)
+    case, features = pad.case, features_of(pad.responses)
     there, hidden = pad.families(shown=True), pad.families(shown=False)
     unknown = (hidden | pad.anyway) - there
     if case["rig"]["gap_mm"] < _GAP_MM:
@@ -107,7 +106,7 @@ def weights_of(some: Sequence[Learnt], seed: int, origin: dict[str, str | int]) 
 
 
 def _member(some: Sequence[Learnt], mean: Array, sd: Array) -> Member:
-    every = sorted(_LISTED)
+    every = sorted(LISTED)
     z = np.concatenate([standardised(one.features.rows, mean, sd) for one in some])
     own = np.array([name == np.array(every) for one in some for name in one.features.effects])
     there = np.concatenate([one.effects for one in some]).astype(float)
@@ -174,7 +173,7 @@ def answers(held: Learnt, learnt: Weights, rates: dict[str, float]) -> list[Answ
 
 def rates_of(some: Sequence[Learnt]) -> dict[str, float]:
     """Return how often the answer to each question is yes, with half a pad of each added."""
-    hits: dict[str, list[bool]] = {name: [] for name in (*_LISTED, NOTHING, UNLISTED)}
+    hits: dict[str, list[bool]] = {name: [] for name in (*LISTED, NOTHING, UNLISTED)}
     for one in some:
         for name, there, asked in zip(one.features.effects, one.effects, one.asked, strict=True):
             if asked:
@@ -214,7 +213,7 @@ def loss_of(some: Iterable[Answer], rate: bool = False) -> float:
 
 def losses(by_fold: Sequence[Answer], by_programme: Sequence[Answer]) -> list[list[str]]:
     """Return the rows of the table of log losses: all effects, each that is there often, others."""
-    questions: list[tuple[str, set[str]]] = [("all effects", set(_LISTED))]
+    questions: list[tuple[str, set[str]]] = [("all effects", set(LISTED))]
     questions += [(name, {name}) for name in (*names(EFFECTS), NOTHING, UNLISTED)]
     table = []
     for words, of in questions:
@@ -230,7 +229,7 @@ def losses(by_fold: Sequence[Answer], by_programme: Sequence[Answer]) -> list[li
 def bins(by_fold: Sequence[Answer]) -> list[list[str]]:
     """Return the rows of the table of calibration, of effects and of the other two questions."""
     table = []
-    for words, of in (("effects", _LISTED), (NOTHING, {NOTHING}), (UNLISTED, {UNLISTED})):
+    for words, of in (("effects", LISTED), (NOTHING, {NOTHING}), (UNLISTED, {UNLISTED})):
         own = [one for one in by_fold if one.question in of]
         given = np.array([one.probability for one in own])
         there = np.array([float(one.there) for one in own])
@@ -246,7 +245,7 @@ def first_of(some: dict[tuple[str, int], list[Answer]], counted: Sequence[Learnt
     ]  # fmt: skip
     places, named = [], []
     for one in singles:
-        own = [a for a in some[one.pad.key] if a.question in _LISTED]
+        own = [a for a in some[one.pad.key] if a.question in LISTED]
         own.sort(key=lambda answer: -answer.probability)
         places.append(next((k for k, answer in enumerate(own) if answer.there), len(own)))
         if "verdict" in one.pad.case:

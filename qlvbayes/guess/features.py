@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.catalogue import names as names_of
 from qlvbayes.guess.responses import Responses
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.phases import KINDS
@@ -38,7 +40,9 @@ COMMON = (
     "one_depth", "curved", "timed",
 )  # fmt: skip
 """Names of the features of a record, which all its effects share."""
-_LEAST = 1e-12
+LISTED = frozenset(names_of(EFFECTS))
+"""Names of the effects that may be named."""
+_LEAST = 1e-12  # instead of a zero in a denominator
 _STEPS = 3  # effects that are taken one after another
 
 
@@ -93,10 +97,10 @@ class Expansion:
         return Expansion(self.losses - self.factors[:, k], gradients, curvatures, self.signed)
 
 
-def features_of(r: Responses, listed: frozenset[str]) -> Features:
-    """Return the features of a record; listed: names of the effects that may be named."""
+def features_of(r: Responses) -> Features:
+    """Return the features of a record, and of every listed effect that its tests can show."""
     family = np.array(r.families)
-    names = tuple(dict.fromkeys(name for name in r.families if name in listed))
+    names = tuple(dict.fromkeys(name for name in r.families if name in LISTED))
     alone = Expansion(r.losses, r.gradients, r.curvatures, r.signed)
     evidence = alone.evidence
     best = {name: _best(evidence, family == name) for name in names}

@@ -8,7 +8,6 @@ from scipy.integrate import quad
 from scipy.stats import norm
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.effects.catalogue import EFFECTS, names
 from qlvbayes.guess.features import COMMON, OWN, Expansion, features_of
 from qlvbayes.guess.guess import guessed, weights
 from qlvbayes.guess.responses import responses_of
@@ -18,7 +17,6 @@ from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.simulate import HIDDEN
 
-LISTED = frozenset(names(EFFECTS))
 DRAGS = {"viscous_drag", "power_law_drag", "squeeze_film"}
 
 
@@ -70,7 +68,7 @@ def responses(dragged):
 
 
 def test_a_strong_drag_is_guessed_first(dragged, responses):
-    features = features_of(responses, LISTED)
+    features = features_of(responses)
     assert features.rows.shape == (len(features.effects), len(OWN) + len(COMMON))
     assert np.isfinite(features.rows).all()
     evidence = dict(zip(features.effects, features.own[:, 0], strict=True))
@@ -82,7 +80,7 @@ def test_a_strong_drag_is_guessed_first(dragged, responses):
 
 
 def test_what_is_gained_in_phases_adds_up(responses):
-    features = features_of(responses, LISTED)
+    features = features_of(responses)
     first = OWN.index(f"gain_{KINDS[0]}")
     shares = np.abs(features.own[:, first : first + len(KINDS)]).sum(axis=1)
     assert np.all((shares < 1e-9) | (np.abs(shares - 1.0) < 1e-9))
@@ -91,14 +89,14 @@ def test_what_is_gained_in_phases_adds_up(responses):
 def test_the_unit_of_force_does_not_matter(dragged, responses):
     thousand = [replace(one.test, force=1000.0 * one.test.force) for one in dragged.trials]
     scaled = responses_of(prepare(Pad("B", tuple(thousand), PAD)))
-    one, other = (features_of(r, LISTED) for r in (responses, scaled))
+    one, other = (features_of(r) for r in (responses, scaled))
     assert one.effects == other.effects
     assert scaled.peak == pytest.approx(1000.0 * responses.peak)
     assert np.allclose(one.rows, other.rows, atol=0.05)
 
 
 def test_a_record_unlike_those_learnt_from_gets_no_guess(dragged, responses):
-    features = features_of(responses, LISTED)
+    features = features_of(responses)
     for name in ("noise", "misfit", "tests"):
         common = features.common.copy()
         common[COMMON.index(name)] += 12.0
