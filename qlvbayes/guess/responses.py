@@ -4,15 +4,16 @@ The model without effects is fitted once, with each of the known laws in turn, a
 pair of laws is kept. About its mode the force of any further effect is linear in its amplitude a,
 in units of the prior's sd: y = f + J x + a r, where r is the force (N) that the effect adds at a
 given shape, over its amplitude. Under a discrepancy of size s (`inference.errors.discrepancy`),
-whose precision is Q, the constants x are integrated out in closed form. With the residual e and the
-prior's gradient p and curvature P,
+whose precision is Q, the constants x follow at their best. With the residual e and the prior's
+gradient p and curvature P,
 
 .. math:: A = J Q J^T + P, \quad b = J Q e - p, \quad
           g = r Q e - r Q J^T A^{-1} b, \quad H = r Q r - r Q J^T A^{-1} J Q r,
 
-the log likelihood ratio of amplitudes a against none is a g - a H a / 2. Each effect is tried
-small and large, at several quantiles of its shape's prior, in both directions where its amplitude
-has a sign, and in all its forms. Of each size the shape that gains most is kept.
+the log likelihood ratio of amplitudes a against none is a g - a H a / 2. Each effect is taken at
+half a sd, about 2.5 % of the largest force, at several quantiles of its shape's prior, in both
+directions where its amplitude has a sign, and in all its forms. Of each direction the shape that
+gains most is kept.
 """
 
 from __future__ import annotations
@@ -122,9 +123,7 @@ def _fitted(search: Search) -> tuple[Density, Mode, dict[str, float]]:
     density = scale_amplitudes(
         search.density, plain, drawn[0].point, search.families, search.settings
     )
-    first = best = find_mode(density, plain, drawn[0].point.theta)
-    if best is None or first is None:
-        raise NoFiniteForceError
+    best = find_mode(density, plain, drawn[0].point.theta) or drawn[0]
     laws = {}
     others = [("relaxation", name) for name in density.space.relaxation]
     others += [("elastic", name) for name in search.nameable_laws]
@@ -135,11 +134,10 @@ def _fitted(search: Search) -> tuple[Density, Mode, dict[str, float]]:
         other = replace(hypothesis, **{part: name})
         start = starts(density.space, best.point, other, 1, (1.0, 1.0), 1)[0]
         mode = find_mode(density, other, start, best.loss, _ROUGH, guess=best.size)
-        if mode is None:
-            continue
-        gain = best.loss - mode.loss + search.log_prior(other) - search.log_prior(hypothesis)
-        laws[name] = gain
-        best = mode if gain > 0.0 else best
+        if mode is not None:
+            prior = search.log_prior(other) - search.log_prior(hypothesis)
+            laws[name] = best.loss - mode.loss + prior
+            best = mode if laws[name] > 0.0 else best
     best = find_mode(density, best.point.own.hypothesis, best.point, guess=best.size) or best
     return density, best, laws
 
