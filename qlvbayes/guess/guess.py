@@ -54,7 +54,7 @@ class Guess:
 
     effects: of each effect that the tests can show, the likeliest first; nothing: that nothing is
     missing which the tests could show; unlisted: that something is there which no list holds.
-    unlike: in what the record is unlike those learnt from; if it is not empty, there is no guess.
+    unlike: how far the record is from those learnt from; if it is not empty, there is no guess.
     """
 
     pad: str
@@ -68,7 +68,7 @@ class Guess:
         """The guess in a sentence or two."""
         if self.nothing is None or self.unlisted is None:
             return (
-                f"No first guess: this record is unlike the simulated ones that it is learnt from "
+                "No first guess: this record is unlike the simulated ones that it is learnt from "
                 f"({self.unlike}). `qlvbayes diagnose` does not need it."
             )
         likely = [(k, p) for k, p in self.effects.items() if p.probability >= _TOLD][:_MOST]
