@@ -45,7 +45,9 @@ _CORE = ("evidence", "beside_rival", "rival_beside", "ahead", "beside_two")
 _CORE_RIDGE = 3.0  # penalty on the weight of one of these standardised features,
 _RIDGE = 100.0  # of any other, of which there are more than hidden effects,
 _BIAS_RIDGE = 10.0  # and on an effect's own constant
-_RECORD_RIDGE = 10.0  # the same where a record's features are all there is
+_CORE_OF_RECORD = ("best", "unlisted", "no_discrepancy", "no_discrepancy_beside", "misfit")
+_CORE_RECORD_RIDGE = 5.0  # the same where a record's features are all there is: of these,
+_RECORD_RIDGE = 10.0  # and of the others
 _GAP_MM = 0.01  # from which a gap counts as a contact offset that is there
 _MARGIN = 1.5  # times the largest distance learnt from, beyond which a record is unlike
 _SHRUNK = 1.0  # of the unit matrix in the covariance of the record's features
@@ -117,7 +119,8 @@ def _member(some: Sequence[Learnt], mean: Array, sd: Array) -> Member:
     split = 1 + z.shape[1]
     own_mean, own_sd = mean[-len(COMMON) :], sd[-len(COMMON) :]
     records = np.array([standardised(one.features.common, own_mean, own_sd) for one in some])
-    ridge = np.full(len(COMMON), _RECORD_RIDGE)
+    core = [name in _CORE_OF_RECORD for name in COMMON]
+    ridge = np.where(core, _CORE_RECORD_RIDGE, _RECORD_RIDGE)
     of_record = []
     for answers in ([one.nothing for one in some], [one.unlisted for one in some]):
         known = np.array([answer is not None for answer in answers])

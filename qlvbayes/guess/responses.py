@@ -19,7 +19,7 @@ gains most is kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -30,6 +30,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Density
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, find_mode
 from qlvbayes.inference.starts import amplitude_of, over_shapes, starts, transferred
 from qlvbayes.io.arrays import Array
@@ -131,7 +132,8 @@ def _fitted(search: Search) -> tuple[Density, Mode, dict[str, float]]:
         hypothesis = best.point.own.hypothesis
         if getattr(plain, part) == name:
             continue
-        other = replace(hypothesis, **{part: name})
+        changed = (name, hypothesis.relaxation), (hypothesis.elastic, name)
+        other = Hypothesis(*changed[part == "relaxation"], hypothesis.effects)
         start = starts(density.space, best.point, other, 1, (1.0, 1.0), 1)[0]
         mode = find_mode(density, other, start, best.loss, _ROUGH, guess=best.size)
         if mode is not None:
