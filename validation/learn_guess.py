@@ -269,16 +269,17 @@ def main() -> int:
     parser.add_argument("--keep", action="store_true", help="keep the tables of what it is worth")
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of the weights")
     options = parser.parse_args()
+    origin = Origin.now() if options.keep else None  # before the weights are other ones
     command = {"run": RUN, "seed": options.seed, "pads": options.pads}
     some = [learnt_from(pad) for pad in pads(RUN, options.pads, options.seed)]
     write_json(options.output, to_builtins(weights_of(some, options.seed, dict(command))))
-    if options.keep:
+    if origin:
         registered = json.loads((FOLDER / "guess.json").read_text(encoding="utf-8"))
         if any(registered[key] != value for key, value in command.items()):
             sys.exit(f"registered are {registered}")
         developed = {tuple(key) for key in registered["developed"]}
         counted = [one for one in some if one.pad.key not in developed]
-        keep(some, counted, options.seed, Origin.now())
+        keep(some, counted, options.seed, origin)
     return 0
 
 
