@@ -199,9 +199,10 @@ of the studies give.
 regressions that `validation/learn_guess.py` learns from the studies of *support* that are simulated
 soonest and from lifelike pads. Each pad is guessed by what the other four fifths of the pads teach.
 *Prior rates*: the log loss (nats) of stating how often each is hidden; *other programmes*: of what
-pads of other programmes of the platen teach. Seed, number of pads and rules of the count were
-committed before; pads with which the features were chosen are not counted. Effects that are hidden
-in none of the counted pads are left out.
+pads of other programmes of the platen teach, over the pads that are near enough to those for a
+guess. Seed, number of pads and rules of the count were committed before; pads with which the
+features were chosen are not counted. Effects that are hidden in none of the counted pads are left
+out. The pads are few, so that little is known of single effects.
 """,
         lambda: Table.read("guess").markdown(),
     ),
