@@ -272,7 +272,9 @@ def main() -> int:
     origin = Origin.now() if options.keep else None  # before the weights are other ones
     command = {"run": RUN, "seed": options.seed, "pads": options.pads}
     some = [learnt_from(pad) for pad in pads(RUN, options.pads, options.seed)]
-    write_json(options.output, to_builtins(weights_of(some, options.seed, dict(command))))
+    write_json(
+        options.output, to_builtins(weights_of(some, options.seed, dict(command))), indent=None
+    )
     if origin:
         registered = json.loads((FOLDER / "guess.json").read_text(encoding="utf-8"))
         if any(registered[key] != value for key, value in command.items()):
