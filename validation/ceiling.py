@@ -67,7 +67,7 @@ def _whitened(factors: Sequence[Array], parts: Sequence[Array]) -> Array:
     return np.concatenate(solved)
 
 
-def told(left: Array) -> Array:
+def against_others(left: Array) -> Array:
     """Return chi^2 (E,) of each pattern (E, n) where the others are errors of their true size."""
     found = []
     for k, own in enumerate(left):
@@ -83,7 +83,7 @@ def ceiling_of(study: BlindStudy) -> dict[str, dict[str, float]]:
     if not study.effects:
         return {"seen": {}, "told": {}}
     left = patterns(study)
-    both = {"seen": np.sum(left**2, axis=1), "told": told(left)}
+    both = {"seen": np.sum(left**2, axis=1), "told": against_others(left)}
     return {
         key: {
             effect.name: _expected_evidence(float(one), effect)

@@ -48,7 +48,7 @@ class GuessPad:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What identifies the pad."""
+        """Population and index of the pad."""
         return self.population, self.case["index"]
 
     @property
@@ -65,7 +65,7 @@ class GuessPad:
 
     @property
     def shown(self) -> dict[str, bool]:
-        """Of each hidden thing that was asked for, whether the tests could show it."""
+        """Whether the tests could show each thing that is hidden, by its name."""
         ratios, expected = self.case.get("ratios"), self.case.get("detectability")
         if ratios is not None:
             return {name: ratio >= RATIO for name, ratio in ratios.items()}

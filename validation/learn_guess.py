@@ -55,7 +55,7 @@ _SHRUNK = 1.0  # of the unit matrix in the covariance of the record's features
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """What a pad teaches: its features, and of each question the answer and whether it is asked.
+    """The lesson of a pad: its features, and of each question the answer and whether it is asked.
 
     effects, asked (E,): of each effect that the tests can show; nothing, unlisted: answers, None
     where they are not asked.

@@ -24,7 +24,9 @@ Case = dict[str, Any]
 """A finished study, plain values for JSON; ``index`` is what it is stored under."""
 
 # parts of the package that no diagnosis computes with
-_WITHOUT_EFFECT = ("cli/", "guess/", "parallel/", "plots/", "evaluation/store.py", "evaluation/table.py")
+_WITHOUT_EFFECT = (
+    "cli/", "guess/", "parallel/", "plots/", "evaluation/store.py", "evaluation/table.py"
+)  # fmt: skip
 
 
 class Store:

@@ -88,8 +88,8 @@ class Expansion:
         """Return the log odds that there is no discrepancy."""
         return float(-logsumexp(self.losses[0] - self.losses[1:]))
 
-    def beside(self, k: int) -> Expansion:
-        """Return the expansion with the amplitude of one response integrated out."""
+    def given(self, k: int) -> Expansion:
+        """Return the expansion given that one response is there, its amplitude integrated out."""
         column = self.curvatures[:, :, k]
         scale = 1.0 / (1.0 + column[:, k])
         gradients = self.gradients - column * (scale * self.gradients[:, k])[:, None]
@@ -105,17 +105,17 @@ def features_of(r: Responses) -> Features:
     evidence = alone.evidence
     best = {name: _best(evidence, family == name) for name in names}
     order = sorted(names, key=lambda name: -evidence[best[name]])
-    beside = {name: alone.beside(best[name]) for name in names}
+    conditioned = {name: alone.given(best[name]) for name in names}
     h = r.curvatures[likeliest := int(np.argmin(r.losses))]
     gains = _by_block(r, [best[name] for name in names])
     own = []
     for name, gain in zip(names, gains, strict=True):
         rival, *others = (other for other in order if other != name)
         k, m = best[name], best[rival]
-        second = _best(beside[rival].evidence, np.isin(family, others))
-        after = (beside[rival], beside[name], beside[rival].beside(second))
+        second = _best(conditioned[rival].evidence, np.isin(family, others))
+        after = (conditioned[rival], conditioned[name], conditioned[rival].given(second))
         of_rival, of_name = family == rival, family == name
-        given = [
+        remaining = [
             float(one.evidence[_best(one.evidence, some)])
             for one, some in zip(after, (of_name, of_rival, of_name), strict=True)
         ]
@@ -128,8 +128,10 @@ def features_of(r: Responses) -> Features:
         by_test = np.bincount(r.test, gain)
         own.append(
             [
-                *map(math.asinh, (evidence[k], given[0], given[1], evidence[k] - evidence[m])),
-                math.asinh(given[2]),
+                *map(
+                    math.asinh, (evidence[k], remaining[0], remaining[1], evidence[k] - evidence[m])
+                ),
+                math.asinh(remaining[2]),
                 -math.log1p(-min(share, 1.0 - 1e-9)),
                 math.log1p(over_noise),
                 math.log(abs(amplitude) + 1e-3),
@@ -165,7 +167,7 @@ def _common(r: Responses, alone: Expansion, listed: NDArray[np.bool_]) -> Array:
         evidence = now.evidence
         k = _best(evidence, listed)
         steps.append((float(evidence[k]), now))
-        now = now.beside(k)
+        now = now.given(k)
     unlisted = [float(one.evidence[~listed].max(initial=0.0)) for _, one in steps[:2]]
     squares = (r.left / r.noise) ** 2
     readings = np.bincount(r.phase, minlength=len(KINDS))

@@ -30,7 +30,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
 
-_TOLD = 0.1  # probability from which an effect is told,
+_LIKELY = 0.1  # probability from which an effect is in the sentence,
 _MOST = 3  # and how many are
 _FARTHEST = 3.0  # sds of a feature, beyond which its weight is not extrapolated
 
@@ -71,7 +71,7 @@ class Guess:
                 "No first guess: this record is unlike the simulated ones that it is learnt from "
                 f"({self.unlike}). `qlvbayes diagnose` does not need it."
             )
-        likely = [(k, p) for k, p in self.effects.items() if p.probability >= _TOLD][:_MOST]
+        likely = [(k, p) for k, p in self.effects.items() if p.probability >= _LIKELY][:_MOST]
         named = [f"{effect} {p}" for effect, p in likely] or ["no effect above 10 %"]
         rest = [
             f"nothing missing {100.0 * self.nothing.probability:.0f} %",
@@ -90,7 +90,7 @@ class Member(msgspec.Struct, frozen=True):
 
 
 class Weights(msgspec.Struct, frozen=True):
-    """What was learnt, and from what.
+    """The weights that were learnt, with their origin.
 
     mean, sd: of each feature of an effect, the record's last; precision: of the record's
     standardised features; farthest: the largest distance from their mean (Mahalanobis) at which

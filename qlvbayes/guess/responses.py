@@ -1,4 +1,4 @@
-r"""What each effect would add to the force of one fit, and what it would gain there.
+r"""Compute what each effect would add to the force of one fit, and what it would gain there.
 
 The model without effects is fitted once, with each of the known laws in turn, and the most probable
 pair of laws is kept. About its mode the force of any further effect is linear in its amplitude a,

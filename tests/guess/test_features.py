@@ -47,7 +47,7 @@ def test_the_evidence_of_an_amplitude_is_the_integral_over_its_prior(signed):
 
 def test_one_amplitude_after_another_is_both_at_once():
     one = expansion([True, True, True])
-    pair = one.beside(0).evidence[2] + one.evidence[0]
+    pair = one.given(0).evidence[2] + one.evidence[0]
     both = [0, 2]
     total = 0.0
     for loss, g, h in zip(one.losses, one.gradients, one.curvatures, strict=True):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ceiling import told
+from ceiling import against_others
 from learn_guess import logistic
 from registration import FOLDER
 
@@ -34,5 +34,5 @@ def test_the_regression_finds_what_made_the_answers_and_its_slope_is_zero():
 
 def test_what_can_be_told_is_less_than_what_can_be_seen_where_patterns_are_alike():
     apart, alike = np.array([[3.0, 0.0], [0.0, 4.0]]), np.array([[3.0, 0.0], [4.0, 0.0]])
-    assert told(apart) == pytest.approx([9.0, 16.0])
-    assert told(alike) == pytest.approx([9.0 / 17.0, 16.0 / 10.0])
+    assert against_others(apart) == pytest.approx([9.0, 16.0])
+    assert against_others(alike) == pytest.approx([9.0 / 17.0, 16.0 / 10.0])
