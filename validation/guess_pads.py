@@ -65,7 +65,7 @@ class GuessPad:
 
     @property
     def shown(self) -> dict[str, bool]:
-        """Whether the tests could show each thing that is hidden, by its name."""
+        """Visibility in the tests of each thing that is hidden, by its name."""
         ratios, expected = self.case.get("ratios"), self.case.get("detectability")
         if ratios is not None:
             return {name: ratio >= RATIO for name, ratio in ratios.items()}
