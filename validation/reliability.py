@@ -206,6 +206,39 @@ of the studies give.
     ),
     (
         """
+### A first guess
+
+`look --cause` fits the plain model once and says which effects are likely missing, by logistic
+regressions that `validation/learn_guess.py` learns from the studies of *support* that are simulated
+soonest and from lifelike pads. Each pad is guessed by what the other four fifths of the pads teach.
+*Prior rates*: the log loss (nats) of stating how often each is hidden; *other programmes*: of what
+pads of other programmes of the platen teach, over the pads that are near enough to those for a
+guess. Seed, number of pads and rules of the count were committed before; pads with which the
+features were chosen are not counted. Effects that are hidden in none of the counted pads are left
+out. The pads are few, so that little is known of single effects.
+""",
+        lambda: Table.read("guess").markdown(),
+    ),
+    (
+        """
+How often it is so, by the probability that the guess states:
+""",
+        lambda: Table.read("guess_bins").markdown(),
+    ),
+    (
+        """
+### How much could be told at all
+
+An observer who knows every mechanism that the simulator has, the laws, the noise and the motion,
+and no constant, sees a hidden mechanism if its expected evidence exceeds that of its constants
+(`validation/ceiling.py`). It could be *told* if that is so while everything else that is hidden
+counts as an error of its own shape and true size. Whether something else would imitate it is not
+asked, so that the share is an upper bound.
+""",
+        lambda: Table.read("ceiling").markdown(),
+    ),
+    (
+        """
 ### Every run
 
 A run that is smaller than registered was stopped for the next version, and small ones tell little.

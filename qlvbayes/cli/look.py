@@ -43,6 +43,14 @@ def look_command(
         ),
     ] = None,
     *,
+    cause: Annotated[
+        bool,
+        typer.Option(
+            "--cause",
+            help="Fit the plain model once, and print a first guess of what it misses, learnt from "
+            "simulated pads; 'diagnose' decides.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
@@ -90,6 +98,8 @@ def look_command(
         looks.append(look)
         if not as_json:
             show_look(look, figures)
+        if cause:
+            _print_guesses(study, inputs, as_json=as_json)
     if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
@@ -171,6 +181,24 @@ def _studies(source: Source) -> tuple[list[Measurements], list[str]]:
             pads = one.pads if before is None else (*before.pads, *one.pads)
             by_file[one.source] = replace(one, pads=pads)
     return list(by_file.values()), refused
+
+
+def _print_guesses(study: Measurements, inputs: InputOptions, *, as_json: bool) -> None:
+    """Print a first guess of what each pad's model misses; next to JSON, on standard error."""
+    from qlvbayes.guess.guess import first_guess
+    from qlvbayes.model.choices import Choices
+    from qlvbayes.motion.experiment import prepare
+
+    chosen = inputs.chosen
+    bonded = study.units.bonded_default if chosen["bonded"] is None else chosen["bonded"]
+    for pad in study.pads:
+        with waiting("fitting once"):
+            experiment = prepare(
+                pad, keep_all_readings=bool(chosen["keep-all-readings"]), use=chosen["use"],
+                leave_out=chosen["leave-out"],
+            )  # fmt: skip
+            guess = first_guess(experiment, Choices(bonded=bonded))
+        (err if as_json else out).print(f"pad {pad.name}: {guess.sentence}", soft_wrap=True)
 
 
 def _files(study: Measurements, paths: Sequence[Path], source: Source) -> tuple[str, ...]:

@@ -23,8 +23,10 @@ PACKAGE = Path(qlvbayes.__file__).parent
 Case = dict[str, Any]
 """A finished study, plain values for JSON; ``index`` is what it is stored under."""
 
-# parts of the package that only read finished studies
-_WITHOUT_EFFECT = ("cli/", "parallel/", "plots/", "evaluation/store.py", "evaluation/table.py")
+# parts of the package that no diagnosis computes with
+_WITHOUT_EFFECT = (
+    "cli/", "guess/", "parallel/", "plots/", "evaluation/store.py", "evaluation/table.py"
+)  # fmt: skip
 
 
 class Store:

@@ -31,7 +31,10 @@ HOUSE = [
         "diagnosis": "which effect is missing, and which test would tell",
         "comparison": "two pads, two fluids",
     },
-    {"use": "constants put to use: programmes, stepper, exports"},
+    {
+        "use": "constants put to use: programmes, stepper, exports",
+        "guess": "a first guess of what is missing, learnt from simulated pads",
+    },
     {"evaluation": "how often each effect would be named in a user's tests"},
     {"plots": "figures for papers, one function a file, and their list"},
     {"report": "the page with all results"},

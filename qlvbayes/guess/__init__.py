@@ -1,0 +1,1 @@
+"""A first guess of the missing effect, from one fit."""
