@@ -32,7 +32,8 @@ from qlvbayes.plots.style import (
 )
 
 _HEIGHTS = (22.0, 15.0)  # mm: a panel of force and one of residuals
-_HEAD, _HEAD_TIGHT = 13.0, 21.0  # mm: title and legend
+_HEAD, _HEAD_TIGHT = 13.0, 21.0  # mm: title, of one line or of two, and legend
+_LINE = 4.5  # mm: a further line of the title
 _NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
 _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds on either side that hold 90 %
@@ -49,7 +50,8 @@ def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> 
     units, tight = diagnosis.result.units, narrow(width)
     shown = sorted(curves(diagnosis), key=lambda one: by_rate(one.trial.rate))
     with style():
-        head = _HEAD_TIGHT if tight else _HEAD
+        more = heading(diagnosis.result, tight=tight).count("\n") - tight
+        head = (_HEAD_TIGHT if tight else _HEAD) + _LINE * max(more, 0)
         sheet = Sheet.of(width, len(shown), _HEIGHTS, head=head, foot=7.0 if tight else 4.0)
         quantities = [force_label(units), f"residual\n({units.force})"]
         for panels, one in zip(sheet.blocks, shown, strict=True):

@@ -115,7 +115,10 @@ def stairs():
 MANY = ("strain_dependent_strength", "viscous_drag", "extra_relaxation_mode", "frame_compliance")
 CASES = {
     "one effect": (diagnosed(), pressed(3)),
-    "nothing missing": (diagnosed(2, (), "adequate"), pressed(2, False)),
+    "nothing missing": (
+        diagnosed(2, (), "adequate", pad="a pad whose name needs another line " * 2),
+        pressed(2, False),
+    ),
     "one test": (diagnosed(1), pressed(1)),
     "twelve tests, four effects": (diagnosed(12, MANY), pressed(12, moves=[1.6])),
     "staircase": (diagnosed(1), stairs()),
