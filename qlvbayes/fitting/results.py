@@ -266,7 +266,7 @@ def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.nda
     """Return draws (chain, draw) by name; older results may lack the discrepancy's constants."""
     draws = dict(zip(*_flattened(posterior), strict=True))
     for name, value in neutral_names(NOISES[choices.noise]).items():
-        draws.setdefault(name, np.full_like(draws["m"], value))
+        draws.setdefault(name, np.full_like(next(iter(draws.values())), value))
     return draws
 
 

@@ -70,6 +70,11 @@ WORDS = {
     },
     "imitation.ranked": "tests from which a trend of the strengths is looked for",
     "imitation.rank": "rank correlation from which strengths grow or fall with depth or speed",
+    "description.shapes": "shapes at which each term of a described law is tried",
+    "description.fitted": "terms of a described law that are fitted with all constants",
+    "description.judged": "best of these whose predictions of tests left out are judged",
+    "description.sds": "standard errors by which tests left out must be predicted better",
+    "description.price": "share by which their error must fall for each constant of the law",
 }
 
 

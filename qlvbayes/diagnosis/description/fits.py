@@ -59,7 +59,7 @@ class Fitted:
 
     @property
     def count(self) -> int:
-        """How many constants the law has."""
+        """Number of the law's constants."""
         return len(self.effect.units)
 
     def sds(self, left_out: LeftOut) -> Array:
@@ -156,11 +156,11 @@ class LawFits:
     def proposed(self, law: Fitted | None = None) -> list[Proposal]:
         """Return terms to add to the base, or to a law that was fitted."""
         base = law.mode if law else self.base
-        beside = law.terms if law else ()
+        present = law.terms if law else ()
         density = self.extended([*self.kinds.values(), *([law.effect] if law else [])])
         names = [kind.name for kind in self.kinds.values()]
         columns = columns_of(density, base, list(self.kinds), names, self.settings.shapes)
-        return proposals(density, base, columns, beside)
+        return proposals(density, base, columns, present)
 
     def fit(self, proposal: Proposal, law: Fitted | None = None) -> Fitted | None:
         """Return a law with all constants fitted; None where no finite force is found."""

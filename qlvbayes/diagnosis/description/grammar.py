@@ -37,7 +37,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Memory:
-    """What a memory follows.
+    """Quantity that a memory follows.
 
     In expressions ``moved`` is the motion or the line, ``below`` the law beneath. ``lags`` says
     whether the memory approaches what it follows, or else fades after its changes.

@@ -82,14 +82,14 @@ def columns_of(
 
 
 def proposals(
-    density: Density, base: Mode, columns: Sequence[Column], beside: Sequence[Term] = ()
+    density: Density, base: Mode, columns: Sequence[Column], present: Sequence[Term] = ()
 ) -> list[Proposal]:
     """Return the terms at their best shapes, those that explain most first.
 
-    The terms can be in one law with those that are there already, ``beside``.
+    The terms can be in one law with those that are ``present`` already.
     """
-    fitting = [c for c in columns if all(c.term.joins(one) for one in beside)]
-    fitting = [c for c in fitting if c.term.name not in {one.name for one in beside}]
+    fitting = [c for c in columns if all(c.term.joins(one) for one in present)]
+    fitting = [c for c in fitting if c.term.name not in {one.name for one in present}]
     if not fitting:
         return []
     point = base.point

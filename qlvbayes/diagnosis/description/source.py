@@ -373,7 +373,7 @@ class _Writer:
 
     @property
     def _places(self) -> bool:
-        """Whether a memory needs the last displacement."""
+        """True if a memory needs the last displacement."""
         return any(t.memory and re.search(r"\bplace\b", t.memory.after) for t in self.terms)
 
     def _step(self) -> list[str]:

@@ -34,7 +34,7 @@ def law_paragraphs(d: DiagnosisResult) -> list[str]:
 def _found(d: DiagnosisResult, law: Description) -> str:
     unit = d.units.force
     before, after = (f"{to_noise(x, d.noise)}" for x in (law.heldout_before, law.heldout_after))
-    beside = f" beside {joined(list(law.effects))}" if law.effects else ""
+    others = f" beside {joined(list(law.effects))}" if law.effects else ""
     count = len(law.parameters)
     constants = joined([f"{name} = {one}" for name, one in law.parameters.items()])
     lead = (
@@ -48,7 +48,7 @@ def _found(d: DiagnosisResult, law: Description) -> str:
             "mean."
         )
     return (
-        f"{lead}{beside} is described by {law.formula}, with {constants} ({count} "
+        f"{lead}{others} is described by {law.formula}, with {constants} ({count} "
         f"constant{'s' if count > 1 else ''}). The error on tests left out falls from {before} to "
         f"{after} {unit}.{differs} This law describes the tests and does not name a cause."
     )
