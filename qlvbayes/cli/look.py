@@ -21,6 +21,7 @@ from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
+    from qlvbayes.cli.settings import Settings
     from qlvbayes.io.data import Measurements
     from qlvbayes.io.formats.conversion import Conversion
     from qlvbayes.io.units import UnitSystem
@@ -87,7 +88,7 @@ def look_command(
         folder = output
         if output is not None and len(studies) > 1:
             folder = output / Path(study.source).stem
-        arguments = arguments_of(study.pads, parts, gaps)
+        arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
         with waiting("looking"):
             look, figures = look_into(
                 folder, study, study.pads, bonded=chosen["bonded"],
@@ -206,6 +207,12 @@ def _files(study: Measurements, paths: Sequence[Path], source: Source) -> tuple[
     if source.conversion is None:
         return (study.source,)
     return tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
+
+
+def _of_specimen(chosen: Settings) -> list[str]:
+    """Return the options that say how the specimen is held and which readings count."""
+    held = {None: [], True: ["--bonded"], False: ["--loose"]}[chosen["bonded"]]
+    return [*held, *["--keep-all-readings"] * bool(chosen["keep-all-readings"])]
 
 
 def _next(

@@ -233,6 +233,13 @@ def look(*words):
     return CliRunner().invoke(application(["look"]), ["look", *map(str, words)])
 
 
+def test_the_next_command_says_how_the_specimen_is_held(tmp_path):
+    file = write(tmp_path / "glued.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
+    for word in ("--bonded", "--loose"):
+        said = look(file, word, "--keep-all-readings").output.replace("\n", "")
+        assert f"-o glued_results {word} --keep-all-readings" in said
+
+
 def test_the_command_leaves_numbers_words_and_a_picture(tmp_path):
     tests = {"a": pressed((1.0, 2.0, 5.0)), "b": pressed((1.0, 8.0, 5.0))}
     rows = [*table(tests), *table({"c": pressed((1.0, 2.0, 50.0))}, pad="Q")]
