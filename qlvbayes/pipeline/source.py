@@ -134,7 +134,8 @@ class Source:
     @property
     def grouping(self) -> str:
         """Return what the files are taken for, in words."""
-        words = f"{len(self.files)} tidy files, each with pads of its own"
+        each = ", each" if len(self.files) > 1 else ""
+        words = f"{_count(len(self.files), 'tidy file')}{each} with pads of its own"
         several = [words] if self._streamed else []
         pads = self._selected(self.read) if self.read is not None else []
         named = [f"pad {pad.name} of {_count(len(pad.tests), 'test')}" for pad in pads]
