@@ -27,7 +27,7 @@ from lifelike import commit
 from results import Origin, Table, share
 
 from qlvbayes.cli.console import counting
-from qlvbayes.diagnosis.description.describe import Described, Predictor
+from qlvbayes.diagnosis.description.describe import Described, FittedHypothesis
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.files import write_json
@@ -78,13 +78,13 @@ def _described(study: Study, law: Described) -> Case:
     return found | {"fresh": errors}
 
 
-def fresh_error(study: Study, predictor: Predictor) -> float:
+def fresh_error(study: Study, fitted: FittedHypothesis) -> float:
     """Return the root mean square error (N) on the fresh tests."""
     whole = prepare(replace(study.pad, tests=(*study.pad.tests, *study.fresh)))
     names = {test.name for test in study.fresh}
     record = whole.record([trial for trial in whole.trials if trial.name in names])
     real = np.asarray(record.blocks.real)
-    left = np.asarray(record.blocks.force) - predictor.forces(record)
+    left = np.asarray(record.blocks.force) - fitted.forces(record)
     return float(np.sqrt(np.mean(left[real] ** 2)))
 
 

@@ -118,14 +118,16 @@ class Density:
     def coarse(self) -> Density:
         """Return the density under white noise of 0.5 % of the peak force, without discrepancy."""
         size = _COARSE * float(np.max(np.abs(self._force)))
-        return self._without_discrepancy(self.whitener.with_independent_noise(size))
+        return self.with_independent_noise(size)
 
     @cached_property
     def of_independent_noise(self) -> Density:
         """Return the density as if noise of block means were independent, without discrepancy."""
-        return self._without_discrepancy(self.whitener.with_independent_noise(self.whitener.sds))
+        return self.with_independent_noise(self.whitener.sds)
 
-    def _without_discrepancy(self, whitener: Whitener) -> Density:
+    def with_independent_noise(self, sds: Array | float) -> Density:
+        """Return the density under independent noise of sds (n,) or one sd (N), no discrepancy."""
+        whitener = self.whitener.with_independent_noise(sds)
         return Density(self.space, whitener, Discrepancy.none(whitener, self.discrepancy.peak))
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:

@@ -168,6 +168,13 @@ def _screened(
     return [start for _, start in chosen[:optimised]]
 
 
+def added_forces(space: Space, parameters: Parameters, none: Array, thetas: Array) -> Array:
+    """Return the forces (S, T, B) in N that an effect adds at thetas (S, F) to those without it."""
+    both = parameters.constants(np.concatenate([thetas, none]))
+    forces = space.forces(parameters.hypothesis, both)
+    return np.asarray(forces[: len(thetas)] - forces[len(thetas) :])
+
+
 def _gains(
     space: Space, point: Point, parameters: Parameters, none: Array, thetas: Array
 ) -> tuple[Array, Array]:
@@ -176,9 +183,8 @@ def _gains(
     The gain (S,) is that of the sum of squares (N2) at a point whose other constants follow; the
     scale (S,) of the effect's force at which it is largest is at least zero.
     """
-    hypothesis, real = parameters.hypothesis, space.real
-    forces = space.forces(hypothesis, parameters.constants(np.concatenate([thetas, none])))
-    added = (forces[: len(thetas)] - forces[len(thetas) :])[:, real]
+    real = space.real
+    added = added_forces(space, parameters, none, thetas)[:, real]
     added = np.where(np.isfinite(added).all(axis=1, keepdims=True), added, 0.0)
     left = (np.asarray(space.record.blocks.force) - point.predicted)[real]
     basis, _ = np.linalg.qr(point.responses[:, real].T)

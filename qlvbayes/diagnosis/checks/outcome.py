@@ -36,9 +36,11 @@ from qlvbayes.diagnosis.result import (
     StructuredPhase,
 )
 from qlvbayes.diagnosis.search import Search
+from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array, finite_or_none
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import OF_UNLOADING, loaded_once
@@ -203,17 +205,12 @@ class SearchOutcome:
 
     def estimates(self, candidate: Candidate, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
         """Return the wanted constants of a candidate by name, by Laplace's approximation."""
-        point, kinds = candidate.point, unit_kinds(candidate.point.own)
+        point = candidate.point
         covariance = candidate.evidence.covariance + candidate.evidence.spread
         spread = point.slopes @ covariance @ point.slopes.T
         sds = np.sqrt(np.maximum(np.diag(spread), 0.0))
-        return {
-            name: Estimate(self.experiment.units.of(kind), float(value), float(sd))
-            for name, kind, value, sd in zip(
-                point.own.names, kinds, point.constants, sds, strict=True
-            )
-            if wanted(name)
-        }
+        every = estimates_at(self.experiment.units, point, sds)
+        return {name: estimate for name, estimate in every.items() if wanted(name)}
 
     def ranking(self) -> tuple[Ranked, ...]:
         """Return ``none`` and every candidate effect, the most probable first."""
@@ -291,6 +288,15 @@ class SearchOutcome:
             for k in order
             if self.shares[k] >= LEAST
         )
+
+
+def estimates_at(units: UnitSystem, point: Point, sds: Array) -> dict[str, Estimate]:
+    """Return every constant at a point by its name, with sds (P,) and its unit."""
+    kinds = unit_kinds(point.own)
+    return {
+        name: Estimate(units.of(kind), float(value), float(sd))
+        for name, kind, value, sd in zip(point.own.names, kinds, point.constants, sds, strict=True)
+    }
 
 
 def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at
-from qlvbayes.diagnosis.checks.outcome import SearchOutcome
+from qlvbayes.diagnosis.checks.outcome import SearchOutcome, estimates_at
 from qlvbayes.diagnosis.checks.samples import cell_errors, rmse
 from qlvbayes.diagnosis.checks.strengths import strengths
 from qlvbayes.diagnosis.description.fits import Fitted, LawFits, LeftOut
 from qlvbayes.diagnosis.description.proposals import Proposal
 from qlvbayes.diagnosis.description.source import formula_of
-from qlvbayes.diagnosis.result import Closest, Description, Estimate, LawPair, TermFamily
+from qlvbayes.diagnosis.result import Closest, Description, LawPair, TermFamily
 from qlvbayes.diagnosis.search import Report
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Point
@@ -37,7 +37,6 @@ from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import Mode
 from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array
-from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.record import Record
 
 _LEAST_PARTS = 3  # tests or phases left out, from which their scatter is known
@@ -45,7 +44,7 @@ _CLOSEST = 2  # listed effects that are compared with a law
 
 
 @dataclass(frozen=True, eq=False)
-class Predictor:
+class FittedHypothesis:
     """A hypothesis at fitted constants (P,), which predicts other tests."""
 
     space: Space
@@ -68,8 +67,8 @@ class Described:
     record: Description | None = None
     text: str = ""
     families: tuple[TermFamily, ...] = ()
-    before: Predictor | None = None
-    after: Predictor | None = None
+    before: FittedHypothesis | None = None
+    after: FittedHypothesis | None = None
 
 
 NOTHING = Described()
@@ -95,7 +94,7 @@ def describe(
     if len(before.residuals) < _LEAST_PARTS:
         return Described(families=families)
     kept, left = _smallest(fits, before, first, report)
-    plain = _predictor(fits.density.space, fits.base.point)
+    plain = _fitted(fits.density.space, fits.base.point)
     if kept is None:
         return Described(families=families, before=plain)
     return Described(
@@ -103,12 +102,12 @@ def describe(
         kept.text,
         families,
         plain,
-        _predictor(kept.density.space, kept.mode.point),
+        _fitted(kept.density.space, kept.mode.point),
     )
 
 
-def _predictor(space: Space, point: Point) -> Predictor:
-    return Predictor(space, point.own.hypothesis, point.constants)
+def _fitted(space: Space, point: Point) -> FittedHypothesis:
+    return FittedHypothesis(space, point.own.hypothesis, point.constants)
 
 
 def _base(outcome: SearchOutcome, named: frozenset[str]) -> Candidate:
@@ -174,17 +173,20 @@ def _families(
     """
     residual = fits.base.point.residual
     whole = float(residual @ residual)
-    shares = [(f"the listed {family}", _share(whole, mode.point)) for family, mode in listed[:1]]
+    shares = [
+        (f"the listed {family}", _share(float(np.sum(mode.point.residual**2)), whole))
+        for family, mode in listed[:1]
+    ]
     for family in dict.fromkeys(one.column.term.family for one in proposed):
         squares = max(one.squares for one in proposed if one.column.term.family == family)
-        shares.append((family, 1.0 - math.sqrt(max(1.0 - squares / whole, 0.0))))
+        shares.append((family, _share(whole - squares, whole)))
     for family, share in sorted(shares, key=lambda one: -one[1]):
         yield TermFamily(family, share)
 
 
-def _share(whole: float, point: Point) -> float:
-    """Return the share of the error that a fit removes, of a sum of squares before it."""
-    return max(1.0 - math.sqrt(float(point.residual @ point.residual) / whole), 0.0)
+def _share(left: float, whole: float) -> float:
+    """Return the share of an error that is removed, from the sums of squares left and before."""
+    return max(1.0 - math.sqrt(max(left / whole, 0.0)), 0.0)
 
 
 def _record(
@@ -202,18 +204,15 @@ def _record(
     plain = outcome.samples.residuals(base.hypothesis, fits.base.point.constants)
     settings = outcome.search.settings
     candidate = candidate_at(law.density, hypothesis, law.mode, settings.tolerance)
-    units, sds = map(fits.experiment.units.of, unit_kinds(point.own)), law.sds(after)
-    estimates = {
-        name.removeprefix(f"{law.name}."): Estimate(unit, float(value), float(sd))
-        for name, unit, value, sd in zip(point.own.names, units, point.constants, sds, strict=True)
-        if name.startswith(f"{law.name}.")
-    }
+    every = estimates_at(fits.experiment.units, point, law.sds(after))
+    prefix = f"{law.name}."
+    own = {key.removeprefix(prefix): x for key, x in every.items() if key.startswith(prefix)}
     return Description(
         effect=law.name,
         formula=formula_of(law.terms, fits.references, fits.experiment.units),
         base=LawPair(*base.hypothesis.base),
         effects=tuple(outcome.search.added(base.hypothesis)),
-        parameters=estimates,
+        parameters=own,
         rmse_before=samples.error(plain),
         rmse_after=samples.error(residuals),
         heldout_before=rmse(before.residuals),

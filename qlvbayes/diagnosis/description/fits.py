@@ -23,9 +23,8 @@ from qlvbayes.diagnosis.description.proposals import Proposal, columns_of, propo
 from qlvbayes.diagnosis.description.source import References, load, name_of, source_of
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space, in_natural_amplitude
+from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.modes import Mode, find_mode
 from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array
@@ -84,20 +83,14 @@ class LawFits:
         kinds = {term: load(self.text([term])) for term in terms}
         self.kinds = {t: k for t, k in kinds.items() if k.blind(protocol) is None}
         self.hypothesis = base.hypothesis
-        self.error = outcome.samples.error(outcome.residuals(base))
-        self.density = self.plain(outcome.search.density.space)
+        # independent noise as large as the error of the base
+        error = outcome.samples.error(outcome.residuals(base))
+        self.density = outcome.search.density.with_independent_noise(error)
         found = find_mode(self.density, base.hypothesis, base.point.theta)
         if found is None:
             raise NoFiniteForceError
         self.base: Mode = found
         self.settings = outcome.search.settings.description
-
-    def plain(self, space: Space) -> Density:
-        """Return the density under independent noise as large as the error of the base."""
-        density = self.outcome.search.density
-        whitener = density.whitener.with_independent_noise(self.error)
-        none = Discrepancy.none(whitener, density.discrepancy.peak)
-        return Density(space, whitener, none)
 
     def left_out(self, mode: Mode, law: Fitted | None = None) -> LeftOut:
         """Return what fits to all but one part predict of that part, from a mode on all parts.
@@ -134,7 +127,7 @@ class LawFits:
             for kind in kinds
         }
         space = self.density.space
-        return self.plain(space.with_effects({**space.effects, **own}))
+        return self.density.with_space(space.with_effects({**space.effects, **own}))
 
     def listed(self) -> list[tuple[str, Mode]]:
         """Return listed effects beside the hypothesis, each by its family, the best fits first."""

@@ -21,7 +21,7 @@ import numpy as np
 from qlvbayes.diagnosis.description.grammar import Term
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.modes import Mode
-from qlvbayes.inference.starts import amplitude_of, over_shapes, transferred
+from qlvbayes.inference.starts import added_forces, amplitude_of, over_shapes, transferred
 from qlvbayes.io.arrays import Array
 
 _SAME = 0.9999
@@ -58,23 +58,20 @@ def columns_of(
     """Return the columns of terms, whose effects a space has by ``names``; none without force."""
     space, found = density.space, []
     for term, name in zip(terms, names, strict=True):
-        hypothesis = base.point.own.hypothesis.plus(name)
-        parameters = space.parameters(hypothesis)
+        parameters = space.parameters(base.point.own.hypothesis.plus(name))
         amplitude = amplitude_of(parameters, name)
         assert amplitude is not None
         theta = transferred(base.point.own, base.point.theta, parameters)
         none = np.stack(over_shapes(space, parameters, name, theta, shapes))
         some = none.copy()
         some[:, amplitude.number] += amplitude.sd
-        constants = parameters.constants(np.concatenate([some, none]))
-        forces = space.forces(hypothesis, constants)
         own = [
             k
             for key, leaf in parameters.by_name.items()
             if key.startswith(f"{name}.") and leaf.theta.start != amplitude.number
             for k in leaf.theta
         ]
-        for start, added in zip(none, forces[: len(some)] - forces[len(some) :], strict=True):
+        for start, added in zip(none, added_forces(space, parameters, none, some), strict=True):
             added = np.where(space.real, added, 0.0)
             if np.isfinite(added).all() and np.any(added):
                 found.append(Column(term, start[own], amplitude.sd, added))

@@ -275,7 +275,7 @@ class _Writer:
             "        )",
         ]
 
-    def _arguments(self, moved: str, *, clock: str, velocity: bool) -> list[str]:
+    def _arguments(self, moved: str, *, clock: str) -> list[str]:
         """Return the lines that give the terms what they depend on."""
         values = " ".join(term.value for term in self.terms)
         known = {
@@ -288,7 +288,7 @@ class _Writer:
         return [
             f"        {name} = {text}"
             for name, text in known.items()
-            if re.search(rf"\b{name}\b", values) and (velocity or name != "tests")
+            if re.search(rf"\b{name}\b", values)
         ]
 
     def _memory(self, k: int) -> str:
@@ -336,7 +336,7 @@ class _Writer:
                 f"        {u} = {term.memory.along}",
                 f"        {q} = {u} - {faded}" if term.memory.lags else f"        {q} = {faded}",
             ]
-        lines += self._arguments("motion", clock="motion.clock", velocity=True)
+        lines += self._arguments("motion", clock="motion.clock")
         below = "        force = below.force(motion)"
         if self._shifts:
             lowered = self._shift("motion.displacement")
@@ -397,7 +397,7 @@ class _Writer:
                 *([f"        {q} = {u} - {q}"] if term.memory.lags else []),
             ]
         lines += ["        clock_s = clock_s + line.duration"] if self.clocked else []
-        lines += self._arguments("line", clock="clock_s", velocity=False)
+        lines += self._arguments("line", clock="clock_s")
         line = (
             f"line_at_depth(line, {self._shift('line.displacement')})" if self._shifts else "line"
         )
