@@ -19,6 +19,8 @@ _STEPS = 60
 _MIN_GAIN = 0.02  # predicted rise of the log density of a step at which a search has converged
 _ROUGH_GAIN = 0.2  # the same under coarse noise, which only leads to a neighbourhood
 _CREEP = 0.02  # rise in a step below which a search along a ridge ends
+_PATIENCE = 16  # steps without a lower loss after which a search ends: far from the data each step
+# falls under its own separation of the discrepancy, but may rise under the next one
 _NEED = 0.02  # both, as a share of the distance to the best loss: poor modes need no accuracy
 _LONGEST = 3.0  # natural lengths that a step may have
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, smallest, largest
@@ -63,7 +65,12 @@ def find_mode(
     terms = density.terms(point, size)
     damping, least, largest = _DAMPING
     steps, stalled = 0, False
+    lowest = point, terms, steps
     for steps in range(1, _STEPS + 1):
+        if terms.loss < lowest[1].loss - _CREEP:
+            lowest = point, terms, steps
+        elif steps >= lowest[2] + _PATIENCE:
+            stalled, (point, terms, _) = True, lowest
         step = bounded_step(terms, damping, point)
         expected = predicted_decrease(terms, step)
         # where the misfit is far above the noise, a gain counts over the misfit's own scale
@@ -75,6 +82,7 @@ def find_mode(
                 return Mode(point, size, terms.loss, True, steps, terms.curvature)
             size, point, damping, stalled = likeliest, settled, _DAMPING[0], False
             terms = density.terms(point, size)
+            lowest = point, terms, steps
             continue
         if steps > 1 and (reached := _known_nearby(point, terms.loss, known)):
             return reached
@@ -119,17 +127,6 @@ def find_modes(
     return [] if mode is None or mode in known else [mode]
 
 
-def rough_mode(
-    density: Density,
-    hypothesis: Hypothesis,
-    start: Array | Point,
-    best: float = np.inf,
-    known: Sequence[Mode] = (),
-) -> Mode | None:
-    """Return what `find_mode` gives under coarse noise, where modes are few and wide."""
-    return find_mode(density.coarse, hypothesis, start, best, _ROUGH_GAIN, known)
-
-
 def modes(
     density: Density,
     hypothesis: Hypothesis,
@@ -137,54 +134,70 @@ def modes(
     best: float = np.inf,
     max_modes: int = 3,
     guess: float = 0.0,
+    known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """Return distinct modes that many starts (F,) lead to, the highest first."""
-    rough: list[Mode] = []
+    """Return distinct modes that starts (F,) lead to and that are not known yet, highest first.
+
+    Each start first leads to a mode under coarse noise, where modes are few and wide; up to
+    ``max_modes`` of these that come near the highest, and are none of the known ones, are followed.
+    A search that ended before it converged leaves no known mode.
+    """
+    ended = [_under_coarse_noise(density, mode) for mode in known if mode.converged]
+    before = [one for one in ended if one is not None]
+    rough = list(before)
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
-        mode = rough_mode(density, hypothesis, start, least, rough)
+        mode = find_mode(density.coarse, hypothesis, start, least, _ROUGH_GAIN, rough)
         rough += [mode] if mode is not None and mode not in rough else []
+    apart = distinct(rough)
+    new = [mode for mode in apart if mode not in before]
     sharp: list[Mode] = []
-    candidates = distinct(rough)[:max_modes]
-    for candidate in candidates:
+    for candidate in new[:max_modes]:
         # under less noise it would be even farther behind
-        if candidate.loss > candidates[0].loss + _FOLLOWED:
+        if candidate.loss > apart[0].loss + _FOLLOWED:
             break
         theta = candidate.point.theta
-        sharp += find_modes(density, hypothesis, theta, best, known=sharp, guess=guess)
+        sharp += find_modes(density, hypothesis, theta, best, [*known, *sharp], guess)
     return distinct(sharp)
 
 
+def _under_coarse_noise(density: Density, mode: Mode) -> Mode | None:
+    """Return a mode with its loss and curvature under coarse noise."""
+    point = density.coarse.at(mode.point.own.hypothesis, mode.point.theta)
+    if point is None:
+        return None
+    terms = density.coarse.terms(point, 0.0)
+    return Mode(point, 0.0, terms.loss, mode.converged, 0, terms.curvature)
+
+
 def redrawn_modes(
-    density: Density,
-    hypothesis: Hypothesis,
-    initial: Sequence[Mode],
-    seed: int,
-    max_failures: int,
+    density: Density, hypothesis: Hypothesis, initial: Sequence[Mode], seed: int, draws: int
 ) -> list[Mode]:
-    """Return initial modes and those found by redrawing the best one's relaxation, best first."""
-    known, failures = list(initial), 0
+    """Return initial modes and those found by redrawing the best one's relaxation, best first.
+
+    As many ``draws`` at once are starts, until they lead to no higher mode.
+    """
+    known = list(initial)
     indices = density.space.indices_of(hypothesis, "relaxation")
-    for drawn in density.space.draws_of(hypothesis, "relaxation", seed):
-        start = known[0].point.theta.copy()
-        start[indices] = drawn
-        best, size = known[0].loss, known[0].size
-        mode = find_mode(density, hypothesis, start, best, known=known, guess=size)
-        is_higher = mode is not None and mode.loss < known[0].loss - _SAME
-        known = distinct([*known, mode]) if mode is not None else known
-        failures = 0 if is_higher else failures + 1
-        if failures == max_failures:
+    drawn = density.space.draws_of(hypothesis, "relaxation", seed)
+    for first in range(0, len(drawn), draws):
+        best, some = known[0], drawn[first : first + draws]
+        starts = np.tile(best.point.theta, (len(some), 1))
+        starts[:, indices] = some
+        new = modes(density, hypothesis, starts, best.loss, 1, best.size, known)
+        known = distinct([*known, *new])
+        if not known[0].loss < best.loss - _SAME:
             break
     return known
 
 
 def base_modes(
-    density: Density, hypothesis: Hypothesis, seed: int, starts: int, max_failures: int
+    density: Density, hypothesis: Hypothesis, seed: int, starts: int, more: int
 ) -> list[Mode]:
     """Return modes of a hypothesis from draws of its priors, the highest first."""
     draws = density.space.prior_draws(hypothesis, seed)
     initial = modes(density, hypothesis, draws[:starts])
-    return redrawn_modes(density, hypothesis, initial, seed, max_failures) if initial else []
+    return redrawn_modes(density, hypothesis, initial, seed, more) if initial else []
 
 
 def distinct(candidates: Iterable[Mode]) -> list[Mode]:

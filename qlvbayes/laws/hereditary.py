@@ -21,6 +21,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
@@ -91,6 +92,13 @@ def _on_numpy(
 ) -> Array:
     """Return the force (N, ...) of NumPy arrays."""
     fractions, rates = relaxation.spectrum()
+    alike = _alike(elastic, rates, [x for x in (time, depth, sagitta) if x is not None])
+    if alike is not None:
+        first, which = alike
+        elastic = jax.tree.map(lambda x: x[..., first], elastic)
+        rates = rates[:, first]
+    else:
+        which = None
     instant, lasting = np.asarray(elastic.force(depth)), xp.steps(time)
     start = np.concatenate([np.zeros_like(depth[:1]), depth[:-1]])
     at_zero = np.asarray(elastic.force(np.zeros_like(depth[:1])))
@@ -105,7 +113,28 @@ def _on_numpy(
         stiffness = np.asarray(elastic.stiffness(depth))
         bulge = 2.0 * sagitta * (stiffness + np.concatenate([stiffness[:1], stiffness[:-1]]))
         rise = (rise or Rise(())).plus(bulge, -2.0 * bulge)
-    return add_modes(fractions[0] * instant, lasting, rates, fractions[1:], rise, given)
+    lasts = fractions[0] * (instant if which is None else instant[..., which])
+    return add_modes(lasts, lasting, rates, fractions[1:], rise, given, which)
+
+
+def _alike(
+    elastic: AbstractElastic, rates: Array, path: list[Array]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
+    """Return which sets of constants differ in how modes are driven, and the one (K,) of each set.
+
+    A Jacobian has a set for each constant. Those that change fractions of the spectrum or effects
+    above the material share the states of its modes. None if no two sets do: where the ``path``
+    of time and depth (N, T, K) differs by set, they are not compared.
+    """
+    if any(np.ndim(x) != 3 or x.shape[2] > 1 for x in path) or np.ndim(rates) != 2:
+        return None
+    count = rates.shape[1]
+    leaves = jax.tree.leaves(elastic)
+    if any(np.ndim(x) == 0 or x.shape[-1] != count for x in leaves):
+        return None
+    rows = np.concatenate([np.reshape(x, (-1, count)) for x in (*leaves, rates)])
+    _, first, which = np.unique(rows, axis=1, return_index=True, return_inverse=True)
+    return None if len(first) == count else (first, which.ravel())
 
 
 @jax.jit  # an effect may call it several times: it is traced once

@@ -15,22 +15,26 @@
 #define EXPORTED
 #endif
 
-/* M_n = int_0^1 s^n e^{-a (1 - s)} ds for n = 0, 1, 2; e is e^{-a} */
+/* M_n = int_0^1 s^n e^{-a (1 - s)} ds = sum_k n!/(n + k + 1)! (-a)^k for n = 0, 1, 2; e is e^{-a} */
 static void moments(double a, double e, double *m)
 {
+    /* 2/(k + 3)!: the term left out is below 1e-16 of M_2 */
+    static const double terms[12] = {
+        2.0 / 6, 2.0 / 24, 2.0 / 120, 2.0 / 720, 2.0 / 5040, 2.0 / 40320, 2.0 / 362880,
+        2.0 / 3628800, 2.0 / 39916800, 2.0 / 479001600, 2.0 / 6227020800, 2.0 / 87178291200};
     if (a < 0.3) {
-        /* backwards from M_k = 1/(k + 1) at a = 0; the term left out is below 1e-16 of M_2 */
-        int k = a < 1e-3 ? 7 : a < 0.03 ? 10 : 16;
-        double last = 1.0 / (k + 1);
-        for (; k > 2; k--)
-            last = (1.0 - a * last) / k;
-        m[2] = last;
-        m[1] = (1.0 - a * m[2]) / 2.0;
+        int k = a < 1e-3 ? 4 : a < 0.03 ? 7 : 11;
+        double sum = terms[k];
+        while (k-- > 0)
+            sum = terms[k] - a * sum;
+        m[2] = sum;
+        m[1] = 0.5 * (1.0 - a * m[2]);
         m[0] = 1.0 - a * m[1];
     } else {
-        m[0] = (1.0 - e) / a;
-        m[1] = (1.0 - m[0]) / a;
-        m[2] = (1.0 - 2.0 * m[1]) / a;
+        double inverse = 1.0 / a;
+        m[0] = (1.0 - e) * inverse;
+        m[1] = (1.0 - m[0]) * inverse;
+        m[2] = (1.0 - 2.0 * m[1]) * inverse;
     }
 }
 
@@ -41,19 +45,21 @@ static double slope_series(double x)
            + x * (1.0 / 5040 + x / 40320))))));
 }
 
-/* Adds the relaxing modes to the force (points, columns), given c0 F in it.
-   lasting (points, columns): h; rates (modes, columns); shares (modes, columns): c;
+/* Adds the relaxing modes to the force (points, sums), given c0 F in it.
+   A sum has shares of its own in the states of one column: those of ``source`` (sums), or of the
+   column of its own number if that is null.
+   lasting (points, columns): h; rates (modes, columns); shares (modes, sums): c;
    powers arrays p (points, columns), at most 3; grown, begun, ended (points, columns): g, k0, k1,
    the last two times the travel of the step, or null; given (modes, points, columns): integrals
    that are known already, or null; state (columns): scratch.  */
-EXPORTED void add_modes(size_t points, size_t columns, size_t modes, const double *lasting,
-                        const double *rates, const double *shares, int powers,
-                        const double *p0, const double *p1, const double *p2,
+EXPORTED void add_modes(size_t points, size_t columns, size_t sums, size_t modes,
+                        const double *lasting, const double *rates, const double *shares,
+                        int powers, const double *p0, const double *p1, const double *p2,
                         const double *grown, const double *begun, const double *ended,
-                        const double *given, double *state, double *force)
+                        const double *given, const size_t *source, double *state, double *force)
 {
     for (size_t l = 0; l < modes; l++) {
-        const double *v = rates + l * columns, *c = shares + l * columns;
+        const double *v = rates + l * columns, *c = shares + l * sums;
         for (size_t j = 0; j < columns; j++)
             state[j] = 0.0;
         for (size_t n = 0; n < points; n++) {
@@ -84,8 +90,14 @@ EXPORTED void add_modes(size_t points, size_t columns, size_t modes, const doubl
                         step += (ended[i] - first) / gap;
                 }
                 state[j] = e * state[j] + step;
-                force[i] += c[j] * state[j];
             }
+            double *sum = force + n * sums;
+            if (source)
+                for (size_t j = 0; j < sums; j++)
+                    sum[j] += c[j] * state[source[j]];
+            else
+                for (size_t j = 0; j < sums; j++)
+                    sum[j] += c[j] * state[j];
         }
     }
 }

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes import xp
 from qlvbayes.io.arrays import Array
@@ -25,37 +26,49 @@ def add_modes(
     shares: Array,
     rise: Rise | None,
     given: Array | None = None,
+    which: NDArray[np.intp] | None = None,
 ) -> Array:
     """Return the force with its relaxing modes, sum_i c_i q_i, added.
 
     force (N, ...): the part that never relaxes (N); lasting (N, ...): the steps' durations (s);
     rates, shares (L, ...): of the modes; rise: how the elastic force rises along each step, over
     (N, ...); given (L, N, ...): what each step adds to each mode, where it is known. Axes after the
-    first are broadcast.
+    first are broadcast. which (K,): where the last axis of force and shares has K sets that share
+    states, the index of the state of each in the last axis of the others.
     """
     rise = rise or Rise(())
-    parts = [force, lasting, rates, shares, *rise.powers, *(rise.exponential or ())]
+    parts = [lasting, rates, *rise.powers, *(rise.exponential or ())]
     shapes = [np.shape(x)[1:] for x in parts]
     if given is not None:
         shapes.append(np.shape(given)[2:])
-    rest = np.broadcast_shapes(*shapes)
-
-    def whole(x: Array) -> Array:
-        wide = np.broadcast_to(xp.spread(x, len(rest)), (len(x), *rest))
-        return np.ascontiguousarray(wide, dtype=float)
-
+    own = [np.shape(x)[1:] for x in (force, shares)]
+    rest = np.broadcast_shapes(*shapes, *(own if which is None else ()))
+    total = np.array(_whole(force, np.broadcast_shapes(*own, *(shapes if which is None else ()))))
+    shares = _whole(shares, total.shape[1:])
     if given is not None:
         given = np.ascontiguousarray(np.broadcast_to(given, (*given.shape[:2], *rest)))
-    powers = tuple(map(whole, rise.powers))
-    exponential: Any = rise.exponential and tuple(map(whole, rise.exponential))
-    total = np.array(whole(force))
+    powers = tuple(_whole(x, rest) for x in rise.powers)
+    exponential: Any = rise.exponential and tuple(_whole(x, rest) for x in rise.exponential)
     run = _by_numpy if _library() is None else _by_library
-    run(total, whole(lasting), whole(rates), whole(shares), Rise(powers, exponential), given)
+    driven = _whole(lasting, rest), _whole(rates, rest)
+    run(total, *driven, shares, Rise(powers, exponential), given, which)
     return total
 
 
+def _whole(x: Array, rest: tuple[int, ...]) -> Array:
+    """Return an array (N, *rest), contiguous, whose axes after the first were broadcast."""
+    wide = np.broadcast_to(xp.spread(x, len(rest)), (len(x), *rest))
+    return np.ascontiguousarray(wide, dtype=float)
+
+
 def _by_numpy(
-    total: Array, lasting: Array, rates: Array, shares: Array, rise: Rise, given: Array | None
+    total: Array,
+    lasting: Array,
+    rates: Array,
+    shares: Array,
+    rise: Rise,
+    given: Array | None,
+    which: NDArray[np.intp] | None,
 ) -> None:
     for k, (rate, share) in enumerate(zip(rates, shares, strict=True)):
         decay = rate * lasting
@@ -65,25 +78,35 @@ def _by_numpy(
         for n in range(len(lasting)):
             state = left[n] * state + step[n]
             states[n] = state
-        total += share * states
+        total += share * (states if which is None else states[..., which])
 
 
 def _by_library(
-    total: Array, lasting: Array, rates: Array, shares: Array, rise: Rise, given: Array | None
+    total: Array,
+    lasting: Array,
+    rates: Array,
+    shares: Array,
+    rise: Rise,
+    given: Array | None,
+    which: NDArray[np.intp] | None,
 ) -> None:
     def at(x: Array | None) -> ctypes.c_void_p:
         return ctypes.c_void_p(None if x is None else x.ctypes.data)
 
     none = (None,) * 3
     powers, exponential = (*rise.powers, *none)[:3], rise.exponential or none
-    state = np.empty(total[0].size)
+    state = np.empty(lasting[0].size)
+    source = None
+    if which is not None:
+        states = np.arange(state.size).reshape(lasting.shape[1:])
+        source = np.ascontiguousarray(states[..., which], dtype=np.uintp)
     library = _library()
     assert library is not None
     library.add_modes(
-        *(ctypes.c_size_t(n) for n in (len(total), total[0].size, len(rates))),
+        *(ctypes.c_size_t(n) for n in (len(total), state.size, total[0].size, len(rates))),
         *map(at, (lasting, rates, shares)),
         ctypes.c_int(len(rise.powers)),
-        *map(at, (*powers, *exponential, given, state, total)),
+        *map(at, (*powers, *exponential, given, source, state, total)),
     )
 
 

@@ -81,32 +81,56 @@ def by_test(parts: Array) -> Array:
 def likeliest(
     curvature: Array, slope: Array, groups: NDArray[np.intp], prior: ScatterPrior
 ) -> tuple[float, Scatter]:
-    """Return the likeliest scatter, and the loss by it over that without scatter."""
+    """Return the likeliest scatter, and the loss by it over that without scatter.
+
+    curvature (K, K), slope (K,): A and b of the rows of V; groups (K,): the scaled part of each.
+    """
     grid, log_prior = prior.grid
+    costs, squares = log_prior[0] - log_prior, grid[:, None] ** 2
     count = int(groups.max(initial=-1)) + 1
+    own = np.split(np.argsort(groups, kind="stable"), np.cumsum(np.bincount(groups))[:-1])
+
+    def losses(a: Array, b: Array) -> Array:
+        """Return the loss (S,) at each size of a group's scatter, given its A and b."""
+        values, vectors = np.linalg.eigh(a)
+        grown = 1.0 + squares * np.maximum(values, 0.0)
+        gains = squares / grown * (vectors.T @ b) ** 2
+        return np.asarray(costs + 0.5 * (np.log(grown) - gains).sum(axis=1))
+
     chosen = np.zeros(count, dtype=np.intp)
-
-    def losses(some: NDArray[np.intp]) -> Array:
-        """Return the loss (R,) of R choices of the sizes (R, G), as indices."""
-        roots = grid[some][:, groups]
-        scaled = curvature * roots[:, :, None] * roots[:, None, :] + np.eye(groups.size)
-        factors = np.linalg.cholesky(scaled)
-        halves = np.linalg.solve(factors, (roots * slope)[..., None])[..., 0]
-        volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-        costs = (log_prior[0] - log_prior[some]).sum(axis=1)
-        return np.asarray(costs + volumes - 0.5 * (halves**2).sum(axis=1))
-
-    best = 0.0
+    alone = [losses(curvature[np.ix_(rows, rows)], slope[rows]) for rows in own]
+    if all(one.argmin() == 0 for one in alone):
+        return 0.0, Scatter(tuple(grid[chosen].tolist()))
+    order = sorted(range(count), key=lambda k: alone[k].min())
+    chosen[order[0]] = alone[order[0]].argmin()
     for _ in range(_SWEEPS):
         before = chosen.copy()
-        for k in range(count):
-            some = np.tile(chosen, (grid.size, 1))
-            some[:, k] = np.arange(grid.size)
-            found = losses(some)
-            least = int(np.argmin(found))
-            if found[least] < best:
-                best, chosen = float(found[least]), some[least]
+        for k in [*order[1:], order[0]]:
+            others = np.flatnonzero((groups != k) & (chosen[groups] > 0))
+            a, b, _ = _given(curvature, slope, own[k], others, grid[chosen[groups[others]]])
+            chosen[k] = losses(a, b).argmin()
         if np.array_equal(before, chosen):
             break
-    cost = float((log_prior[0] - log_prior[chosen]).sum())
-    return best, Scatter(tuple(grid[chosen].tolist()), cost)
+    cost, every = float(costs[chosen].sum()), np.flatnonzero(chosen[groups])
+    loss = _given(curvature, slope, every[:0], every, grid[chosen[groups[every]]])[2]
+    return cost + loss, Scatter(tuple(grid[chosen].tolist()), cost)
+
+
+def _given(
+    curvature: Array, slope: Array, own: NDArray[np.intp], others: NDArray[np.intp], sizes: Array
+) -> tuple[Array, Array, float]:
+    """Return A and b of some rows given the scatter of others, and the loss by that of the others.
+
+    own, others (R,): indices of the rows; sizes (R,): relative sds of the scales of the others.
+    """
+    a, b = curvature[np.ix_(own, own)], slope[own]
+    if not len(sizes):
+        return a, b, 0.0
+    scaled = sizes[:, None] * curvature[np.ix_(others, others)] * sizes + np.eye(sizes.size)
+    mixed = np.column_stack(
+        [sizes[:, None] * curvature[np.ix_(others, own)], sizes * slope[others]]
+    )
+    factor = np.linalg.cholesky(scaled)
+    halves = np.linalg.solve(factor, mixed)
+    loss = float(np.log(np.diag(factor)).sum() - 0.5 * halves[:, -1] @ halves[:, -1])
+    return a - halves[:, :-1].T @ halves[:, :-1], b - halves[:, :-1].T @ halves[:, -1], loss
