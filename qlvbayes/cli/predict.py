@@ -107,10 +107,13 @@ def _source(
     which: str,
     watcher: Terminal,
 ) -> Saved | Hypotheses:
-    """Return the hypotheses where there are several for the fit's tests, else the fit."""
+    """Return the hypotheses where there are several or tests differ, else the fit.
+
+    They are of the fit's tests; only they know by how much stiffness and strengths scatter.
+    """
     if hypotheses is not None and fit is not None and fit.covered not in (None, hypotheses.covered):
         watcher.notice(f"pad {fit.pad}: its diagnosis is of other tests than its fit, and left out")
-    elif hypotheses is not None and (fit is None or len(hypotheses.hypotheses) > 1):
+    elif hypotheses is not None and (fit is None or hypotheses.says_more):
         return hypotheses
     elif fit is not None and hypotheses is None and which == "averaged" and _undecided(pad_folder):
         watcher.notice(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import jax
@@ -44,6 +44,8 @@ class Side:
     fluid: str | None = None
     fitted: tuple[str, ...] = ()  # names of the fitted tests, where they are known
     converged: bool = True  # whether nothing spoke against the sampling, where that is known
+    # relative sds between tests of the stiffness and of the effects' strengths, where known
+    scatter: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def constants(self) -> dict[str, np.ndarray]:

@@ -12,6 +12,9 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode
 from qlvbayes.priors.natural import Natural
 
+STIFFNESS = "stiffness"
+"""The name of what scatters between tests beside the strengths of effects."""
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -30,6 +33,15 @@ class Candidate:
     def point(self) -> Point:
         """The constants at the mode, with the forces and slopes there."""
         return self.mode.point
+
+    @property
+    def scatter(self) -> dict[str, float]:
+        """The relative sds between tests of the stiffness and of the effects' strengths."""
+        own = self.point.own
+        by_number = {leaf.theta.start: name for name, leaf in own.by_name.items()}
+        names = [STIFFNESS, *(by_number[k].partition(".")[0] for k in own.amplitudes)]
+        sizes = self.point.separation.scatter.sizes
+        return {name: size for name, size in zip(names, sizes, strict=False) if size > 0.0}
 
 
 def candidate_at(

@@ -75,6 +75,36 @@ def test_what_gives_no_displacement_from_a_force_is_left_out_and_named():
     assert np.array_equal(found.answers, alone.answers)
 
 
+def test_tests_that_differ_widen_the_band_by_as_much():
+    """Against the relative sds given, of the stiffness and of an effect alone."""
+    stiff = predict_program(hypotheses(changed(SOFT, scatter={"stiffness": 0.2})), PROGRAM)
+    plain = predict_program(hypotheses(SOFT), PROGRAM)
+    assert "stiffness by 20 %" in stiff.warnings[0]
+    ratio = stiff.answers[:, 1:] / plain.answers[:, 1:]
+    assert np.ptp(ratio, axis=1).max() < 1e-9  # each draw has one scale
+    assert np.std(np.log(ratio[:, 0])) == pytest.approx(0.2, rel=0.15)
+    assert np.ptp(stiff.band(0.9), axis=0)[-1] > np.ptp(plain.band(0.9), axis=0)[-1]
+    drag = predict_program(hypotheses(changed(HARD, scatter={"viscous_drag": 0.5})), PROGRAM)
+    without = predict_program(hypotheses(HARD), PROGRAM)
+    moving = without.program.rate > 0.0
+    change = drag.answers - without.answers
+    assert np.allclose(change[:, ~moving], 0.0, atol=1e-12)
+    expected = 0.01 * 20.0 * np.sqrt(np.exp(0.25) * (np.exp(0.25) - 1.0))
+    assert np.std(change[:, np.flatnonzero(moving)[-1]]) == pytest.approx(expected, rel=0.3)
+    assert drag.warnings[0].endswith("so much that a mean says little: viscous_drag")
+
+
+def test_tests_that_differ_widen_the_displacement_under_a_force():
+    """A specimen that is stiffer by a factor goes as deep under as much more force."""
+    program = "force 0.3 N in 0.1 s, hold 2 s"
+    found = predict_program(hypotheses(changed(SOFT, scatter={"stiffness": 0.2})), program)
+    alone = predict_program(hypotheses(SOFT), program)
+    spread = [np.std(np.log(one.answers[:, -1])) for one in (alone, found)]
+    assert spread[1] > spread[0]
+    back = predict_program(hypotheses(SOFT), "force 0.36 N in 0.1 s, hold 2 s").answers[:, -1]
+    assert np.median(back) > np.median(found.answers[:, -1])
+
+
 def test_a_file_holds_them_whole(tmp_path):
     BOTH.write(tmp_path / FILE)
     assert Hypotheses.read(tmp_path / FILE) == BOTH

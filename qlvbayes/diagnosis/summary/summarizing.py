@@ -121,7 +121,7 @@ def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]
         "stages": stages,
         "heldout_of_all": outcome.heldout_of_all(),
         "discrepancy": selected.mode.size,
-        "scatter": _scatter(selected),
+        "scatter": selected.scatter,
         "tolerance": remainder.tolerance,
         "remainder": remainder.record,
         "worst": Worst(worst.test, worst.phase, worst.rmse, worst.bias),
@@ -176,15 +176,6 @@ def _of_contact(outcome: SearchOutcome, decision: Decision, selected: Candidate)
     if ContactOffset.name not in decision.tried:
         return ()
     return contact_notices(outcome.experiment, outcome.estimates(selected, is_gap))
-
-
-def _scatter(selected: Candidate) -> dict[str, float]:
-    """Return the relative sds between tests of the stiffness and of the effects' strengths."""
-    own = selected.point.own
-    by_number = {leaf.theta.start: name for name, leaf in own.by_name.items()}
-    names = ["stiffness", *(by_number[k].partition(".")[0] for k in own.amplitudes)]
-    sizes = selected.point.separation.scatter.sizes
-    return {name: size for name, size in zip(names, sizes, strict=False) if size > 0.0}
 
 
 def _forms(search: Search, selected: Candidate, decision: Decision) -> dict[str, str]:

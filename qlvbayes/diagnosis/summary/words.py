@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
+from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
@@ -194,7 +195,7 @@ def _strengths(d: DiagnosisResult) -> list[str]:
 
 def _scatter(d: DiagnosisResult) -> list[str]:
     """Return by how much the stiffness differs from test to test."""
-    size = d.scatter.get("stiffness", 0.0)
+    size = d.scatter.get(STIFFNESS, 0.0)
     if size == 0.0:
         return []
     return [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,11 +13,13 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.comparison.side import Side, Source, side_of
+from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.io.units import UnitSystem, column_name
-from qlvbayes.io.wording import plain
+from qlvbayes.io.wording import percent, plain
 from qlvbayes.laws.motion import Motion
+from qlvbayes.model.drawn import described_model
 from qlvbayes.model.dual import check_inverse, displacement_from_force
 from qlvbayes.model.model import Model
 from qlvbayes.model.stepping import without_inverse
@@ -28,6 +31,8 @@ from qlvbayes.use.prescribed.text import parse
 _BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
 _NEAR = 1.05  # of a range, that still counts as inside it
 _TABLES = (".csv", ".txt", ".tsv", ".gz")
+_MEANINGLESS = 0.5  # relative sd between tests from which every seventh new test has half or twice
+# the mean
 _CLOCK = (
     "fluid_leak", "force_drift", "levelling_leak", "levelling_drift", "slow_change",
     "offsets_by_test",
@@ -72,7 +77,9 @@ def predict_program(
     """Return the force of a prescribed displacement, or the reverse, draw by draw.
 
     The specimen is at rest at the beginning. Effects of the fit take part, the rig's too; noise
-    does not, so that bands are of what the specimen does, not of what a load cell would write.
+    does not, so that bands are of what the specimen does, not of what a load cell would write. They
+    are those of a new test: where a diagnosis found that stiffness or strengths differ from test to
+    test, each draw has its own.
 
     Parameters
     ----------
@@ -105,24 +112,60 @@ def predict_program(
     sides = sides or [side_of(source, pad)]  # type: ignore[arg-type]
     given = program if isinstance(program, Program) else _read(program, sides[0].units)
     total = sum(len(side.draws) for side in sides)
-    models = [
-        side.some(max(round(draws * len(side.draws) / total), 1) if averaged else draws).models
+    some = [
+        side.some(max(round(draws * len(side.draws) / total), 1) if averaged else draws)
         for side in sides
     ]
+    new = [_of_a_new_test(side, np.random.default_rng(k)) for k, side in enumerate(some)]
+    models, scales = [model for model, _ in new], [scale for _, scale in new]
     warnings: list[str] = []
     if averaged and given.quantity == "force":
+        able = [not without_inverse(model) for model in models]
         models, averaged, warnings = _stepping(models, averaged)
+        scales = [scale for scale, stays in zip(scales, able, strict=True) if stays]
     kept: np.ndarray | slice = slice(None)
     if given.quantity == "force":
         kept = np.append((np.diff(given.time) > 0.0) | (np.diff(given.value) != 0.0), True)
-    answers = np.concatenate([_answers(model, given, kept) for model in models])
+    answers = np.concatenate(
+        [_answers(model, given, kept, scale) for model, scale in zip(models, scales, strict=True)]
+    )
     effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
     time, value = given.time[kept], given.value[kept]
     side = sides[0]
     forecast = Forecast(
         side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
     )
+    warnings += _scattered(sides, averaged)
     return replace(forecast, warnings=(*warnings, *_warnings(forecast, side)))
+
+
+def _of_a_new_test(side: Side, rng: np.random.Generator) -> tuple[Model, np.ndarray]:
+    r"""Return the draws (n,) with strengths of a new test, and the scale of the force of each.
+
+    .. math:: F = e^a \Big(F_0 + \sum_e e^{b_e - a} F_e\Big), \quad
+              a \sim N(0, s_0^2), \quad b_e \sim N(0, s_e^2)
+
+    with the forces F_0 of the base laws and F_e of each effect; s are relative sds between tests.
+    """
+    stiffness = side.scatter.get(STIFFNESS, 0.0) * rng.normal(size=len(side.draws))
+    draws = side.draws.copy()
+    for effect in described_model(side.choices).effects:
+        name = f"{effect.name}.{next(iter(effect.null))}"
+        if side.scatter and name in side.names:
+            strength = side.scatter.get(effect.name, 0.0) * rng.normal(size=len(draws))
+            draws[:, side.names.index(name)] *= np.exp(strength - stiffness)
+    return replace(side, draws=draws).models, np.exp(stiffness)
+
+
+def _scattered(sides: list[Side], averaged: tuple[DrawnHypothesis, ...]) -> list[str]:
+    """Return a sentence on what differs between tests, in the likeliest model."""
+    if not sides[0].scatter:
+        return []
+    sizes = [f"{name} by {percent(size)}" for name, size in sides[0].scatter.items()]
+    sentence = f"tests of one pad differ ({', '.join(sizes)}, one sd): the bands are of a new test"
+    wide = [name for name, size in sides[0].scatter.items() if size >= _MEANINGLESS]
+    lost = f"; so much that a mean says little: {', '.join(wide)}" if wide else ""
+    return [sentence + lost]
 
 
 def _stepping(
@@ -143,12 +186,16 @@ def _stepping(
     )
 
 
-def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndarray:
-    """Return the answers (n, N) of the draws of one model."""
+def _answers(
+    models: Model, given: Program, kept: np.ndarray | slice, scale: np.ndarray
+) -> np.ndarray:
+    """Return the answers (n, N) of the draws of one model, whose forces have scales (n,)."""
     if given.quantity == "displacement":
-        return _batches(_forces, models, given.time, given.value, given.rate)
+        forces = _batches(_forces, models, given.time, given.value, given.rate)
+        return forces * scale[:, None]
     check_inverse(models)
-    answers = _batches(_displacements, models, given.time[kept], given.value[kept])
+    force = given.value[kept] / scale[:, None]
+    answers = _batches(_displacements, (models, force), given.time[kept])
     if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
         raise InputError(
             f"{lost} of {len(answers)} draws have no displacement with this force",
@@ -162,13 +209,13 @@ def _read(program: str | Path, units: UnitSystem) -> Program:
     return read_table(Path(program), units) if named else parse(str(program), units)
 
 
-def _batches(run, models: Model, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
-    count = len(jax.tree.leaves(models)[0])
+def _batches(run, draws: Any, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    count = len(jax.tree.leaves(draws)[0])
     answers = []
     for start in range(0, count, _BATCH):
         # the last batch is filled up, so that one compiled function serves any number
         rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
-        some = jax.tree.map(lambda x, rows=rows: x[rows], models)
+        some = jax.tree.map(lambda x, rows=rows: x[rows], draws)
         answers.append(np.asarray(run(some, *map(jnp.asarray, columns))))
     return np.concatenate(answers)[:count]
 
@@ -180,8 +227,8 @@ def _forces(models: Model, time: Array, displacement: Array, speed: Array) -> Ar
 
 
 @jax.jit
-def _displacements(models: Model, time: Array, force: Array) -> Array:
-    return jax.vmap(lambda model: displacement_from_force(model, time, force))(models)
+def _displacements(draws: tuple[Model, Array], time: Array) -> Array:
+    return jax.vmap(lambda model, force: displacement_from_force(model, time, force))(*draws)
 
 
 def _warnings(forecast: Forecast, side: Side) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds
 in which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al.
-1999, doi:10.1214/ss/1009212519).
+1999, doi:10.1214/ss/1009212519). The stiffness and the strengths of effects may differ from test to
+test: those of a new test are drawn about the constants when a program is predicted.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +37,8 @@ class DrawnHypothesis(Part, frozen=True):
     effects: tuple[str, ...]
     probability: float  # posterior, over all hypotheses that were seen
     constants: dict[str, tuple[float, ...]]
+    # relative sds between tests of stiffness and strengths
+    scatter: dict[str, float] = msgspec.field(default_factory=dict)
 
     def __str__(self) -> str:
         """Return it as ``hertz with prony:2 + friction (0.61)``."""
@@ -60,6 +64,11 @@ class Hypotheses(Result, frozen=True, kw_only=True):
         """Probability of all of them together; many unlikely ones share the rest."""
         return sum(one.probability for one in self.hypotheses)
 
+    @property
+    def says_more(self) -> bool:
+        """True if a fit, which is one model without scatter between tests, would say too little."""
+        return len(self.hypotheses) > 1 or any(one.scatter for one in self.hypotheses)
+
     def side(self, one: DrawnHypothesis) -> Side:
         """Return one of the hypotheses as draws of a model."""
         name, _, modes = one.base.relaxation.partition(":")
@@ -73,7 +82,8 @@ class Hypotheses(Result, frozen=True, kw_only=True):
             fixed=(),
         )
         names, draws = tuple(one.constants), np.stack([*map(np.array, one.constants.values())], 1)
-        return Side(self.pad, names, draws, choices, self.units, self.covered)
+        known = self.units, self.covered
+        return Side(self.pad, names, draws, choices, *known, scatter=one.scatter)
 
 
 def drawn_hypotheses(
@@ -99,7 +109,9 @@ def drawn_hypotheses(
             for name, values in constants.items()
             if not name.startswith("noise.")
         }
-        drawn.append(DrawnHypothesis(one.base, one.effects, one.probability, kept))
+        drawn.append(
+            DrawnHypothesis(one.base, one.effects, one.probability, kept, candidate.scatter)
+        )
     return Hypotheses(
         pad=diagnosis.result.pad,
         units=diagnosis.result.units,
