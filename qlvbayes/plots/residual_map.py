@@ -60,6 +60,10 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
             f"frame and cross: fails,{chr(10) if tight else ' '}error beyond noise and the spread "
             "of the posterior",
         ]
+        if any(cell.fails and over_floor(cell.rmse, check.noise) < 1.0 for cell in check.cells):
+            lines.append(
+                "a cell below 1 may fail: the mean of many readings has less noise than one"
+            )
         lines += ["hatched: no samples"] if empty else []
         figure_of(axis).supxlabel("\n".join(lines), x=0.01, ha="left")
     return axis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from qlvbayes.diagnosis.result import Description, DiagnosisResult
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.io.files import DESCRIBED
 from qlvbayes.io.wording import joined, plain, to_noise
 from qlvbayes.model.choices import Choices
@@ -10,11 +11,12 @@ from qlvbayes.model.choices import Choices
 _NOTABLE = 0.02  # share of the error below which it is not said what a kind of terms could remove
 
 
-def law_step(d: DiagnosisResult) -> str:
+def law_step(d: DiagnosisResult, work: DiagnosisWork) -> str:
     """Return how the described law is added, as what to do next; empty where there is none."""
     if d.description is None:
         return ""
-    return f" To predict all the same, add the described law: {_command(d, d.description)}"
+    command = fit_command(d, work, d.description)
+    return f" To predict all the same, add the described law: {command}"
 
 
 def law_paragraphs(d: DiagnosisResult) -> list[str]:
@@ -66,11 +68,16 @@ def _closest(d: DiagnosisResult, law: Description) -> list[str]:
     return [f"The closest listed effects: {joined(some)}."]
 
 
-def _command(d: DiagnosisResult, law: Description) -> str:
-    """Return the command that fits the model with the law to all tests."""
-    default = Choices()
-    words = [f"qlvbayes fit FILE -o OUT --all-tests --effects-file {DESCRIBED}"]
-    words += [f"--elastic {law.base.elastic}"] * (law.base.elastic != default.elastic)
-    words += [f"--relaxation {law.base.relaxation}"] * (law.base.relaxation != default.relaxing)
-    added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in law.effects), law.effect)
+def fit_command(d: DiagnosisResult, work: DiagnosisWork, law: Description | None = None) -> str:
+    """Return the command that fits the selected hypothesis, or one with a law, to all tests."""
+    default, base = Choices(), law.base if law else d.base
+    words = ["qlvbayes fit FILE -o OUT --all-tests"]
+    bonded = work.search.density.space.bonded
+    words += ["--bonded" if bonded else "--loose"] * (bonded != d.units.bonded_default)
+    words += [f"--effects-file {DESCRIBED}"] * (law is not None)
+    words += [f"--elastic {base.elastic}"] * (base.elastic != default.elastic)
+    words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
+    added = [*d.stages[0].effects]
+    added += [d.forms.get(name, name) for name in (law.effects if law else d.effects)]
+    added += [law.effect] if law else []
     return " ".join([*words, *(f"--add {name}" for name in added)])

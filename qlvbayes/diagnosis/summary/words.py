@@ -9,13 +9,12 @@ from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
-from qlvbayes.diagnosis.summary.law import law_paragraphs, law_step
+from qlvbayes.diagnosis.summary.law import fit_command, law_paragraphs, law_step
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.catalogue import FORMS
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import capitalized, joined, pad_title, percent, plain, to_noise
-from qlvbayes.model.choices import Choices
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.motion.pulling import pull_notices
 
@@ -89,7 +88,7 @@ def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
         with_it = " with it" if len(d.effects) == 1 else " with them" if d.effects else ""
         return (
             f"use the constants of a fit to all tests{with_it}. qlvbayes study makes this fit; "
-            f"after qlvbayes diagnose type {_command(d)}"
+            f"after qlvbayes diagnose type {fit_command(d, work)}"
         )
     if d.verdict == Verdict.AMBIGUOUS:
         if not d.suggestions:
@@ -109,18 +108,8 @@ def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
         f"look at the {NAMES[worst.phase]} of {worst.test} in the figure forces_before_after. "
         "Its cause may be the rig, the record, or an effect that is not on the list "
         "(--effects-file). Until it is known, the constants are those of a wrong model."
-        f"{law_step(d)}"
+        f"{law_step(d, work)}"
     )
-
-
-def _command(d: DiagnosisResult) -> str:
-    """Return the command that fits the selected hypothesis to all tests."""
-    default, base = Choices(), d.base
-    words = ["qlvbayes fit FILE -o OUT --all-tests"]
-    words += [f"--elastic {base.elastic}"] * (base.elastic != default.elastic)
-    words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
-    added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
-    return " ".join([*words, *(f"--add {name}" for name in added)])
 
 
 def _adequate_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
