@@ -39,7 +39,7 @@ class Registration:
     folder; rules: of the file with the rules of the count; disturbed: whether the population has
     disturbed records, as those of new registrations have; lists: the names of what may be hidden,
     so that effects which are added later do not change the run; paper: whether the pads and tests
-    are those of the paper's rig.
+    are those of the paper's rig; kinds: what the studies that are run hide, None for all.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Registration:
     disturbed: bool = False
     lists: dict[str, list[str]] | None = None
     paper: bool = False
+    kinds: list[str] | None = None
 
     @property
     def population(self) -> Population:
@@ -62,16 +63,29 @@ class Registration:
         effects, disturbed = lists.listed, self.disturbed
         return Population(self.seed, self.paper, effects=effects, disturbed=disturbed, lists=lists)
 
+    @property
+    def indices(self) -> list[int]:
+        """The studies that are run."""
+        item, kinds = self.population.item, self.kinds
+        every = range(self.studies)
+        return [k for k in every if kinds is None or item(k).levels["kind"] in kinds]
+
     @classmethod
     def of_present(
-        cls, name: str, seed: int, studies: int, note: str = "", paper: bool = False
+        cls,
+        name: str,
+        seed: int,
+        studies: int,
+        note: str = "",
+        paper: bool = False,
+        kinds: list[str] | None = None,
     ) -> Registration:
         """Return the registration of a run by the present code."""
         population = Population(seed, paper, disturbed=not paper)
         digests = code_digest(), _tree(), rules_digest()
         lists = {key: list(names) for key, names in asdict(PRESENT).items()}
         about = _strata(population), ASKED["paper" if paper else "wide"], note
-        return cls(name, seed, studies, *digests, *about, not paper, lists, paper)
+        return cls(name, seed, studies, *digests, *about, not paper, lists, paper, kinds)
 
     @classmethod
     def read(cls, name: str) -> Registration:

@@ -17,7 +17,7 @@ from functools import partial
 
 from blind.case import run_case
 from blind.counting import Case
-from blind.population import Population
+from blind.population import KINDS, Population
 from registration import Registration
 from results import JOBS, Origin, finished, stored
 from runs import Run, rates_of, write_cases, write_run
@@ -27,13 +27,14 @@ def main() -> None:
     options = _options()
     name, paper = options.name, options.paper
     if options.register:
-        new = Registration.of_present(name, options.seed, options.studies, options.note, paper)
+        chosen = options.seed, options.studies, options.note, paper, options.kinds
+        new = Registration.of_present(name, *chosen)
         print(f"{new.write()}: commit it before the run")
         return
     commit = options.commit or Origin.now().commit
     if options.again:
         population, size = Population(options.seed, paper), options.studies
-        cases = _run(population, size, options.jobs)
+        cases = _run(population, range(size), options.jobs)
         keep(name, population, size, cases, commit, options.note)
         return
     registered = Registration.read(name)
@@ -41,15 +42,16 @@ def main() -> None:
         sys.exit(f"{', '.join(broken)} changed since '{name}' was registered: register anew")
     population = registered.population
     if options.finished:
-        cases = stored(population.key, registered.code).first(registered.studies)
+        known = stored(population.key, registered.code).cases
+        cases = [known[k] for k in registered.indices if k in known]
     else:
-        cases = _run(population, registered.studies, options.jobs)
-    keep(name, population, registered.studies, cases, commit, registered.note)
+        cases = _run(population, registered.indices, options.jobs)
+    keep(name, population, len(registered.indices), cases, commit, registered.note)
     write_cases(name, cases)
 
 
-def _run(population: Population, size: int, jobs: int) -> list[Case]:
-    return finished(population.key, partial(run_case, population), range(size), jobs)
+def _run(population: Population, indices: Sequence[int], jobs: int) -> list[Case]:
+    return finished(population.key, partial(run_case, population), indices, jobs)
 
 
 def keep(
@@ -73,6 +75,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--studies", type=int, default=240)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--paper", action="store_true", help="on the paper's rig")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, help="only studies that hide these")
     parser.add_argument("--note", default="", help="what is new, for the table of runs")
     parser.add_argument("--finished", action="store_true", help="keep what there is, run nothing")
     parser.add_argument("--commit", help="the commit that ran the studies, if not the present one")

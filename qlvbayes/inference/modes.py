@@ -19,7 +19,7 @@ _STEPS = 60
 _MIN_GAIN = 0.02  # predicted rise of the log density of a step at which a search has converged
 _ROUGH_GAIN = 0.2  # the same under coarse noise, which only leads to a neighbourhood
 _CREEP = 0.02  # rise in a step below which a search along a ridge ends
-_PATIENCE = 16  # steps without a lower loss after which a search ends: far from the data each step
+_PATIENCE = 30  # steps without a lower loss after which a search ends: far from the data each step
 # falls under its own separation of the discrepancy, but may rise under the next one
 _NEED = 0.02  # both, as a share of the distance to the best loss: poor modes need no accuracy
 _LONGEST = 3.0  # natural lengths that a step may have
