@@ -39,7 +39,7 @@ from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
-from qlvbayes.inference.modes import find_mode, rough_mode
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
@@ -204,7 +204,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     hypothesis = point.own.hypothesis
     whitener = density.whitener.with_independent_noise(_BEFORE_PRIORS * rms)
     white = Density(density.space, whitener, Discrepancy.none(whitener, density.discrepancy.peak))
-    rough = rough_mode(density, hypothesis, point.theta)
+    rough = find_mode(density.coarse, hypothesis, point.theta)
     starts = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)
     starts += [rough.point.theta] if rough else []
     modes = [find_mode(white, hypothesis, start) for start in starts]

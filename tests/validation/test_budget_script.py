@@ -7,7 +7,7 @@ from budget import MOST, by_fit, least_squares, paired, rises, rows
 from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.inference.modes import rough_mode
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 
@@ -33,7 +33,7 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
     def rms(point):
         return float(np.sqrt(np.mean((observed - point.predicted)[real] ** 2)))
 
-    fit = rough_mode(density, plain, density.space.prior_draws(plain)[0]).point
+    fit = find_mode(density.coarse, plain, density.space.prior_draws(plain)[0]).point
     own = density.space.parameters(plain)
     far = density.at(plain, own.within(fit.theta + 0.3 * own.length))
     least = least_squares(density, fit, rms(fit))
