@@ -227,3 +227,25 @@ def test_sources_are_inside_and_strict(tmp_path, effects):
     flags = (*STRICT, "-fPIC", "-shared", "-fsanitize=undefined")
     command = [GCC, *flags, "-o", tmp_path / "unit.so", sources / "fmu.c", "-lm"]
     subprocess.run(command, check=True)
+
+
+@needs_gcc
+def test_a_described_law_is_in_it(tmp_path):
+    """A law that a diagnosis described, with a state and in the force, as in the header."""
+    from qlvbayes.diagnosis.description.grammar import grammar
+    from qlvbayes.diagnosis.description.source import References, name_of, source_of
+    from qlvbayes.io.units import PAD
+
+    wanted = ("factor_of_remembered_elastic_force", "power_drag_of_depth_squared")
+    terms = [next(one for one in grammar() if one.name == name) for name in wanted]
+    path = tmp_path / "described_effect.py"
+    references = References(1.6, 100.0, 1000.0, 1.5, 500.0)
+    path.write_text(source_of(terms, references, PAD, "It describes tests."), encoding="utf-8")
+    choices = Choices(effects=(name_of(terms),), effects_file=str(path))
+    pad = exported(tmp_path, choices, spread=0.0)
+    unit = tmp_path / "pad_B.fmu"
+    unit.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
+    found = simulated(unit, "displacement_in", DEPTH)
+    program = CompiledPad(tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-DONE_WAY"))
+    expected, _ = program.force(TIME, late(DEPTH))
+    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
