@@ -105,7 +105,7 @@ def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None)
     base = _sum_by_key((w.base, p) for w, p in pairs)
     unmodelled = sum(p * (w.unmodelled if w.nameable else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
-    if unmodelled > settings.unlisted:
+    if unmodelled > settings.likelier:
         group: tuple[str, ...] = ()
         verdict = Verdict.PARTLY_EXPLAINED if named else Verdict.UNEXPLAINED
     else:

@@ -289,7 +289,7 @@ class Search:
                 new += find_modes(self.density, hypothesis, start, lowest, [*known, *new], size)
         else:
             some += exchanged
-            new = modes(self.density, hypothesis, some, lowest, breadth.followed, size)
+            new = modes(self.density, hypothesis, some, lowest, 1, size)
         return self.candidates_from(hypothesis, new)
 
     def redraw(self, some: Sequence[Hypothesis]) -> None:

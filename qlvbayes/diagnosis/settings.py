@@ -19,7 +19,8 @@ class Breadth:
     """Breadth of the search for hypotheses and their modes; a broader search takes longer."""
 
     starts: int = 4  # number of draws of all priors from which the baseline model is optimised
-    # a hypothesis is optimised from draws of the relaxation until this many in a row lead no higher
+    # a hypothesis is optimised from this many draws of the relaxation at once, until they lead no
+    # higher
     draws: int = 6
     # least number of quantiles of the prior of a new effect's shape at which its force is tried
     shapes: int = 2
@@ -30,8 +31,6 @@ class Breadth:
     # number of starts, those whose force promises most, from which a new effect is optimised. With
     # one of them modes are missed (adhesion beside a load cell's creep).
     optimised: int = 2
-    # number of modes under coarse noise that are optimised further under the noise itself
-    followed: int = 1
     beam: int = 2  # largest number of hypotheses that are expanded at a time
     # distance behind the best log posterior within which a hypothesis is expanded
     near: float = 25.0
@@ -74,17 +73,21 @@ class CellTests:
     level: float = 0.05
 
 
-# of the strengths of one effect: up to twice its mean, from where on there is no common strength
-STRENGTHS = ScatterPrior(largest=2.0, sizes=12)
-
-
 @dataclass(frozen=True)
 class Imitation:
     """Settings of the strengths of an effect in single tests."""
 
-    prior: ScatterPrior = STRENGTHS  # prior of their scatter
+    # largest, sizes: of the grid of their scatter, which goes up to twice the mean, from where on
+    # there is no common strength
+    largest: float = 2.0
+    sizes: int = 12
     ranked: int = 4  # tests from which a trend of the strengths is looked for
     rank: float = 0.8  # rank correlation from which strengths grow or fall with depth or speed
+
+    @property
+    def prior(self) -> ScatterPrior:
+        """Return the prior of their scatter."""
+        return ScatterPrior(largest=self.largest, sizes=self.sizes)
 
 
 @dataclass(frozen=True)
@@ -124,9 +127,9 @@ class DiagnosisSettings:
     # certainty of an effect that is measured in the records beyond doubt, at five sds and in two
     # places: what is left to doubt is whether the list holds its cause
     measured: float = 0.95
-    # inclusion probability over all hypotheses, free curves among them, below which no effect is
-    # named: less is more likely absent than not
-    own: float = 0.5
+    # probability, over all hypotheses and free curves among them, from which something is more
+    # likely there than not: an effect that is named, or something that no listed effect explains
+    likelier: float = 0.5
     covered: float = 0.95  # probability with which a group must hold the missing effect
     false_alarms: float = 0.001  # significance level of the adequacy test over all cells of a pad
     # share of the peak force below which neither an effect nor structure matters
@@ -142,7 +145,6 @@ class DiagnosisSettings:
     narrowest: float = 0.2
     widest: float = 5.0
     group: int = 3  # largest number of effects in a group: more is no answer
-    unlisted: float = 0.5  # probability of something unmodelled from which it counts as being there
     # share of the largest depth, or of the peak force, below which a test counts as having come
     # back to zero
     returned: float = NEARLY

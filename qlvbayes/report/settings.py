@@ -21,22 +21,20 @@ WORDS = {
     "named": "probability over all hypotheses from which an effect is named",
     "confirmed": "certainty by blind studies below which no effect is named",
     "measured": "certainty of an effect that the readings show beyond doubt",
-    "own": "probability over all hypotheses, free curves included, below which none is named",
+    "likelier": "probability, free curves included, from which something is taken to be there",
     "covered": "probability with which a group holds the missing effect",
     "false_alarms": "probability that a right model is found to fail",
     "tolerance": "share of the peak force below which effects and errors do not matter",
     "narrowest": "smallest factor by which the prior of an effect's size is fitted to the motion",
     "widest": "largest factor by which it is",
     "group": "largest number of effects in a group",
-    "unlisted": "probability from which something outside the list is taken to be there",
     "returned": "share of depth or peak force below which a test has come back to zero",
     "breadth.starts": "draws of the priors from which the plain model is optimised",
-    "breadth.draws": "draws of the relaxation that must lead no higher before a search ends",
+    "breadth.draws": "draws of the relaxation from which a search goes on until they lead no higher",
     "breadth.shapes": "values of a new effect's shape at which its force is tried",
     "breadth.small": "small size at which a new effect's force is tried, in sds of its prior",
     "breadth.large": "large size at which a new effect's force is tried, in sds of its prior",
     "breadth.optimised": "starts from which a new effect is optimised, the most promising ones",
-    "breadth.followed": "optima under simplified noise that are followed under the noise itself",
     "breadth.beam": "hypotheses whose neighbours are looked at together",
     "breadth.near": "log probability behind the best within which neighbours are looked at",
     "breadth.redrawn": "neighbours that are also optimised from other relaxations",
@@ -65,8 +63,8 @@ WORDS = {
     "cells.doubtful": "the same where the kind of noise is in doubt",
     "cells.level": "p-value below which a phase stands out",
     **{
-        f"imitation.prior.{k}": text.format("one effect's strength between tests")
-        for k, text in _SCATTER.items()
+        f"imitation.{k}": _SCATTER[k].format("one effect's strength between tests")
+        for k in ("largest", "sizes")
     },
     "imitation.ranked": "tests from which a trend of the strengths is looked for",
     "imitation.rank": "rank correlation from which strengths grow or fall with depth or speed",

@@ -213,3 +213,4 @@ def test_a_record_is_not_changed_once_it_is_made():
 
 def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
     assert set(WORDS) == set(flat(asdict(DiagnosisSettings())))
+    assert len(WORDS) <= 60  # numbers that can move a verdict

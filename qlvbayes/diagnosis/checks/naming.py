@@ -86,7 +86,7 @@ def _against(ranked: Ranked, settings: DiagnosisSettings, *, alone: bool) -> str
     """Return why an effect must not be named; of a group, only what speaks against each member."""
     sure, own = ranked.certainty, ranked.support
     if own is None or sure is None or (alone and sure >= settings.confirmed):
-        below = alone and ranked.inclusion < settings.own
+        below = alone and ranked.inclusion < settings.likelier
         return (
             f"over all hypotheses its probability is {percent(ranked.inclusion)}" if below else None
         )
