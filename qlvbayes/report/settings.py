@@ -30,7 +30,7 @@ WORDS = {
     "group": "largest number of effects in a group",
     "returned": "share of depth or peak force below which a test has come back to zero",
     "breadth.starts": "draws of the priors from which the plain model is optimised",
-    "breadth.draws": "draws of the relaxation from which a search goes on until they lead no higher",
+    "breadth.draws": "draws of the relaxation at once, until they lead no higher",
     "breadth.shapes": "values of a new effect's shape at which its force is tried",
     "breadth.small": "small size at which a new effect's force is tried, in sds of its prior",
     "breadth.large": "large size at which a new effect's force is tried, in sds of its prior",
