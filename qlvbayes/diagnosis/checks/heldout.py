@@ -106,5 +106,6 @@ def _predicted(samples: Samples, part: HeldOutPart, candidate: Candidate) -> Pre
     theta, size = candidate.point.theta, candidate.mode.size
     mode = find_mode(part.density, candidate.hypothesis, theta, guess=size)
     point = mode.point if mode is not None else candidate.point
+    point.separation.forget()  # of nine long tests, all that are left out would take a gigabyte
     force = samples.predict(candidate.hypothesis, point.constants[None])[part.test][0][part.rows]
     return Predicted(force, part.density, point)
