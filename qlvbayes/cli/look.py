@@ -79,6 +79,8 @@ def look_command(
     source = inputs.source()
     studies, refused = _studies(source)
     parts, gaps = chosen["use"], chosen["leave-out"]
+    if not studies and not refused:
+        raise source.refusal
     if studies:
         refuse_unknown([pad for one in studies for pad in one.pads], parts, gaps)
     if studies and not as_json:

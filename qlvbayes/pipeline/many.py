@@ -142,7 +142,7 @@ def run_steps(
     work = (one if isinstance(one, Fault) else Work(tuple(steps(one)), one, out) for one in source)
     tally = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
     if not tally.total and source.only and source.shard.count == 1:
-        raise InputError(f"no pad of these files is called {' or '.join(source.only)}")
+        raise source.refusal
     return tally
 
 

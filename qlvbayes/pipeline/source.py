@@ -146,6 +146,16 @@ class Source:
             text += " (tests of one pad stand in one file, with a column test)"
         return text
 
+    @property
+    def refusal(self) -> InputError:
+        """Return the refusal where none of the files has a pad of the names that are wanted."""
+        several = len(self.files) > 1 and len(self.only) == 1
+        remedy = f"join tests of one pad: qlvbayes look FILES -o {self.only[0]}.csv --pad NAME"
+        return InputError(
+            f"no pad of these files is called {' or '.join(self.only)}",
+            remedy=remedy if several else None,
+        )
+
     def kept(self, out: Path) -> Source:
         """Return the source whose machines' files are read from their tidy copy in ``out``.
 

@@ -347,3 +347,22 @@ def test_the_kept_curve_of_an_afm_asks_nothing():
     pytest.importorskip("afmformats")
     (found,) = convert([shared("press_pause_back.tab")]).tests
     assert (found.signs.way, found.signs.load) == (1, 1)
+
+
+@pytest.mark.parametrize("power", [1.5, 2.0])
+@pytest.mark.parametrize("speed", [1.0, 2.0, 3.0])
+def test_a_soft_rise_from_the_first_reading_on_is_no_late_contact(power, speed):
+    """Of a specimen that relaxes, so that its rise looks steeper at first than later."""
+    time = np.arange(0.0, 1.6 / speed + 3.0, 1.0 / 200.0)
+    depth = np.round(np.minimum(speed * time, 1.6), 3)
+    elastic = (depth / 1.6) ** power
+    force = 0.5 * elastic
+    for share, rate in ((0.3, 5.0), (0.2, 0.3)):
+        part = np.zeros_like(time)
+        for k in range(1, time.size):
+            part[k] = np.exp(-rate / 200.0) * part[k - 1] + elastic[k] - elastic[k - 1]
+        force = force + share * part
+    rng = np.random.default_rng(3)
+    for _ in range(15):
+        found = find_contact(depth, force + rng.normal(0.0, 0.003, time.size))
+        assert found is None or abs(found.position) < 3.0 * found.sd

@@ -149,10 +149,11 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     quick press) and the spacing of the rows at contact are added in squares. ``way`` and ``load``
     (n,) may be in any units. Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826.
     """
-    fits = [fit for level in _LEVELS if (fit := _fitted(way, load, level)) is not None]
-    for level in _HIGHER:
-        if len(fits) < _WANTED and (fit := _fitted(way, load, level)) is not None:
-            fits.append(fit)
+    tried = [_fitted(way, load, level) for level in _LEVELS]
+    for level in _HIGHER:  # only where the rise has too few rows below: a soft one looks late here
+        if sum(one is not None for one in tried) < _WANTED:
+            tried.append(_fitted(way, load, level))
+    fits = [fit for some in tried for fit in some or ()]
     if not fits:
         return None
     middle = fits[min(_MIDDLE, len(fits) - 1)]
@@ -166,19 +167,22 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
 
 
-def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
+def _fitted(way: Floats, load: Floats, level: float) -> list[FirstContact] | None:
+    """Return [contact], [] where the test begins in contact, None where too few rows say so."""
     d, f = _risen(way, load, level)
-    found = onsets(d, f, FORMS) if len(d) >= _LEAST + _FEW and d[-1] > d[0] else ()
+    found = onsets(d, f, FORMS) if len(d) >= _LEAST + _FEW and d[-1] > d[0] else None
     if not found:
-        return None
+        return None if found is None else []
     best = max(found, key=lambda onset: onset.height)
     force = f[d <= best.position]
     own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
     point, sd = mean_over_forms(found)
-    return FirstContact(point, sd, float(force.mean()), own, 0, level)
+    return [FirstContact(point, sd, float(force.mean()), own, 0, level)]
 
 
-def onsets_of(way: Floats, load: Floats, level: float, forms: Sequence[Form]) -> tuple[Onset, ...]:
+def onsets_of(
+    way: Floats, load: Floats, level: float, forms: Sequence[Form]
+) -> tuple[Onset, ...] | None:
     """Return the point of contact for each form, from the rise up to a share of the peak force."""
     return onsets(*_risen(way, load, level), forms)
 
@@ -192,13 +196,18 @@ def _risen(way: Floats, load: Floats, level: float) -> tuple[Floats, Floats]:
     return _averaged(way[: last + 1]), _averaged(load[: last + 1])
 
 
-def onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> tuple[Onset, ...]:
-    """Return the point of contact for each form; none where a side of the best has few rows."""
+def onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> tuple[Onset, ...] | None:
+    """Return the point of contact for each form.
+
+    There is none where few rows lie before the best, and it is unknown (None) where few lie beyond.
+    """
     tried = [_best_point(d, f, form) for form in forms]
     misfits, points = (np.array(column) for column in zip(*tried, strict=True))
     best = int(np.argmin(misfits))
     before = d <= points[best]
-    if np.count_nonzero(before) < _LEAST or np.count_nonzero(~before) < _FEW:
+    if np.count_nonzero(~before) < _FEW:
+        return None
+    if np.count_nonzero(before) < _LEAST:
         return ()
     rise = _rises(d, f, float(points[best]), forms[best])
     free = max(_independent(f - rise) - _CONSTANTS, 1.0)
