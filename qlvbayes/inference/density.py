@@ -36,6 +36,8 @@ from qlvbayes.priors.natural import Natural
 _COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
 LARGEST_FORCE = 1e6
 """Times the peak force: beyond it squares overflow and nothing fits."""
+_KEPT = 4  # sizes of the discrepancy whose matrices, of megabytes, a part of the data keeps: a fit
+# goes to and fro between two
 _PRIOR_STEP = 3e-4  # of the unconstrained numbers of a prior
 
 
@@ -137,7 +139,7 @@ class Density:
     def without(self, left_out: NDArray[np.bool_]) -> Density:
         """Return the density with some of the n block means left out; left_out (n,) marks them."""
         whitener = self.whitener.without(left_out)
-        return Density(self.space, whitener, self.discrepancy.with_whitener(whitener))
+        return Density(self.space, whitener, self.discrepancy.with_whitener(whitener, _KEPT))
 
     @property
     def log_constant(self) -> float:

@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar, cast
 from uuid import uuid4
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine

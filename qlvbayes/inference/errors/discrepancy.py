@@ -49,6 +49,7 @@ class Discrepancy:
     log_prior: Array  # (S,): of the sizes
     rough: float  # variance ratio rho
     scatter: ScatterPrior | None = None  # prior of the scatter between tests; None without any
+    kept: int | None = None  # sizes of which matrices are kept, all of the grid if None
     _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @classmethod
@@ -102,9 +103,9 @@ class Discrepancy:
         extended = np.concatenate([self.features, np.where(real, features, 0.0)])
         return replace(self, features=extended, _by_size={})
 
-    def with_whitener(self, whitener: Whitener) -> Discrepancy:
-        """Return the discrepancy under other noise."""
-        return replace(self, whitener=whitener, _by_size={})
+    def with_whitener(self, whitener: Whitener, kept: int | None = None) -> Discrepancy:
+        """Return the discrepancy under other noise; kept: sizes of which matrices are kept."""
+        return replace(self, whitener=whitener, kept=kept, _by_size={})
 
     @cached_property
     def shapes(self) -> Array:
@@ -125,9 +126,7 @@ class Discrepancy:
         errors: Array | None = None,
     ) -> Separation:
         """Return the separation from what the derivatives (F, T, B) of the force can follow."""
-        slopes = self.whitener.flattened(responses)
-        if not len(self.features):
-            slopes = np.zeros((0, slopes.shape[1]))
+        counted = responses if len(self.features) else responses[:0]
 
         def coupled(rows: Array) -> tuple[Array, Array]:
             smooth = (rows @ self.block_features.T) @ self.block_features
@@ -141,8 +140,8 @@ class Discrepancy:
             return self.whitener.flattened(rows), groups
 
         return Separation(
-            slopes,
-            lengths[: len(slopes)],
+            lambda: self.whitener.flattened(counted),
+            lengths[: len(counted)],
             coupled,
             self.whitener.whiten,
             scaled if parts is not None and self.scatter is not None else None,
@@ -190,6 +189,8 @@ class Discrepancy:
             # a size off the grid is one mode's own: to keep it would take a megabyte a mode
             if size in self.sizes:
                 self._by_size[size] = known
+                if self.kept is not None and len(self._by_size) > self.kept:
+                    self._by_size.pop(next(iter(self._by_size)))
         return known
 
     def _computed(self, size: float) -> DiscrepancyOfSize:

@@ -59,15 +59,16 @@ def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
 class Separation:
     """The separation of a discrepancy for one Jacobian, computed when a size above zero needs it.
 
-    slopes (F, n): of the block means, not whitened; lengths (F,): natural lengths of the free
-    parameters; coupled: function from Q (R, n) to the parts Y of K and of the moments, both (R, n);
-    whiten: function that whitens block means (M, n); scaled: function to the rows V (K, n) of the
-    parts of the force whose scale differs between tests, not whitened, and the group (K,) of each;
+    derivatives: function to those of the block means (F, n), not whitened; lengths (F,): natural
+    lengths of the free parameters; coupled: function from Q (R, n) to the parts Y of K and of the
+    moments, both (R, n); whiten: function that whitens block means (M, n); scaled: function to the
+    rows V (K, n) of the parts of the force whose scale differs between tests, not whitened, and the
+    group (K,) of each;
     scatter: the relative sds of the scales of each group; errors (K, n): independent errors of the
     force, not whitened, each one sd, which are not separated.
     """
 
-    slopes: Array
+    derivatives: Callable[[], Array]
     lengths: Array
     coupled: Callable[[Array], tuple[Array, Array]]
     whiten: Callable[[Array], Array]
@@ -75,6 +76,11 @@ class Separation:
     scatter: Scatter = NONE
     errors: Array | None = None
     _by_size: dict[float, Separated] = field(default_factory=dict)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Return the derivatives of the block means (F, n), not whitened."""
+        return self.derivatives()
 
     @cached_property
     def rows(self) -> Array:
@@ -127,14 +133,14 @@ class Separation:
 
     def with_scatter(self, scatter: Scatter) -> Separation:
         """Return the separation with other sds of the scales of each group."""
-        known = ("rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
+        known = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
         return self if scatter == self.scatter else self._changed(known, scatter=scatter)
 
     def with_errors(self, errors: Array | None) -> Separation:
         """Return the separation with other errors of the force."""
         if errors is self.errors:
             return self
-        known = ("rows", "_parts", "scaled_rows", "separated_rows")
+        known = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows")
         return self._changed(known, errors=errors)
 
     def _changed(self, known: tuple[str, ...], **fields: Any) -> Separation:
@@ -158,7 +164,8 @@ class Separation:
     def forget(self) -> None:
         """Discard what can be computed again in a millisecond, to save a megabyte a point."""
         self._by_size.clear()
-        for rows in ("rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors"):
+        own = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
+        for rows in own:
             self.__dict__.pop(rows, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:

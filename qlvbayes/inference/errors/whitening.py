@@ -66,15 +66,19 @@ class Whitener:
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:
         """Return the whitener without some of the n blocks, which left_out (n,) marks."""
-        masks, covariances, timing = [], [], []
+        masks, covariances, timing, bases = [], [], [], []
         for k, (real, of_test) in enumerate(zip(self.blocks, self.covariances, strict=True)):
             kept = ~left_out[self.tests == k]
             mask = real.copy()
             mask[real] = kept
             masks.append(mask)
-            covariances.append(of_test[np.ix_(kept, kept)])
+            # tests that stay whole share their matrices, of which each may take a megabyte
+            covariances.append(of_test if kept.all() else of_test[np.ix_(kept, kept)])
             timing.append(self.timing[k][kept])
-        return Whitener(tuple(masks), tuple(covariances), tuple(timing))
+            bases.append(self._bases[k] if kept.all() else _basis(covariances[-1]))
+        other = Whitener(tuple(masks), tuple(covariances), tuple(timing))
+        other.__dict__["_bases"] = bases
+        return other
 
     @cached_property
     def tests(self) -> NDArray[np.intp]:
@@ -84,17 +88,8 @@ class Whitener:
 
     @cached_property
     def _bases(self) -> list[tuple[Array, Array]]:
-        """Return for each test 1/sqrt(lambda), and rows of lambda^{-1/2} V^T or their diagonal."""
-        bases = []
-        for one in self.covariances:
-            if np.count_nonzero(one) == len(one):  # independent noise
-                roots = np.diag(one) ** -0.5
-                bases.append((roots, roots))
-                continue
-            values, vectors = np.linalg.eigh(one)
-            roots = np.maximum(values, _SINGULAR * values.max(initial=0.0)) ** -0.5
-            bases.append((roots, roots[:, None] * vectors.T))
-        return bases
+        """Return the basis of each test, see `_basis`."""
+        return [_basis(one) for one in self.covariances]
 
     @cached_property
     def precisions(self) -> Array:
@@ -125,6 +120,16 @@ class Whitener:
     def __call__(self, vectors: Array) -> Array:
         """Return (M, T, B) whitened, as (M, n)."""
         return self.whiten(self.flattened(vectors))
+
+
+def _basis(matrix: Array) -> tuple[Array, Array]:
+    """Return 1/sqrt(lambda) of a covariance, and rows of lambda^{-1/2} V^T or their diagonal."""
+    if np.count_nonzero(matrix) == len(matrix):  # independent noise
+        roots = np.diag(matrix) ** -0.5
+        return roots, roots
+    values, vectors = np.linalg.eigh(matrix)
+    roots = np.maximum(values, _SINGULAR * values.max(initial=0.0)) ** -0.5
+    return roots, roots[:, None] * vectors.T
 
 
 def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
