@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.reading.csvtext import blocks
-from qlvbayes.io.reading.noreading import no_readings
-from qlvbayes.io.reading.testchecks import wrong_signs
+from qlvbayes.io.readings import no_readings, wrong_signs
+from qlvbayes.io.table import blocks
 from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
 
 REAL = Path(__file__).parents[3] / "shared" / "real"
@@ -226,8 +225,8 @@ def test_blocks_do_not_show(tmp_path, monkeypatch):
 
 MEASURE = """
 import resource, sys
-from qlvbayes.io.reading.csvtext import blocks
-from qlvbayes.io.reading.noreading import no_readings
+from qlvbayes.io.table import blocks
+from qlvbayes.io.readings import no_readings
 from qlvbayes.io.data import read_measurements
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 read_measurements(sys.argv[1])

@@ -15,13 +15,13 @@ from support.machine_files import FIXTURES, of_layout
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.effects.contacts import Adhesion
+from qlvbayes.io import apart
+from qlvbayes.io.apart import ApartError, read_apart
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import convert
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.formats import apart
-from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.apart import ApartError, read_apart
-from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.reading.noreading import no_readings
+from qlvbayes.io.loading import Answers
+from qlvbayes.io.readings import no_readings
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.freeknots import _merged
 from qlvbayes.motion.splines import Joints

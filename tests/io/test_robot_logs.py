@@ -5,11 +5,12 @@ import pytest
 from support.endtoend import call, one_line
 from support.machine_files import CORPUS, STORED, of_layout
 
+from qlvbayes.io import binary
+from qlvbayes.io.binary import RosChannel, meaning, recording_of
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats import binary
-from qlvbayes.io.formats.answers import Answers, UnsureError
-from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.ros import RosChannel, meaning, recording_of
+from qlvbayes.io.conversion import convert
+from qlvbayes.io.loading import Answers
+from qlvbayes.io.recording import UnsureError
 
 TEST = STORED
 EPOCH = 1_750_000_000  # s since 1970, of a robot's clock

@@ -1,4 +1,15 @@
-"""Find the zero of displacement and force, from the contact in the file or in the pad's others."""
+r"""Find the zero of displacement and force, from the contact in the file or on its stage.
+
+The files of a pad on one stage share one contact, in which slow tests count most. A drag of
+viscosity or of a film adds a jump in proportion to the speed to the onset of the force, and a lag
+between the channels moves it by the speed times a delay. The power of depth with which the force
+begins, the drag and the delay are common to the files. For each power and drag, the contacts that
+the files show are
+
+.. math:: d_i = d_0 + (v_i - v_0) T + e_i, \quad T \sim N(0, 5\,\mathrm{ms}),
+
+where v_0 is the slowest speed of the stage. The files decide together on the power and the drag.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +18,156 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
-from qlvbayes.io.formats.contact import FirstContact, force_at_start
-from qlvbayes.io.formats.loading import Loaded
-from qlvbayes.io.formats.stage import APART, Approach, StageContact, stage_contacts
+from qlvbayes.io.contact import (
+    FORMS,
+    UNLIKELY,
+    FirstContact,
+    Form,
+    Onset,
+    force_at_start,
+    mean_over_forms,
+    onsets_of,
+)
+from qlvbayes.io.loading import FILE, Answers, Loaded
+from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.wording import plain
 
+_APART = 3.0  # standard errors beyond which the contacts of two files differ
+_DELAY = 0.005  # s: lag, or drag over stiffness, by which the onset of a quick test may be off
+_DRAGS = (0.0, *np.geomspace(0.002, 0.25, 15).tolist())  # of the peak force at the largest speed
+_FASTER = 1.5  # ratio of the speeds above which they show a drag
+_TINY = 1e-12  # share of the positions' size that an error has at least
 _NEAR = 0.01  # share of the travel before its start in which a stated contact may lie
 _AGREES = 2.0  # standard errors within which the file's own zero is kept
 _ENOUGH = 2  # files whose contacts have to agree for others to take theirs
+
+
+@dataclass(frozen=True)
+class StageContact:
+    """Contact and force at rest of the files of one stage, and the contact's standard error.
+
+    ``members`` are the indices of the files that agree on it.
+    """
+
+    position: float
+    sd: float
+    force: float
+    members: tuple[int, ...]
+
+    @property
+    def kept(self) -> bool:
+        """Return whether the contact agrees with the file's own zero."""
+        return abs(self.position) <= _AGREES * self.sd
+
+
+def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[StageContact]:
+    """Return the contacts on which tests of a stage agree, that of the most first."""
+    shown = {
+        k: one.contact
+        for k, one in enumerate(tests)
+        if one.stage == stage and one.contact is not None and one.approached
+    }
+    speeds = {k: tests[k].speed for k in shown}
+    left = sorted(shown, key=lambda k: (speeds[k], shown[k].sd, shown[k].position))
+    stages: list[StageContact] = []
+    while left:
+        groups: list[list[int]] = []
+        for first in left:
+            groups.append(_agreeing(shown, speeds, first, left))
+            if len(groups[-1]) == len(left):
+                break
+        largest = max(groups, key=len)  # of equals that with the slowest file
+        stages.append(_joint([tests[k] for k in largest], [shown[k] for k in largest], largest))
+        left = [k for k in left if k not in largest]
+    return stages
+
+
+def _agreeing(
+    shown: dict[int, FirstContact], speeds: dict[int, float], first: int, others: Sequence[int]
+) -> list[int]:
+    """Return the files that agree with one and with each other, each compared to those before."""
+    group = [first]
+    for k in (k for k in others if k != first):
+        known = np.array([(shown[j].position, shown[j].sd, speeds[j]) for j in group]).T
+        slowest = min(float(known[2].min()), speeds[k])
+        mean, covariance, _ = _line(known[0], known[1], known[2] - slowest)
+        row = np.array([1.0, speeds[k] - slowest])
+        error = np.sqrt(row @ covariance @ row + shown[k].sd ** 2)
+        if abs(shown[k].position - row @ mean) <= _APART * error:
+            group.append(k)
+    return group
+
+
+def _line(positions: Floats, sds: Floats, speeds: Floats) -> tuple[Floats, Floats, float]:
+    """Return the line through contacts (n,) over speeds (n,) above the slowest one.
+
+    Its mean (2,) is the contact at the slowest speed and the delay (s), with covariance (2, 2) and
+    misfit.
+    """
+    centre = float(np.median(positions))
+    least = _TINY * max(float(np.abs(positions).max()), np.finfo(float).tiny)
+    weights = np.maximum(sds, least) ** -2.0
+    rows = np.stack([np.ones_like(speeds), speeds])
+    precision = (rows * weights) @ rows.T + np.diag([0.0, _DELAY**-2.0])
+    covariance = np.asarray(np.linalg.inv(precision), float)
+    mean = np.asarray(covariance @ (rows * weights) @ (positions - centre))
+    residual = positions - centre - mean @ rows
+    misfit = float(weights @ residual**2 + (mean[1] / _DELAY) ** 2)
+    return mean + np.array([centre, 0.0]), covariance, misfit
+
+
+def _joint(
+    tests: Sequence[Loaded], contacts: Sequence[FirstContact], members: Sequence[int]
+) -> StageContact:
+    """Return what the files of one stage show together."""
+    position, sd = contacts[0].position, contacts[0].sd
+    if len(tests) > 1:
+        position, sd = _joint_position(tests, contacts)
+    force = float(np.mean([contact.force for contact in contacts]))
+    return StageContact(position, sd, force, tuple(sorted(members)))
+
+
+def _joint_position(
+    tests: Sequence[Loaded], contacts: Sequence[FirstContact]
+) -> tuple[float, float]:
+    speeds = np.array([one.speed for one in tests])
+    peak = max(one.peak for one in tests)
+    drags = _DRAGS if speeds.max() > _FASTER * speeds.min() else _DRAGS[:1]
+    pairs = list(zip(tests, contacts, strict=True))
+    found = []
+    for (one, contact), speed in zip(pairs, speeds, strict=True):
+        jumps = [drag * peak * speed / speeds.max() for drag in drags]
+        forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
+        found.append(onsets_of(one.way, one.load, contact.level, forms))
+    if sum(map(bool, found)) < 2:  # without drag each shows its own contact
+        found = [onsets_of(one.way, one.load, c.level, FORMS) for one, c in pairs]
+    # A press of few rows may show a contact without drag, and none where drag is likelier.
+    telling = [k for k, onsets in enumerate(found) if onsets]
+    spacings = np.array([contacts[k].spacing for k in telling])
+    own = np.array([contacts[k].sd for k in telling])
+    joint = [
+        _over_files(onsets, spacings, own, speeds[telling])
+        for onsets in zip(*(found[k] for k in telling), strict=True)
+    ]
+    position, sd = mean_over_forms(joint)
+    weights = np.array([contact.sd for contact in contacts]) ** -2.0
+    choices = np.array([contact.choice for contact in contacts])
+    common = float(np.average(choices**2, weights=weights))
+    return position, float(np.sqrt(sd**2 + common))
+
+
+def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: Floats) -> Onset:
+    """Return the contact that all files show if the force begins with one form."""
+    height = sum(max(onset.height, -UNLIKELY) for onset in onsets)
+    errors = np.hypot([onset.sd for onset in onsets], spacings)
+    errors = np.where(errors > 0.0, errors, own)  # an unlikely form has no error of its own
+    positions = np.array([onset.position for onset in onsets])
+    mean, covariance, misfit = _line(positions, errors, speeds - speeds.min())
+    scatter = max(misfit / (len(onsets) - 1), 1.0)
+    sd = float(np.sqrt(covariance[0, 0] * scatter))
+    return Onset(float(mean[0]), sd, height - 0.5 * misfit)
 
 
 @dataclass(frozen=True)
@@ -40,7 +191,7 @@ def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]
     """Return the zero of each recording, or the question that has to be asked for it."""
     results: list[Zero | UnsureError] = []
     before: dict[tuple[object, ...], Zero] = {}
-    contacts = {stage: _contacts(shown, stage) for stage in {one.stage for one in shown}}
+    contacts = {stage: _stage_contacts(shown, stage) for stage in {one.stage for one in shown}}
     for k, one in enumerate(shown):
         key = (one.file, *one.stage)
         zero = _zero(one, k, contacts[one.stage], before.get(key), answers)
@@ -48,17 +199,6 @@ def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]
             before[key] = zero
         results.append(zero)
     return results
-
-
-def _contacts(shown: Sequence[Loaded], stage: tuple[object, ...]) -> list[StageContact]:
-    """Return the contacts on which recordings of a stage agree, that of the most first."""
-    own = [
-        (k, Approach(one.way, one.load, one.contact, one.speed))
-        for k, one in enumerate(shown)
-        if one.stage == stage and one.contact is not None and one.approached
-    ]
-    found = stage_contacts([approach for _, approach in own])
-    return [replace(one, members=tuple(own[m][0] for m in one.members)) for one in found]
 
 
 def _zero(
@@ -69,9 +209,8 @@ def _zero(
     answers: Answers,
 ) -> Zero | UnsureError:
     if answers.contact == FILE:
-        return Zero(
-            0.0, 0.0, "contact at the file's own zero, as stated by the user", contact=one.contact
-        )
+        finding = "contact at the file's own zero, as stated by the user"
+        return Zero(0.0, 0.0, finding, contact=one.contact)
     if answers.contact is not None:
         return _stated(one, float(answers.contact))
     if np.ptp(one.load) == 0.0:
@@ -82,12 +221,15 @@ def _zero(
     own = next((stage for stage in contacts if index in stage.members), None)
     if own is not None and one.contact is not None:
         return _at_contact(one, one.contact, own, contacts[0])
-    if contacts and _kept(contacts[0]) and one.begins_at_zero and one.begins_without_force:
+    if contacts and contacts[0].kept and one.begins_at_zero and one.begins_without_force:
         zero = _at_start(one)
         if isinstance(zero, Zero):
             return replace(zero, sd=contacts[0].sd, stage=_label(one, contacts[0]))
-    agreed = _agreed(contacts)
-    if agreed is not None and _may_take(one, agreed):
+    counts = [len(stage.members) for stage in contacts]
+    most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
+    agreed = contacts[0] if most else None
+    late = agreed and float(one.way[0]) > agreed.position - _APART * agreed.sd
+    if agreed is not None and late and not one.begins_without_force:
         return _from_others(one, agreed)
     if before is not None:
         finding = (
@@ -117,27 +259,8 @@ def _stated(one: Loaded, written: float) -> Zero:
     return Zero(position, 0.0, finding, contact=one.contact)
 
 
-def _kept(stage: StageContact) -> bool:
-    """Return whether a contact agrees with the file's own zero."""
-    return abs(stage.position) <= _AGREES * stage.sd
-
-
 def _label(one: Loaded, stage: StageContact) -> str:
-    return "0" if _kept(stage) else one.written(stage.position)
-
-
-def _agreed(contacts: Sequence[StageContact]) -> StageContact | None:
-    """Return the contact on which most files of a stage agree; None where they are too few."""
-    counts = [len(stage.members) for stage in contacts]
-    if not counts or counts[0] < max(_ENOUGH, sum(counts) / 2.0) or counts[0] in counts[1:]:
-        return None
-    return contacts[0]
-
-
-def _may_take(one: Loaded, agreed: StageContact) -> bool:
-    """Return whether a test begins beyond the others' contact and carries force there."""
-    beyond = float(one.way[0]) > agreed.position - APART * agreed.sd
-    return beyond and not one.begins_without_force
+    return "0" if stage.kept else one.written(stage.position)
 
 
 def _from_others(one: Loaded, agreed: StageContact) -> Zero:
@@ -180,14 +303,15 @@ def _at_contact(
         )
     if stage is not most:
         more += _doubt(one, most)
-    if together and stage.contradicts(contact):
+    apart = abs(contact.position - stage.position) > _APART * float(np.hypot(contact.sd, stage.sd))
+    if together and apart:
         position = one.written(stage.position)
         more += (
             "; doubt: that of this one alone is off beyond the errors, as a film, drag or a lag "
             f"does in a quick test; --contact {position} states this zero for all files"
         )
     label = _label(one, stage)
-    if _kept(stage):
+    if stage.kept:
         found = f"{plain(one.signs.way * stage.position, 4)} +- {plain(stage.sd, 2)} {length}"
         finding = f"contact {found} agrees with the file's zero, which is kept{more}"
         return Zero(0.0, offset, finding, stage.sd, contact, label)
