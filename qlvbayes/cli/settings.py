@@ -207,8 +207,8 @@ class Settings:
 
         tests = tuple(one.strip() for one in (self["tests"] or "").split(",") if one.strip())
         return Answers.from_words(
-            self["sign"], self["contact"], self["units"], self["area"], pads, tests,
-            self["pad-from"], self["columns"],
+            sign=self["sign"], contact=self["contact"], units=self["units"], area=self["area"],
+            pads=pads, tests=tests, pad_from=self["pad-from"], columns=self["columns"],
         )  # fmt: skip
 
     def arguments(self) -> list[str]:

@@ -209,7 +209,7 @@ def meaning(path: str) -> tuple[str, str, int] | None:
     return None
 
 
-def _of_topics(parts: Named, path: Path) -> list[Recording]:
+def of_topics(parts: Named, path: Path) -> list[Recording]:
     """Return the one test of a bag: of all forces and positions the one that changes most.
 
     Each has the stamps of its own topic.
@@ -325,7 +325,7 @@ BINARY = (
         "the first bytes of MCAP or of a ROS 1 bag, or SQLite with topics",
         "WrenchStamped; PoseStamped, JointState and others; one test a file",
         "MCAP specification; ROS REP 103; rosbags documentation",
-        _is_bag, "ros", _of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
+        _is_bag, "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
     ),
 )  # fmt: skip
 """Every known binary layout, in the order in which they are tried."""

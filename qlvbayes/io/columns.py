@@ -196,7 +196,7 @@ def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
     by_quantity = quantities(columns)
     for either in QUANTITIES:
         if not set(either) & set(by_quantity):
-            by_quantity |= _by_unit(columns, either)
+            by_quantity |= _by_unit(columns, either) or _with_unknown_unit(columns, either)
     sheared = {"strain", "stress"} <= set(by_quantity)
     gap = by_quantity.get("displacement")
     if sheared and gap is not None and re.fullmatch(_GAP, plain_name(gap.name)):
@@ -216,32 +216,19 @@ def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str,
     return dict(alike) if len(alike) == 1 else {}
 
 
-def unknown_unit(columns: Sequence[NamedColumn]) -> tuple[str, str] | None:
-    """Return the first unknown unit of a column that may be used, and the column's name."""
-    known = quantities(columns)
+def _with_unknown_unit(
+    columns: Sequence[NamedColumn], either: Sequence[str]
+) -> dict[str, NamedColumn]:
+    """Return the first column that is named so, in whatever unit, which has to be asked for."""
     for column in columns:
-        name, unit = column.name, column.unit
-        if not unit and (match := _BRACKETED.fullmatch(name)):
-            name, unit = match[1].strip(), match[2].strip()
-        if not unit or any(unit_of(unit, quantity) for quantity in _WORDS):
-            continue
-        needed = [words for key, words in _WORDS.items() if key not in known or key == "time"]
-        if any(re.fullmatch(word, plain_name(name)) for words in needed for word in words):
-            return unit, name
-    return None
-
-
-def refuse_unknown_unit(
-    columns: Sequence[NamedColumn], file: Path, line: int | None = None
-) -> None:
-    """Raise InputError where a column that is needed has a unit that is not known."""
-    if (unknown := unknown_unit(columns)) is not None:
-        raise InputError(
-            f"the unit '{unknown[0]}' of {unknown[1]} is unknown",
-            file=file,
-            line=line,
-            remedy="export it in s, mm and N, or state --columns and --units",
+        match = _BRACKETED.fullmatch(column.name)
+        name, unit = (
+            (match[1], match[2]) if match and not column.unit else (column.name, column.unit)
         )
+        for kind in () if _is_unit(unit) else either:
+            if any(re.fullmatch(word, _without_channel(name)) for word in _WORDS[kind]):
+                return {kind: NamedColumn(column.index, name, unit)}
+    return {}
 
 
 def side_by_side(
@@ -264,7 +251,6 @@ def chosen(
     whole = {key: named for key, named in by_quantity.items() if named is not None}
     words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
     if missing := [words[key] for key in by_quantity if key not in whole]:
-        refuse_unknown_unit(columns, file, line)
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
             f"no column for {' and '.join(missing)} (the file has: {shown})",

@@ -227,7 +227,7 @@ def _read(
         read: Callable[[], Sequence[Recording]] = partial(kind.read, file)
     else:
         head = head_of(file)
-        whole, _, _ = matching(head, kinds)
+        whole = matching(head, kinds)
         own = whole[0] if len(whole) == 1 else None
         kind = stated = stated_layout(
             answers.columns, file, own if isinstance(own, Layout) else None

@@ -21,12 +21,9 @@ from qlvbayes.io.formats import known_formats, matching, refuse_by_content
 from qlvbayes.io.layouts import TWO_CLOCKS
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
-    UNREAD,
     no_readings,
     out_of_range,
-    same_readings,
     slipped,
-    unread_rows,
     wrong_signs,
 )
 from qlvbayes.io.recording import UnsureError
@@ -40,11 +37,10 @@ from qlvbayes.io.table import (
     is_text,
     parse_number,
     read_rows,
-    unchanged,
 )
 from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import as_typed, listed, of_lines, prints
+from qlvbayes.io.wording import as_typed, listed, prints
 
 Role = Literal["fit", "validate"]
 
@@ -156,21 +152,22 @@ class Measurements:
 def read_measurements(path: str | Path) -> Measurements:
     """Read a tidy CSV or .csv.gz file that has a row per sample, or a machine's file."""
     file = Path(path)
-    with unchanged(file):
-        try:
-            dialect: Dialect | InputError = sniff(file)
-        except InputError as error:
-            dialect = error
-        if (converted := _machine_file(file, dialect)) is not None:
-            return measurements_of(converted, str(path), digest(file))
-        if isinstance(dialect, InputError):
-            raise dialect
-        pads, left_out = _pads(file, dialect, read_tidy(file, dialect))
-        sha256 = digest(file)
+    sha256 = digest(file)
+    try:
+        dialect: Dialect | InputError = sniff(file)
+    except InputError as error:
+        dialect = error
+    if (converted := _machine_file(file, dialect)) is not None:
+        return measurements_of(converted, str(path), sha256)
+    if isinstance(dialect, InputError):
+        raise dialect
+    pads, left_out = _pads(file, dialect, read_tidy(file, dialect))
+    if digest(file) != sha256:
+        remedy = "wait until it is written and try again"
+        raise InputError("the file changed while it was read", file=file, remedy=remedy)
     notices = [dialect.notice] if dialect.notice else []
-    twins = [column.name for key, column in dialect.numeric.items() if key.endswith(" 2")]
-    if ignored := (*dialect.ignored, *twins):
-        notices.append(f"columns not used: {', '.join(ignored)}")
+    if dialect.ignored:
+        notices.append(f"columns not used: {', '.join(dialect.ignored)}")
     return Measurements(pads, dialect.units, str(path), sha256, (*notices, *left_out))
 
 
@@ -194,7 +191,7 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
         head = head_of(file)
     except InputError:
         return None
-    whole, _, _ = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
+    whole = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
     if len(whole) != 1:
         if isinstance(tidy, InputError) and is_text(head):
             refuse_by_content(head, file)
@@ -268,7 +265,7 @@ def _grouped(
         yield pad, test, rows if len(stretches) == 1 else np.flatnonzero(keys == key)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Builder:
     """Builder of one test: its rows in the table, and the names of pad and test."""
 
@@ -298,9 +295,7 @@ class _Builder:
     def line(self, sample: int) -> int:
         """Return the line of the file that holds a sample."""
         rows = self.rows
-        return self.table.line(
-            rows.start + sample if isinstance(rows, slice) else int(rows[sample])
-        )
+        return self.table.line(rows.start + sample if isinstance(rows, slice) else rows[sample])
 
     def check_names(self, before: Iterable[str]) -> None:
         """Refuse names that are empty, or that no folder can have beside those of other pads."""
@@ -327,19 +322,6 @@ class _Builder:
             key: column[self.rows]
             for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
         }
-        late = 0.0
-        if unread := unread_rows(columns["time"], columns["displacement"], columns["force"]):
-            self.notices.append(
-                f"{self.title}: dropped {of_lines(unread, UNREAD)} (line {self.line(0)})"
-            )
-            late = float(columns["time"][unread] - columns["time"][0])
-            columns = {key: column[unread:] for key, column in columns.items()}
-            self.rows = np.arange(len(self.table.columns[0]))[self.rows][unread:]
-        for key in ("displacement", "force"):
-            other = columns.pop(f"{key} 2", None)
-            if other is not None and not same_readings(columns[key], other, rounded=True):
-                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
-                self.fail(0, f"two columns for {key}: {both}{self.where}", "delete one of them")
         time, force = columns["time"], columns["force"]
         controls, used = self._controls(time), self._used(time.size)
         if (
@@ -368,7 +350,7 @@ class _Builder:
             force_sd=columns.get("force_sd"),
             role=self._role(),
             rate=self._rate(),
-            start_s=follows if start is None else start + late,
+            start_s=follows if start is None else start,
             start_known=start is not None,
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),

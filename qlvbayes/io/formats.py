@@ -24,7 +24,7 @@ from qlvbayes.io.catalogue import (
 )
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import in_cells, is_tidy_name, plain_name, quantities
-from qlvbayes.io.layouts import Layout, columns_in, refuse_cells, refuse_unknown_units
+from qlvbayes.io.layouts import Layout, columns_in
 from qlvbayes.io.recording import (
     AbstractFormat,
     Channel,
@@ -41,11 +41,11 @@ from qlvbayes.io.table import (
     head_of,
     is_like_number,
     is_text,
-    separator_of,
+    parse_number,
     with_tabs,
 )
 from qlvbayes.io.tidy import sniff
-from qlvbayes.io.units import QUANTITIES
+from qlvbayes.io.units import QUANTITIES, unit_of
 from qlvbayes.io.wording import joined
 
 __all__ = [
@@ -86,7 +86,6 @@ _RESULTS = {
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]{2,}[\])]$|[_ ](1/)?[kMG]?Pa$")  # (t) of G(t) is no unit
 _HEADER = 60  # lines among which the names of columns are
 _RISES = 0.8  # share of a column's rows that rise from the row before, at least, where it is a time
-_LOOKED_AT = 2000  # rows
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -120,14 +119,10 @@ def own_formats(path: Path) -> tuple[Format, ...]:
     return (*kinds, *rows)
 
 
-def matching(head: bytes, kinds: Sequence[Format]) -> tuple[list[Format], Format | None, Sight]:
-    """Return the formats whose marks are all there, the nearest other one, and what it shows."""
-    sights = {kind: kind.sniff(head) for kind in kinds}
-    fitting = [kind for kind, sight in sights.items() if sight.whole]
-    whole = [kind for kind in fitting if not kind.general] or fitting
-    others = [kind for kind in kinds if kind not in fitting and sights[kind].found]
-    nearest = max(others, key=lambda kind: sights[kind].share, default=None)
-    return whole, nearest, Sight((), ()) if nearest is None else sights[nearest]
+def matching(head: bytes, kinds: Sequence[Format]) -> list[Format]:
+    """Return the formats whose marks are all there; general ones only where no other fits."""
+    fitting = [kind for kind in kinds if kind.sniff(head).whole]
+    return [kind for kind in fitting if not kind.general] or fitting
 
 
 def recognised(path: Path, kinds: Sequence[Format]) -> Format:
@@ -135,7 +130,7 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
     head = head_of(path)
     if not head.strip(b"\0 \t\r\n"):
         raise InputError("the file is empty", file=path, remedy="export the measurements again")
-    whole, nearest, sight = matching(head, kinds)
+    whole = matching(head, kinds)
     if len(whole) == 1:
         return whole[0]
     if whole:
@@ -154,12 +149,8 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
             )
         if names_in := columns_in(Lines.from_bytes(with_tabs(decoded(head).encode())[0])):
             raise unsure_of_columns(names_in, path)
-    what = "no known layout"
-    if nearest is not None:
-        shown, lacks = joined(list(sight.found)), joined(list(sight.missing))
-        what += f"; the nearest is {nearest.name}, which shows {shown} but not {lacks}"
     raise InputError(
-        what,
+        "no known layout",
         file=path,
         remedy="export CSV with time_s, displacement_mm, force_N, state --columns, or describe the "
         "layout with --formats-file",
@@ -190,45 +181,30 @@ def refuse_by_content(head: bytes, path: Path) -> None:
                         file=path,
                         remedy="export the readings, strain and stress over time",
                     )
-    refuse_unknown_units(lines, path)
     _refuse_timeless(path)
-    for _, cells in lines.cells():
-        found = quantities(in_cells(cells))
-        if len(found) > 2 and len(cells) > 2:
-            refuse_cells(lines, [column.index for column in found.values()], path)
 
 
 def _refuse_timeless(path: Path) -> None:
     """Raise InputError where no column of a table rises from row to row, as a time does."""
     data, _ = with_tabs(content(path))
     lines = Lines.from_bytes(data)
-    cells = [(n, row) for n, row in lines.cells() if len(row) > 2]
-    first = next((n for n, row in cells if all(map(is_like_number, row))), None)
-    if first is None:
-        return
-    separator = separator_of(lines.texts[first])
-    rows = data[lines.starts[first] :].decode("utf-8", "replace").split("\n", _LOOKED_AT)
-    table = [row.split(separator) for row in rows[:_LOOKED_AT] if row.strip()]
-    if any(len(row) != len(table[0]) for row in table) or len(table) <= layouts.LEAST:
-        return
-    try:
-        numbers = np.array([[float(cell.strip(' "').replace(",", ".")) for cell in row]
-                            for row in table])  # fmt: skip
-    except ValueError:
-        return
+    cells = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
+    numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in cells]
     named = columns_in(lines)
-    known = quantities(in_cells(named))
-    steps = np.diff(numbers, axis=0)
-    rising = np.count_nonzero(steps > 0.0, axis=0) >= _RISES * len(steps)
-    for column in known.values():
-        if column.name and "time" not in known:
-            rising[column.index] = False
+    if len(cells) <= layouts.LEAST or len({len(row) for row in numbers}) > 1:
+        return
+    steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
+    rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
+    for k, name in enumerate(named[: len(rising)]):  # one in mm or N is no time
+        words = [word for word in re.split(r"[\s_,/()\[\]]+", name) if word]
+        kinds = ("displacement", "force", "stress")
+        rising[k] &= not any(unit_of(word, kind) for word in words for kind in kinds)
     if not rising.any():
         raise InputError(
             "there is no time: no column rises from row to row as one does (the file has: "
             f"{', '.join(named)[:200]})",
             file=path,
-            line=first + 1,
+            line=cells[0][0] + 1,
             remedy="export the time of every sample",
         )
 

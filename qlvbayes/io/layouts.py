@@ -26,7 +26,6 @@ from qlvbayes.io.columns import (
     plain_name,
     quantities,
     recording,
-    refuse_unknown_unit,
     side_by_side,
 )
 from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
@@ -150,22 +149,10 @@ def columns_in(lines: Lines) -> list[str]:
     three = range(_NAMES)
     for number, cells in lines.cells():
         if len(cells) >= _NAMES and are_numbers(cells, three):
-            named = _names_above(lines, number, len(cells), three)
+            named = _names_above(lines, number, len(cells))
             names = named[0] if named else [""] * len(cells)
             return [name or str(k) for k, name in enumerate(names, 1)]
     return []
-
-
-def refuse_unknown_units(lines: Lines, file: Path) -> None:
-    """Raise InputError where a row names time, displacement and force, one in an unknown unit."""
-    rows = list(lines.cells())[:_HEADER]
-    for (number, names), below in zip(rows, [*(cells for _, cells in rows[1:]), []], strict=True):
-        bare = [re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name) for name in names]
-        if len(names) < _NAMES or not all(measured(in_two_rows(bare, [])).values()):
-            continue
-        refuse_unknown_unit(in_cells(names), file, number + 1)
-        if not any(character.isdigit() for cell in below for character in cell):
-            refuse_unknown_unit(in_two_rows(names, below), file, number + 2)
 
 
 # Columns that the user states
@@ -185,17 +172,15 @@ def named_columns(text: str) -> tuple[str, str, str]:
 
 def stated_header(lines: Lines, stated: Sequence[str], file: Path) -> Header:
     """Return the header of the table that has the stated columns; an InputError says what lacks."""
-    numbered = all(name.isdecimal() for name in stated)
-    for number, cells in lines.cells():
-        found = _by_number(lines, number, cells, stated) if numbered else _by_name(
-            lines, number, cells, stated
-        )  # fmt: skip
-        if found is not None:
-            line, first, columns, indices = found
+    for first, cells in lines.cells():
+        named = _names_above(lines, first, len(cells))
+        columns = [NamedColumn(k, f"column {k + 1}", "") for k in range(len(cells))]
+        if named:
+            columns = in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
+        indices = [k for name in stated for k in _stated(name, named, columns)]
+        if len(indices) == _NAMES and are_numbers(cells, indices):
             picked = {key: columns[k] for key, k in zip(_QUANTITIES, indices, strict=True)}
-            return Header(line, first, columns, picked)
-    if numbered and all(map(int, stated)):
-        refuse_cells(lines, [int(number) - 1 for number in stated], file)
+            return Header(first - len(named), first, columns, picked)
     widest = max((cells for _, cells in lines.cells()), key=len, default=[])
     shown = f" (the file has: {', '.join(widest)[:200]})" if len(widest) > 1 else ""
     raise InputError(
@@ -205,72 +190,27 @@ def stated_header(lines: Lines, stated: Sequence[str], file: Path) -> Header:
     )
 
 
-_Found = tuple[int, int, Sequence[NamedColumn], Sequence[int]]
+def _stated(name: str, named: Sequence[list[str]], columns: Sequence[NamedColumn]) -> list[int]:
+    """Return the index of a stated column: by its name, with or without its unit, or number."""
+    cells = [*named[0], *[""] * len(columns)] if named else [""] * len(columns)
+    words = [(k, {cells[k], column.name}) for k, column in enumerate(columns)]
+    alike = [k for k, own in words if name in own][:1] or [
+        k for k, own in words if plain_name(name) in map(plain_name, own)
+    ]
+    if not alike and name.isdecimal() and 0 < int(name) <= len(columns):
+        return [int(name) - 1]
+    return alike if len(alike) == 1 else []
 
 
-def _by_name(
-    lines: Lines, number: int, names: Sequence[str], stated: Sequence[str]
-) -> _Found | None:
-    """Return the table below a line that has the stated names, each whole or without its unit."""
-    columns = in_cells(names)
-    indices = []
-    for name in stated:
-        pairs = list(zip(columns, names, strict=True))
-        alike = [c.index for c, cell in pairs if name in (cell, c.name)][:1] or [
-            c.index
-            for c, cell in pairs
-            if plain_name(name) in (plain_name(cell), plain_name(c.name))
-        ]
-        if len(alike) != 1:
-            return None
-        indices += alike
-    below = next((k for k, t in enumerate(lines.texts) if k > number and t.strip()), number + 1)
-    units = cells_of("".join(lines.texts[below : below + 1]), separator_of(lines.texts[number]))
-    if any(units) and not are_numbers(units, indices):
-        return number, below + 1, in_two_rows(names, units), indices
-    return number, number + 1, columns, indices
-
-
-def _by_number(
-    lines: Lines, first: int, cells: Sequence[str], stated: Sequence[str]
-) -> _Found | None:
-    """Return the table from a line with numbers in the stated columns."""
-    indices = [int(number) - 1 for number in stated]
-    if min(indices) < 0 or not are_numbers(cells, indices):
-        return None
-    named = _names_above(lines, first, len(cells), indices)
-    columns = in_cells(named[0]) if named else [
-        NamedColumn(k, f"column {k + 1}", "") for k in range(len(cells))
-    ]  # fmt: skip
-    if len(named) > 1:
-        columns = in_two_rows(*named)
-    return first - len(named), first, columns, indices
-
-
-def _names_above(lines: Lines, first: int, width: int, indices: Sequence[int]) -> list[list[str]]:
+def _names_above(lines: Lines, first: int, width: int) -> list[list[str]]:
     """Return the row of names, and that of units, directly above a first row of numbers."""
     separator = separator_of(lines.texts[first])
     above = [cells_of(text, separator) for text in lines.texts[max(first - 2, 0) : first]]
-    wide = [row for row in above if width <= len(row) <= width + 1]
-    rows = [row for row in wide if not any(is_like_number(row[index]) for index in indices)]
+    rows = [row for row in above if width <= len(row) <= width + 1]
+    rows = [row for row in rows if not any(map(is_like_number, row))]
     kinds = [kind for either in QUANTITIES for kind in either]
     units = any(unit_of(cell, kind) for row in rows[-1:] for cell in row for kind in kinds)
     return rows if units else rows[-1:]
-
-
-def refuse_cells(lines: Lines, indices: Sequence[int], file: Path) -> None:
-    """Raise InputError where a cell at one of the indices has a digit and is no number."""
-    for number, cells in lines.cells():
-        used = [cells[index] for index in indices if index < len(cells)]
-        if len(used) < len(indices) or not all(re.search(r"\d", cell) for cell in used):
-            continue
-        if bad := [cell for cell in used if not is_like_number(cell)]:
-            raise InputError(
-                f"'{bad[0][:SHOWN]}' is no number",
-                file=file,
-                line=number + 1,
-                remedy="write plain numbers, and times in s, as 10:59:55.1 or as an ISO 8601 date",
-            )
 
 
 # Rows
@@ -331,14 +271,14 @@ def _tests(
     label = next((c for c in columns if _SPECIMEN.fullmatch(plain_name(c.name))), None)
     if header.picked or len(groups) > 1:
         label = None
-    _refuse_split_numbers(rows, separator, columns, file, first)
     over = cells_of(lines.texts[header.line - 1], separator) if header.line else []
+    width = max(column.index for column in columns) + 1
     found = []
     for title, one in zip(_titles(groups, over), groups, strict=True):
         numbers = [(column.index, column.name) for column in one.values()]
         if header.clock is not None:
             numbers.append((header.clock.index, header.clock.name))
-        form = Form(separator, numbers, [] if label is None else [label.index])
+        form = Form(separator, numbers, [] if label is None else [label.index], names=width)
         read = read_rows(rows, form, file, first)
         own = on_clock(one, read.clocks, file)
         test = recording(
@@ -403,50 +343,23 @@ def _together(before: Recording, after: Recording) -> Recording:
     return replace(before, dropped=dict(dropped), **joint)
 
 
-def _refuse_split_numbers(
-    rows: bytes, separator: str, columns: Sequence[NamedColumn], file: Path, line: int
-) -> None:
-    """Raise InputError where decimal commas split the numbers below the names."""
-    first = next((row for row in rows.split(b"\n", 9) if row.strip()), b"")
-    cells = cells_of(first.decode("utf-8", "replace"), separator)
-    names = max(column.index for column in columns) + 1
-    whole = all(cell.lstrip("+-").isdecimal() for cell in cells)
-    if separator == "," and len(cells) > names and whole:
-        raise InputError(
-            f"{len(cells)} numbers are below {names} names: the comma separates columns and marks "
-            "decimals",
-            file=file,
-            line=line,
-            remedy="export with semicolons or tabs between the columns, or with decimal points",
-        )
-
-
 def _refuse_other_header(
     rows: bytes, columns: Sequence[NamedColumn], separator: str, file: Path, first: int
 ) -> None:
-    """Raise InputError where names or units appear among rows that are not those of the columns."""
+    """Raise InputError where names or units other than those of the columns appear among rows."""
     for found in _LETTERS.finditer(rows):
-        cells = cells_of(found[0].decode("utf-8", "replace"), separator)
+        text = found[0].decode("utf-8", "replace")
+        cells = cells_of(text, separator)
         if len(cells) < _NAMES or any(map(is_like_number, cells)):
             continue
-        named, units = in_cells(cells), in_two_rows([""] * len(cells), cells)
-        is_header = all(measured(named).values()) and not _agree(named, columns)
-        if is_header or (_are_units(cells) and not _agree(units, columns)):
-            shown = found[0].decode("utf-8", "replace").strip()[:SHOWN]
+        same = [cell.strip("()[]") for cell in cells] == [column.unit for column in columns]
+        if all(measured(in_cells(cells)).values()) or (_are_units(cells) and not same):
             raise InputError(
-                f"names or units other than those above begin here ('{shown}')",
+                f"names or units other than those above begin here ('{text.strip()[:SHOWN]}')",
                 file=file,
                 line=first + rows.count(b"\n", 0, found.start()),
                 remedy="export each test to a file of its own",
             )
-
-
-def _agree(found: Sequence[NamedColumn], columns: Sequence[NamedColumn]) -> bool:
-    """Return whether names and units, as far as they are written, are those of the columns."""
-    return all(
-        one.name in ("", other.name) and ("" in (one.unit, other.unit) or one.unit == other.unit)
-        for one, other in zip(found, columns, strict=False)
-    )
 
 
 # Layouts
@@ -540,7 +453,6 @@ class Layout:
             start = next((n for n, text in texts if re.match(self.after, text)), 0)
         header = self.header(Lines(("",) * start + lines.texts[start:], lines.starts), blanks)
         if header is None:
-            refuse_unknown_units(lines, path)
             if names := columns_in(lines):
                 raise unsure_of_columns(names, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])

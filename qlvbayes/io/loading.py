@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError, check_known
-from qlvbayes.io.columns import NamedColumn, is_mean, refuse_unknown_unit
+from qlvbayes.io.columns import is_mean
 from qlvbayes.io.contact import (
     FirstContact,
     Signs,
@@ -25,7 +26,6 @@ from qlvbayes.io.contact import (
 from qlvbayes.io.layouts import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
-    UNREAD,
     ClockError,
     Sampling,
     no_readings,
@@ -34,7 +34,6 @@ from qlvbayes.io.readings import (
     rising,
     same_readings,
     sampling_of,
-    unread_rows,
     wrong_signs,
 )
 from qlvbayes.io.recording import Channel, Format, Recording, UnsureError
@@ -75,37 +74,32 @@ class Answers:
     columns: tuple[str, str, str] | None = None
 
     @classmethod
-    def from_words(
-        cls,
-        sign: str | None = None,
-        contact: str | None = None,
-        units: str | None = None,
-        area: float | None = None,
-        pads: tuple[str, ...] = (),
-        tests: tuple[str, ...] = (),
-        pad_from: str | None = None,
-        columns: str | None = None,
-    ) -> Answers:
-        """Return answers from the words of the command line."""
-        if sign is not None:
-            check_known("sign", sign, SIGNS)
-        if area is not None and not area > 0.0:
+    def from_words(cls, **words: Any) -> Answers:
+        """Return answers from the words of the command line, by the names of the fields."""
+        if words.get("sign") is not None:
+            check_known("sign", words["sign"], SIGNS)
+        if (area := words.get("area")) is not None and not area > 0.0:
             raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
-        position: float | str | None = contact
-        if contact not in (None, FILE):
-            try:
-                position = float(str(contact))
-            except ValueError:
-                what = f"no position of contact {contact!r}"
-                remedy = f"give it in the tidy file's unit, or '{FILE}' for the file's own zero"
-                raise InputError(what, remedy=remedy) from None
-        named = None if units is None else named_units(units)
-        if pad_from is not None and pads:
+        if words.get("pad_from") is not None and words.get("pads"):
             remedy = "give one of them"
             raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
-        pattern = None if pad_from is None else pattern_of(pad_from)
-        chosen = None if columns is None else named_columns(columns)
-        return cls(sign, position, named, area, pads, tests, pattern, chosen)
+        read: dict[str, Callable[[str], Any]] = {
+            "contact": _position,
+            "units": named_units,
+            "pad_from": pattern_of,
+            "columns": named_columns,
+        }
+        said: dict[str, Any] = {key: word for key, word in words.items() if word is not None}
+        said |= {key: read[key](word) for key, word in said.items() if key in read}
+        return cls(**said)
+
+
+def _position(text: str) -> float | str:
+    try:
+        return text if text == FILE else float(text)
+    except ValueError:
+        remedy = f"give it in the unit of the tidy file, or '{FILE}' for the file's own zero"
+        raise InputError(f"no position of contact {text!r}", remedy=remedy) from None
 
 
 def pattern_of(text: str) -> re.Pattern[str]:
@@ -259,9 +253,6 @@ def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
 
 
 def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers: Answers) -> Loaded:
-    if answers.units is None:
-        named = (recording.time, recording.way, recording.load)
-        refuse_unknown_unit([NamedColumn(k, c.name, c.unit) for k, c in enumerate(named)], file)
     units, columns, finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, *own = columns
@@ -276,9 +267,6 @@ def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers:
         time, (way, load) = rising(time, [way, load], dropped)
     except ClockError as error:
         raise InputError(str(error), file=file, remedy=error.remedy) from error
-    if unread := unread_rows(time, way, load):
-        dropped[UNREAD] = unread
-        time, way, load = time[unread:], way[unread:], load[unread:]
     what = out_of_range(time, {recording.way.name: way, recording.load.name: load})
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
@@ -515,13 +503,7 @@ def _equal(one: Loaded, other: Loaded) -> bool:
     if one.recording.began != other.recording.began:
         return False
     way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
-    pairs = {
-        "time": (one.time - one.time[0], other.time - other.time[0]),
-        "way": (one.way * way, other.way),
-        "load": (one.load * load, other.load),
-    }
-    rounded = {
-        part: getattr(one.recording, part).unit != getattr(other.recording, part).unit
-        for part in pairs
-    }
-    return all(same_readings(*pair, rounded=rounded[part]) for part, pair in pairs.items())
+    times = same_readings(one.time - one.time[0], other.time - other.time[0])
+    return (times and same_readings(one.way * way, other.way)) and same_readings(
+        one.load * load, other.load
+    )

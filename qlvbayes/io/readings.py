@@ -1,4 +1,4 @@
-"""Judge readings: clocks that slip or repeat, codes in place of numbers, rows before the first."""
+"""Judge readings: clocks that slip or repeat, codes in place of numbers, wrong signs."""
 
 from __future__ import annotations
 
@@ -20,19 +20,16 @@ SMALLEST = 1e-30
 """Smallest share of a channel's largest reading: squares of smaller readings underflow."""
 SHORTEST = 1e-9
 """Shortest duration (s) of a whole test: no channel is sampled as fast as that."""
-UNREAD = "rows before the channels were read, both exactly 0"
 _AROUND = 8  # steps on either side of a slip, from which the clock's step is taken
 _EVEN = 0.2  # deviation from the median step, over it, up to which a step counts as even
 _MOST_UNEVEN = 0.3  # share of these steps that may be uneven: the slip's own, and jitter
 _LEFT = 2.5  # largest gap, in median steps, between the neighbours of a reading left out
 _REPEATED = 0.2  # share of rows with the time of the row above, beyond which a clock is too coarse
 _UNEVEN = 1.5  # ratio of the 95th to the 5th percentile of steps, beyond which they are uneven
-_DIGITS = 1e-5  # of the largest value, in which readings may differ that are the same
+_DIGITS = 1e-3  # of the largest value, in which readings may differ that are the same
 _CODE = re.compile(r"-?(99+(\.9+)?|999\.25|32768|2147483648)")
 """Nines alone (-999, 9999.9), the code of well logs, and the last numbers of two and four bytes."""
 _MOST_KINDS = 20  # different numbers checked, the farthest away first: a code is one number
-_JUMP = 5.0  # times the record's largest step and speed, beyond which it does not move so
-_ANSWER = 0.1  # share of the record's own stiffness, below which the force ignores the jump
 
 
 # Clocks
@@ -217,38 +214,10 @@ def out_of_range(time: Floats, channels: dict[str, Floats]) -> str | None:
     return None
 
 
-def same_readings(one: Floats, other: Floats, *, rounded: bool) -> bool:
-    """Return whether values are equal, or round to each other where they had different units."""
+def same_readings(one: Floats, other: Floats) -> bool:
+    """Return whether values are equal but for the digits in which their units were written."""
     size = max(float(np.abs(one).max()), float(np.abs(other).max()))
-    digits = sum(_resolution(values, size) for values in (one, other)) if rounded else 0.0
-    return bool(np.abs(one - other).max() <= 0.51 * digits + _DIGITS * size)
-
-
-def _resolution(values: Floats, size: float) -> float:
-    """Return the smallest step between different values, 0 where they are all equal."""
-    steps = np.diff(np.unique(values))
-    steps = steps[steps > _DIGITS * size]
-    return float(steps.min()) if steps.size else 0.0
-
-
-def unread_rows(time: Floats, way: Floats, load: Floats) -> int:
-    """Return how many rows at the beginning hold no reading: both channels are exactly zero."""
-    zero = (way == 0.0) & (load == 0.0)
-    first = int(np.argmin(zero))
-    moved, loaded = way[first:], load[first:]
-    if not zero[0] or zero.all() or len(moved) < LEAST_SAMPLES:
-        return 0
-    steps, spent = np.abs(np.diff(moved)), np.diff(time[first:])
-    passed = float(time[first] - time[first - 1])
-    jump, span = abs(float(moved[0])), float(np.ptp(moved))
-    # the rest must be a motion in steps, of which the jump is none
-    if passed <= 0.0 or not (spent > 0.0).any() or span <= 3.0 * float(steps.max()):
-        return 0
-    speed = float((steps[spent > 0.0] / spent[spent > 0.0]).max())
-    if jump <= _JUMP * float(steps.max()) or jump / passed <= _JUMP * speed:
-        return 0
-    stiffness = float(np.ptp(loaded)) / span
-    return first if abs(float(loaded[0])) < _ANSWER * stiffness * jump else 0
+    return bool(np.abs(one - other).max() <= _DIGITS * size)
 
 
 def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:

@@ -14,8 +14,7 @@ import io
 import math
 import re
 import zlib
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -35,9 +34,6 @@ EXPORT = "export the measurements again"
 _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _HEADER_LINES = 400  # more lines than any header has
 _MARKS = "\t;|,"
-_CODES = ("utf-8", "cp932", "cp1252")
-"""Codes of letters that are tried in turn; the last one takes any bytes."""
-_KANA = re.compile("[\u3041-\u30ff].*[\u3041-\u30ff\u4e00-\u9fff]|[\u4e00-\u9fff]{2}")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
 _NO_ROW = re.compile(rb"(?m)^(#.*|[ \t]*)\n")  # a comment or a blank line of a tidy file
@@ -58,7 +54,6 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
 _SAMPLE = 400  # rows from which the decimal mark is taken where all the others agree
 _DAY = 86400.0  # s
 _FOOTER, _SUMMED = 8, 3  # lines at the end in which a summary may stand, and its most rows
-_FEW_EMPTY = 10  # rows in turn with an empty cell that a logger of two rates leaves
 _NO_NUMBERS, _EMPTY = "lines without numbers", "rows with an empty cell"
 
 
@@ -69,29 +64,6 @@ def digest(path: Path) -> str:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
         raise _unreadable(path, error) from error
-
-
-@contextmanager
-def unchanged(path: Path) -> Generator[None, None, None]:
-    """Refuse a file that is being written: any fault found in it may be half a row."""
-
-    def state() -> tuple[int, int] | None:
-        try:
-            status = path.stat()
-        except OSError:  # opening it gives the reason
-            return None
-        return status.st_size, status.st_mtime_ns
-
-    before, fault = state(), None
-    try:
-        yield
-    except InputError as error:
-        fault = error
-    if before is not None and state() != before:
-        remedy = "wait until it is written and try again"
-        raise InputError("the file changed while it was read", file=path, remedy=remedy) from fault
-    if fault is not None:
-        raise fault
 
 
 def head_of(path: Path, size: int = HEAD) -> bytes:
@@ -131,28 +103,20 @@ def _unreadable(path: Path, error: OSError) -> InputError:
 
 
 def decoded(data: bytes) -> str:
-    """Return bytes as text: UTF-8, UTF-16, Shift-JIS or Windows, without NULs; it never fails."""
+    """Return bytes as text: UTF-8, UTF-16 or Windows, without NULs; it never fails."""
     start = data[:64]
     if data.startswith(b"\xff\xfe") or (len(start) > 16 and not any(start[1::2])):
         text = data.removeprefix(b"\xff\xfe").decode("utf-16-le", "replace")
     elif data.startswith(b"\xfe\xff") or (len(start) > 16 and not any(start[::2])):
         text = data.removeprefix(b"\xfe\xff").decode("utf-16-be", "replace")
     else:
-        text = _of_bytes(data.removeprefix(b"\xef\xbb\xbf"))
-    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _of_bytes(data: bytes) -> str:
-    for code in _CODES[:-1]:
+        data = data.removeprefix(b"\xef\xbb\xbf")
         try:
-            text = data.decode(code)
-        except UnicodeDecodeError as error:
-            if error.start > len(data) - 4 and code == "utf-8":  # the last letter of a head is cut
-                return data.decode(code, "replace")
-            continue
-        if code == "utf-8" or _KANA.search(text):
-            return text
-    return data.decode(_CODES[-1], "replace")
+            text = data.decode()
+        except UnicodeDecodeError as error:  # the last letter of a head may be cut
+            cut = error.start > len(data) - 4
+            text = data.decode("utf-8" if cut else "cp1252", "replace")
+    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def is_text(head: bytes) -> bool:
@@ -250,26 +214,13 @@ def parse_number(text: str, decimal: str) -> float | None:
 
 
 def with_point(cell: str, decimal: str) -> str:
-    """Return a cell with a decimal point; a date, hours, minutes and seconds become seconds."""
+    """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
     if clock := _CLOCK.fullmatch(cell):
-        days = _days(clock[1].strip(" T")) if clock[1] else 0
-        minutes = 1440 * days + 60 * int(clock[2]) + int(clock[3])
+        minutes = 60 * int(clock[2]) + int(clock[3])  # the rows tell where a day ends
         return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:
         cell = cell.replace(decimal[1], "")
     return cell.replace(decimal[0], ".")
-
-
-def _days(date: str) -> int:
-    """Return the days since 1970 of a date: the year first, or the day (the month if it must)."""
-    if "-" not in date:
-        day, month, year = map(int, re.split("[./]", date))
-        day, month = (month, day) if month > 12 else (day, month)
-        date = f"{year:04}-{month:02}-{day:02}"
-    try:
-        return int(np.datetime64(date).astype(int))
-    except ValueError:  # no such day
-        return 0
 
 
 def decimal_mark(cells: Iterable[str], file: Path) -> str:
@@ -301,8 +252,8 @@ class Form:
 
     ``numbers`` are the indices and names of the columns of numbers, ``labels`` the indices of texts
     that change rarely. A tidy file states its ``width``, the number of its columns: each of its
-    lines is a row. In a ``sparse`` table any cell may be empty. ``decimal`` is None where the rows
-    have to show it.
+    lines is a row. ``names`` is how many columns the names above a machine's table count, and
+    ``decimal`` is None where its rows have to show it.
     """
 
     separator: str
@@ -310,7 +261,7 @@ class Form:
     labels: Sequence[int] = ()
     width: int | None = None
     decimal: str | None = None
-    sparse: bool = False
+    names: int | None = None
 
     @property
     def indices(self) -> list[int]:
@@ -353,26 +304,34 @@ def read_rows(data: bytes, form: Form, file: Path, first: int = 1) -> Rows:
     """Return the columns of the rows in a text, of which the first line is ``first`` of the file.
 
     An InputError names the first bad row of a tidy file, and the first lost one of a table that
-    loses more than 2 % of its rows.
+    loses more than 2 % of its rows. Cells may be empty, as a logger of two rates leaves them.
     """
     dropped: dict[str, int] = {}
     rows = data if data.endswith(b"\n") else data + b"\n"
     if form.width is None:
-        rows = _without_cut(data, dropped)
+        rows = _without_cut(data, form, dropped)
         if not rows.isascii() or re.search(rb"\d \d{3}", rows):
             rows = plain_number(rows.decode("utf-8", "replace")).encode()
     elif rows.startswith((b"#", b"\n", b" ")) or re.search(rb"\n[#\n \t]", rows):
         rows = _NO_ROW.sub(b"", rows)
     if not rows.strip():
         raise InputError("there are no rows of numbers", file=file, remedy=EXPORT)
+    cells = cells_of(rows.lstrip().partition(b"\n")[0].decode("utf-8", "replace"), form.separator)
+    whole = all(cell.lstrip("+-").isdecimal() for cell in cells)
+    if form.separator == "," and form.names is not None and len(cells) > form.names and whole:
+        raise InputError(
+            f"{len(cells)} numbers are below {form.names} names: the comma separates columns and "
+            "marks decimals",
+            file=file,
+            line=first,
+            remedy="export with semicolons or tabs between the columns, or with decimal points",
+        )
     try:
         found = _fast(rows, form, file)
     except ValueError:  # a cell is no number
         found = None
-    if found is None and form.width is not None:
-        return _checked(data, form, file, first)
     if found is None:
-        return _judged(rows, form, file, first, dropped)
+        return _judged(rows if form.width is None else data, form, file, first, dropped)
 
     def line(row: int) -> int:
         lines = enumerate(data.split(b"\n"), first)
@@ -385,16 +344,18 @@ def _is_row(text: bytes) -> bool:
     return bool(text.strip()) and not text.startswith(b"#")
 
 
-def _without_cut(data: bytes, dropped: dict[str, int]) -> bytes:
-    """Return rows without a last line that is cut off: it does not end, and is short."""
+def _without_cut(data: bytes, form: Form, dropped: dict[str, int]) -> bytes:
+    """Return rows without a last line that does not end, and lacks cells or digits."""
     above, _, last = data.rstrip(b" \t").rpartition(b"\n")
-    if not last:
-        return data
-    before = above[above.rfind(b"\n") + 1 :]
-    if above and len(last.strip()) < len(before.strip()):
-        dropped["cut last line"] = 1
-        return above + b"\n"
-    return data + b"\n"
+    if last and above and last.count(form.separator.encode()) <= max(form.indices):
+        before = above[above.rfind(b"\n") + 1 :]
+        fewer = any(last.count(mark) < before.count(mark) for mark in (b",", b";", b"\t", b'"'))
+        digits = [re.search(rb"[.,](\d*)\D*$", line) for line in (before, last)]
+        decimals = [len(found[1]) if found else 0 for found in digits]
+        if fewer or decimals[1] < decimals[0]:
+            dropped["cut last line"] = 1
+            return above + b"\n"
+    return data if data.endswith(b"\n") else data + b"\n"
 
 
 def _fast(
@@ -437,29 +398,9 @@ def _fast(
     return (columns, labels) if all(np.isfinite(one).all() for one in columns) else None
 
 
-def _checked(data: bytes, form: Form, file: Path, first: int) -> Rows:
-    """Return the rows of a tidy file, or raise the error of its first bad one."""
-    decimal = form.decimal or "."
-    kept: list[list[str]] = []
-    positions: list[int] = []
-    for position, line in enumerate(data.split(b"\n"), first):
-        if not _is_row(line):
-            continue
-        text = line.decode("utf-8", "replace")
-        cells = cells_of(text, form.separator)
-        if (fault := _fault(text, cells, form, decimal)) is not None:
-            raise InputError(fault[0], file=file, line=position, remedy=fault[1])
-        kept.append(cells)
-        positions.append(position)
-    numbers = [[parse_number(row[k], decimal) for row in kept] for k in form.indices]
-    labels = tuple(Labels.from_texts([row[k] for row in kept]) for k in form.labels)
-    columns = tuple(np.array(column, dtype=np.float64) for column in numbers)
-    return Rows(columns, labels, {}, positions.__getitem__)
-
-
-def _fault(text: str, cells: Sequence[str], form: Form, decimal: str) -> tuple[str, str] | None:
+def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | None:
     """Return why a line of a tidy file is no good row, and the remedy; None where it is one."""
-    write = "write a number or delete the row"
+    decimal, write = form.decimal or ".", "write a number or delete the row"
     if text.count('"') % 2:
         return "a quotation mark is not closed", "remove it"
     if any(part and part[-1] not in (form.separator, " ") for part in text.split('"')[:-1:2]):
@@ -469,9 +410,8 @@ def _fault(text: str, cells: Sequence[str], form: Form, decimal: str) -> tuple[s
         what = f"the row has {fields} and the header {form.width}"
         return what, "complete or delete the row"
     for index, name in form.numbers:
-        cell = cells[index]
+        cell, other = cells[index], "," if decimal == "." else "."
         value = parse_number(cell, decimal)
-        other = "," if decimal == "." else "."
         if value is not None and math.isfinite(value):
             continue
         if not cell:
@@ -489,17 +429,18 @@ def _fault(text: str, cells: Sequence[str], form: Form, decimal: str) -> tuple[s
 
 
 def _judged(rows: bytes, form: Form, file: Path, first: int, dropped: dict[str, int]) -> Rows:
-    """Return the rows of a machine's file, of which other lines are left out and counted."""
+    """Return rows line by line: a bad one of a tidy file is refused, and others are counted."""
     lines = rows.decode("utf-8", "replace").split("\n")
     found: dict[int, list[str]] = {}  # cells by the line's position
     lost: dict[int, str] = {}
     width = 0
     for position, line in enumerate(lines):
-        if not line.strip():
+        if not line.strip() or (form.width is not None and line.startswith("#")):
             continue
         cells = cells_of(line, form.separator)
-        why = _why_not(cells, form.indices, width)
-        if why is None:
+        if form.width is not None and (fault := _fault(line, cells, form)) is not None:
+            raise InputError(fault[0], file=file, line=first + position, remedy=fault[1])
+        if (why := _why_not(cells, form.indices, width)) is None:
             found[position] = cells
             width = width or len(cells)
         else:
@@ -514,18 +455,25 @@ def _judged(rows: bytes, form: Form, file: Path, first: int, dropped: dict[str, 
             numbers[position] = [float(cell) for cell in pointed]
         else:
             lost[position] = _NO_NUMBERS
-    if below := _below_table(len(lines), list(numbers), lost):
-        dropped["rows of numbers below the table"] = len(below)
-        numbers = {p: row for p, row in numbers.items() if p not in below}
-    if not numbers:
-        shown = f" (the first line is '{_shown(lines[min(lost)])}')" if lost else ""
-        what = f"there are no rows of numbers{shown}"
-        line_of = first + min(lost) if lost else None
-        raise InputError(what, file=file, line=line_of, remedy=EXPORT)
+    end = _end_of_table(lines, form, list(numbers))
+    if below := sum(position >= end for position in numbers):
+        dropped["rows of numbers below the table"] = below
+    numbers = {p: row for p, row in numbers.items() if p < end}
+    lost = {p: why for p, why in lost.items() if p < end}
     positions = list(numbers)
-    _refuse_gaps(lines, positions, lost, form, file, first)
+    within = [p for p in lost if positions and positions[0] < p < positions[-1]]
+    bad = [p for p in within if lost[p] != _EMPTY] if positions else sorted(lost)
+    if len(bad) > max(LARGEST_SHARE * (len(positions) + len(within)), 1.0) or not positions:
+        shown = lines[min(bad)].strip()[:SHOWN] if bad else ""
+        what = f"there are no rows of numbers (the first line is '{shown}')"
+        if positions:
+            what = f"{len(bad)} of {len(positions) + len(within)} rows have no number in a column "
+            what += f"that is used, the first is '{shown}'"
+        line_of = first + min(bad) if bad else None
+        remedy = f"write numbers there or delete the rows, or {EXPORT}"
+        raise InputError(what, file=file, line=line_of, remedy=remedy)
     for position, why in lost.items():
-        if why != _EMPTY or positions[0] < position < positions[-1]:
+        if why != _EMPTY or position in within:
             dropped[why] = dropped.get(why, 0) + 1
     columns = list(np.array(list(numbers.values())).T)
     clocks = tuple(k for k, cell in enumerate(used[positions[0]]) if ":" in cell)
@@ -550,43 +498,14 @@ def _why_not(cells: Sequence[str], indices: Sequence[int], width: int) -> str | 
     return None
 
 
-def _below_table(count: int, positions: list[int], lost: dict[int, str]) -> set[int]:
-    """Return the lines of a summary below a table: a few rows of numbers after a text or a gap."""
-    rows = set(positions)
-    tail = range(max(count - 1 - _FOOTER, 0), count - 1)
-    breaks = [p for p in tail if p not in rows and lost.get(p) != _EMPTY]
-    below = {p for p in positions if breaks and p > breaks[0]}
-    return below if len(below) <= _SUMMED and len(positions) > 2 * _FOOTER else set()
-
-
-def _refuse_gaps(
-    lines: Sequence[str],
-    positions: Sequence[int],
-    lost: dict[int, str],
-    form: Form,
-    file: Path,
-    first: int,
-) -> None:
-    """Raise InputError where more than 2 % of the rows are lost, or many in turn have no number."""
-    within = {p: why for p, why in lost.items() if positions[0] < p < positions[-1]}
-    empty = sorted(p for p, why in within.items() if why == _EMPTY)
-    bad = [p for p in within if p not in set(empty)]
-    runs = np.split(np.array(empty, dtype=int), np.flatnonzero(np.diff(empty) != 1) + 1)
-    longest = max(runs, key=len).tolist()
-    if not form.sparse and len(longest) > _FEW_EMPTY:
-        bad = sorted([*bad, *longest])
-    total = len(positions) + len(within)
-    if len(bad) > max(LARGEST_SHARE * total, 1.0):
-        raise InputError(
-            f"{len(bad)} of {total} rows have no number in a column that is used, the first is "
-            f"'{_shown(lines[min(bad)])}'",
-            file=file,
-            line=first + min(bad),
-            remedy=f"write numbers there or delete the rows, or {EXPORT}",
-        )
-
-
-def _shown(line: str) -> str:
-    """Return the text of a line as an error shows it."""
-    text = line.strip()
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+def _end_of_table(lines: Sequence[str], form: Form, positions: Sequence[int]) -> int:
+    """Return the line at which a summary below a table begins: a few rows after a text or a gap."""
+    for position in range(max(len(lines) - 1 - _FOOTER, 0), len(lines) - 1):
+        cells = cells_of(lines[position], form.separator)
+        time = cells[form.indices[0]] if len(cells) > form.indices[0] else ""
+        used = [cells[k] for k in form.indices if k < len(cells)]
+        if any(used) and (time.lower() in _MISSING or is_like_number(time)):
+            continue
+        below = sum(p > position for p in positions)
+        return position if 0 < below <= _SUMMED and len(positions) > 2 * _FOOTER else len(lines)
+    return len(lines)

@@ -57,9 +57,8 @@ class Column:
 class Dialect:
     """Form of a tidy file: columns that are read and their units, separator, decimal mark, header.
 
-    ``numeric`` are time, displacement, force and force_sd; ``force 2`` is a second column of force,
-    in another unit, and so is ``displacement 2``. ``ignored`` are names of other columns, ``width``
-    is the number of all; ``line`` is that of the header.
+    ``numeric`` are time, displacement, force and force_sd. ``ignored`` are names of other columns,
+    ``width`` is the number of all; ``line`` is that of the header.
     """
 
     units: UnitSystem
@@ -139,13 +138,10 @@ def _columns(
         if suffix not in scales:
             unknown.append((quantity, suffix, name))
             continue
-        key = quantity
-        if quantity in found and quantity in ("displacement", "force"):
-            key = key if found[quantity].suffix == suffix else f"{quantity} 2"
-        if key in found:
+        if quantity in found:
             both = f"'{found[quantity].name}' and '{name}'"
             raise fail(f"two columns for {quantity}: {both}", remedy="delete one of them")
-        found[key] = Column(index, name, suffix, scales[suffix])
+        found[quantity] = Column(index, name, suffix, scales[suffix])
     for quantity, suffix, name in unknown:
         if quantity not in found and _COUNTERPART.get(quantity) not in found:  # no force_raw
             what = f"the unit '{suffix}' of '{name}' is unknown" if suffix else (
@@ -157,14 +153,12 @@ def _columns(
     _refuse_missing(names, found, kind, file, fail)
     keys = {"time": "time", "displacement": kind.displacement_name, "force": kind.force_name}
     keys["force_sd"] = f"{kind.force_name}_sd"
-    if kind is PAD:
-        keys |= {key: key for key in ("displacement 2", "force 2")}
     numeric = {key: found[own] for key, own in keys.items() if own in found}
     labels = {key: found[key] for key in (*LABELS, "rate", "start", "contact_sd") if key in found}
     way, load = numeric["displacement"], numeric["force"]
     system = unit_system("1" if kind is STRAIN else way.suffix, load.suffix)
-    own = dict.fromkeys(("displacement", "displacement 2", "rate", "contact_sd"), way.scale)
-    own |= dict.fromkeys(("force", "force_sd", "force 2"), load.scale)
+    own = dict.fromkeys(("displacement", "rate", "contact_sd"), way.scale)
+    own |= dict.fromkeys(("force", "force_sd"), load.scale)
 
     def scaled(columns: dict[str, Column]) -> dict[str, Column]:
         return {

@@ -236,7 +236,7 @@ def _is_tidy(file: Path, asked: bool) -> bool:
 
 def _matches(file: Path, formats: Sequence[Format]) -> bool:
     try:
-        return bool(matching(head_of(file), formats)[0])
+        return bool(matching(head_of(file), formats))
     except InputError:
         return False
 

@@ -36,7 +36,7 @@ TO_N = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
 @every_file
 def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture):
     head = fixture.path.read_bytes()[:HEAD]
-    whole, _, _ = matching(head, FORMATS)
+    whole = matching(head, FORMATS)
     assert [kind.name for kind in whole] == [fixture.format]
 
 

@@ -92,7 +92,7 @@ def test_an_endless_line_takes_no_memory(tmp_path):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 50 * ENDLESS  # bytes
-    assert test.dropped["lines of too many cells"] == 1
+    assert test.dropped["lines without numbers"] == 1
 
 
 def test_a_field_too_long_to_be_read_is_refused(tmp_path):
