@@ -70,16 +70,13 @@ class Binary:
                 newer = stream.read(len(_MATLAB[1])) == _MATLAB[1]
             return read_apart("hdf5" if newer else self.kind, path)
         except (OSError, ApartError) as error:
-            what = f"the file is cut off or damaged ({' '.join(str(error).split())[:120]})"
-            remedy = "copy or export it again"
             if "spring constant" in str(error):
                 what = "the file does not say the cantilever's spring constant"
                 remedy = "calibrate it and export the curve again"
-            if self.kind == "ros":
-                what = what.replace(
-                    "damaged", "damaged, or of a kind that rosbags cannot read", 1
-                ).replace("the file", "the bag")
-                remedy = "try 'ros2 bag reindex' or 'mcap recover', or record it again"
+                raise InputError(what, file=path, remedy=remedy) from error
+            what = f"the file is cut off or damaged ({' '.join(str(error).split())[:120]})"
+            remedy = "try 'ros2 bag reindex' or 'mcap recover', or record it again"
+            remedy = remedy if self.kind == "ros" else "copy or export it again"
             raise InputError(what, file=path, remedy=remedy) from error
 
 

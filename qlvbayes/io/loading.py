@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -452,19 +451,17 @@ def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
 
 
 def _sign_finding(one: Loaded, signs: Signs, answers: Answers) -> str:
-    recording = one.recording
-    pairs = ((recording.way, signs.way), (recording.load, signs.load))
+    pairs = ((one.recording.way, signs.way), (one.recording.load, signs.load))
     turned = [channel.name for channel, factor in pairs if factor < 0]
-    what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
+    what = f"sign turned over: {' and '.join(turned)}" if turned else "sign kept as written"
     if answers.sign is not None:
-        return f"sign {what}, as stated by the user"
-    if recording.pressing:
-        return f"sign {what}: this layout fixes it"
+        return f"{what}, as stated by the user"
+    if one.recording.pressing:
+        return f"{what}: this layout fixes it"
     if not one.signs.rank:
-        return f"sign {what}: taken from the parts or files of this layout that begin at rest"
+        return f"{what}: taken from the parts or files of this layout that begin at rest"
     return (
-        f"sign {what}: taken as pressing, with the largest force at {100.0 * signs.travel:.0f} % "
-        f"of the travel, {plain(min(signs.swing, 999.0), 2)} times the largest of the other sign "
+        f"{what}: taken as pressing, with the largest force at {signs.travel:.0%} of the travel "
         "(a test in tension would look the same)"
     )
 
@@ -481,18 +478,14 @@ def without_copies(read: Sequence[Loaded]) -> list[Loaded]:
             kept.append(one)
             continue
         names = f"{one.recording.way.name} and {one.recording.load.name}"
-        units = f"{one.recording.way.unit} and {one.recording.load.unit}"
-        finding = f"'{one.named}' ({names} in {units}) has the same readings and is left out"
+        finding = f"'{one.named}' ({names}) has the same readings and is left out"
         other = kept[same]
-        kept[same] = replace(other, findings=(*other.findings, finding))
-    alone = Counter(one.file for one in kept)
-    before = Counter(one.file for one in read)
-    return [
-        replace(one, recording=replace(one.recording, name=""))
-        if alone[one.file] == 1 < before[one.file] and one.recording.name.isdecimal()
-        else one
-        for one in kept
-    ]
+        recording = other.recording
+        if recording.name.isdecimal() and other.file == one.file:
+            recording = replace(recording, name="")  # a number that told them apart
+        findings = (*other.findings, finding)
+        kept[same] = replace(other, recording=recording, findings=findings)
+    return kept
 
 
 def _equal(one: Loaded, other: Loaded) -> bool:
@@ -500,10 +493,10 @@ def _equal(one: Loaded, other: Loaded) -> bool:
     units = one.units.dimensionless == other.units.dimensionless
     if one.pad != other.pad or len(one.time) != len(other.time) or not units:
         return False
-    if one.recording.began != other.recording.began:
-        return False
     way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
-    times = same_readings(one.time - one.time[0], other.time - other.time[0])
-    return (times and same_readings(one.way * way, other.way)) and same_readings(
-        one.load * load, other.load
+    return (
+        one.recording.began == other.recording.began
+        and same_readings(one.time - one.time[0], other.time - other.time[0])
+        and same_readings(one.way * way, other.way)
+        and same_readings(one.load * load, other.load)
     )

@@ -272,8 +272,7 @@ def _from_others(one: Loaded, agreed: StageContact) -> Zero:
         f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
-    stage = _label(one, agreed)
-    return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=stage)
+    return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=_label(one, agreed))
 
 
 def _doubt(one: Loaded, others: StageContact) -> str:
@@ -292,35 +291,25 @@ def _at_contact(
 ) -> Zero:
     """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
     length, force = one.units.displacement, one.units.force
-    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
-    alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
     together = len(stage.members) > 1
-    more = f", in {len(stage.members)} files of one stage (this one alone: {alone})" * together
+    finding = f"contact at {one.written(stage.position)} +- {plain(stage.sd, 2)} {length}"
+    finding += " agrees with the file's zero, which is kept" if stage.kept else ", the new zero"
+    if together:
+        alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
+        finding += f", in {len(stage.members)} files of one stage (this one alone: {alone})"
+    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
     if offset:
-        more += (
-            f"; taken off the force: {plain(contact.force)} +- {plain(contact.force_sd, 1)} {force}"
-            " before contact"
-        )
+        finding += f"; taken off the force: {plain(contact.force)} {force} before contact"
     if stage is not most:
-        more += _doubt(one, most)
+        finding += _doubt(one, most)
     apart = abs(contact.position - stage.position) > _APART * float(np.hypot(contact.sd, stage.sd))
     if together and apart:
-        position = one.written(stage.position)
-        more += (
+        finding += (
             "; doubt: that of this one alone is off beyond the errors, as a film, drag or a lag "
-            f"does in a quick test; --contact {position} states this zero for all files"
+            f"does in a quick test; --contact {one.written(stage.position)} states this zero"
         )
-    label = _label(one, stage)
-    if stage.kept:
-        found = f"{plain(one.signs.way * stage.position, 4)} +- {plain(stage.sd, 2)} {length}"
-        finding = f"contact {found} agrees with the file's zero, which is kept{more}"
-        return Zero(0.0, offset, finding, stage.sd, contact, label)
-    where = "" if together else ", where the force begins to rise"
-    finding = (
-        f"contact at {one.written(stage.position)} +- {plain(stage.sd, 2)} {length} of the "
-        f"file{where}{more}; that is the new zero"
-    )
-    return Zero(stage.position, offset, finding, stage.sd, contact, label)
+    position = 0.0 if stage.kept else stage.position
+    return Zero(position, offset, finding, stage.sd, contact, _label(one, stage))
 
 
 def _at_start(one: Loaded) -> Zero | UnsureError:
@@ -341,7 +330,7 @@ def _at_start(one: Loaded) -> Zero | UnsureError:
     position, near = float(one.way[0]), one.begins_at_zero
     where = "the file's own zero" if near else f"the first row, {one.written(position)} {length}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = abs(first) / peak * float(one.way[int(np.argmax(one.load))] - position)
+    reach = share * float(one.way[int(np.argmax(one.load))] - position)
     finding = (
         f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
