@@ -198,14 +198,22 @@ def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
         if not set(either) & set(by_quantity):
             by_quantity |= _by_unit(columns, either) or _with_unknown_unit(columns, either)
     sheared = {"strain", "stress"} <= set(by_quantity)
-    gap = by_quantity.get("displacement")
-    if sheared and gap is not None and re.fullmatch(_GAP, plain_name(gap.name)):
-        del by_quantity["displacement"]  # a rheometer shears at a gap that is held
     way = "displacement" if "displacement" in by_quantity else "strain"
     load = "force" if "force" in by_quantity else "stress"
     if (way, load) != ("displacement", "force") and sheared:
         way, load = "strain", "stress"
     return {key: by_quantity.get(key) for key in ("time", way, load)}
+
+
+def sheared_instead(
+    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
+) -> dict[str, NamedColumn] | None:
+    """Return time, strain and stress where a rheometer's gap was picked and these are there too."""
+    found, way = quantities(columns), picked.get("displacement")
+    there = {"strain", "stress"} <= set(found)
+    if way is None or not there or not re.fullmatch(_GAP, plain_name(way.name)):
+        return None
+    return {key: found[key] for key in ("time", "strain", "stress")}
 
 
 def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str, NamedColumn]:

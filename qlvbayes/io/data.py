@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
@@ -24,6 +24,7 @@ from qlvbayes.io.readings import (
     no_readings,
     out_of_range,
     slipped,
+    unread_rows,
     wrong_signs,
 )
 from qlvbayes.io.recording import UnsureError
@@ -40,7 +41,7 @@ from qlvbayes.io.table import (
 )
 from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import as_typed, listed, prints
+from qlvbayes.io.wording import as_typed, listed, of_lines, prints
 
 Role = Literal["fit", "validate"]
 
@@ -277,6 +278,7 @@ class _Builder:
     name: str
     rows: slice | NDArray[np.intp]
     notices: list[str]
+    late: float = 0.0  # s, by which the rows begin later than the test
 
     @property
     def title(self) -> str:
@@ -323,6 +325,11 @@ class _Builder:
             for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
         }
         time, force = columns["time"], columns["force"]
+        if unread := unread_rows(time, columns["displacement"], force):
+            lost = of_lines(unread, "rows before the channels were read, both exactly 0")
+            self.notices.append(f"{self.title}: dropped {lost} (line {self.line(0)})")
+            rows = np.arange(len(self.table.columns[0]))[self.rows][unread:]
+            return replace(self, rows=rows, late=float(time[unread] - time[0])).test(before)
         controls, used = self._controls(time), self._used(time.size)
         if (
             not controls
@@ -350,7 +357,7 @@ class _Builder:
             force_sd=columns.get("force_sd"),
             role=self._role(),
             rate=self._rate(),
-            start_s=follows if start is None else start,
+            start_s=follows if start is None else start + self.late,
             start_known=start is not None,
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import (
     LABELS,
@@ -26,6 +27,7 @@ from qlvbayes.io.columns import (
     plain_name,
     quantities,
     recording,
+    sheared_instead,
     side_by_side,
 )
 from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
@@ -275,15 +277,17 @@ def _tests(
     width = max(column.index for column in columns) + 1
     found = []
     for title, one in zip(_titles(groups, over), groups, strict=True):
-        numbers = [(column.index, column.name) for column in one.values()]
+        sheared = None if header.picked else sheared_instead(columns, one)
+        numbers = [(c.index, c.name) for c in (*one.values(), *(sheared or {}).values())]
         if header.clock is not None:
             numbers.append((header.clock.index, header.clock.name))
         form = Form(separator, numbers, [] if label is None else [label.index], names=width)
         read = read_rows(rows, form, file, first)
+        values = read.columns[:_NAMES]
+        if sheared and _shear_moved(values[1], read.columns[_NAMES + 1], sheared["strain"]):
+            one, values = sheared, read.columns[_NAMES:]
         own = on_clock(one, read.clocks, file)
-        test = recording(
-            columns, own, read.columns[:_NAMES], read.dropped, f"{name} {title}".strip()
-        )
+        test = recording(columns, own, values, read.dropped, f"{name} {title}".strip())
         if header.clock is not None:
             clock = header.clock
             unused = tuple(c for c in test.unused if c != clock.name)
@@ -294,6 +298,13 @@ def _tests(
         else:
             found += _by_specimen(test, label, read.labels[0].codes, read.labels[0].texts)
     return found
+
+
+def _shear_moved(gap: Floats, strain: Floats, named: NamedColumn) -> bool:
+    """Return whether a rheometer sheared a specimen rather than squeezed it."""
+    unit = unit_of(named.unit, "strain")
+    squeezed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
+    return float(np.ptp(strain)) * (unit.factor if unit else 1.0) > squeezed
 
 
 def _by_specimen(

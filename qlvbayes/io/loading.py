@@ -33,6 +33,7 @@ from qlvbayes.io.readings import (
     rising,
     same_readings,
     sampling_of,
+    unread_rows,
     wrong_signs,
 )
 from qlvbayes.io.recording import Channel, Format, Recording, UnsureError
@@ -266,6 +267,9 @@ def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers:
         time, (way, load) = rising(time, [way, load], dropped)
     except ClockError as error:
         raise InputError(str(error), file=file, remedy=error.remedy) from error
+    if unread := unread_rows(time, way, load):
+        dropped["rows before the channels were read, both exactly 0"] = unread
+        time, way, load = time[unread:], way[unread:], load[unread:]
     what = out_of_range(time, {recording.way.name: way, recording.load.name: load})
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")

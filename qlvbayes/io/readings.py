@@ -27,6 +27,8 @@ _LEFT = 2.5  # largest gap, in median steps, between the neighbours of a reading
 _REPEATED = 0.2  # share of rows with the time of the row above, beyond which a clock is too coarse
 _UNEVEN = 1.5  # ratio of the 95th to the 5th percentile of steps, beyond which they are uneven
 _DIGITS = 1e-3  # of the largest value, in which readings may differ that are the same
+_JUMP = 5.0  # times the record's largest step and speed, beyond which it does not move so
+_ANSWER = 0.1  # share of the record's own stiffness, below which the force ignores the jump
 _CODE = re.compile(r"-?(99+(\.9+)?|999\.25|32768|2147483648)")
 """Nines alone (-999, 9999.9), the code of well logs, and the last numbers of two and four bytes."""
 _MOST_KINDS = 20  # different numbers checked, the farthest away first: a code is one number
@@ -218,6 +220,24 @@ def same_readings(one: Floats, other: Floats) -> bool:
     """Return whether values are equal but for the digits in which their units were written."""
     size = max(float(np.abs(one).max()), float(np.abs(other).max()))
     return bool(np.abs(one - other).max() <= _DIGITS * size)
+
+
+def unread_rows(time: Floats, way: Floats, load: Floats) -> int:
+    """Return how many rows at the beginning a logger wrote before it read: both are exactly 0."""
+    zero = (way == 0.0) & (load == 0.0)
+    first = int(np.argmin(zero))
+    moved = way[first:]
+    if not zero[0] or len(moved) < LEAST_SAMPLES:
+        return 0
+    steps, spent = np.abs(np.diff(moved)), np.diff(time[first:])
+    passed = float(time[first] - time[first - 1])
+    jump, span = abs(float(moved[0])), float(np.ptp(moved))
+    speed = float((steps / spent).max())
+    # the rest must be a motion in steps, of which the jump is none, and the force ignores it
+    gradual = span > 3.0 * float(steps.max())
+    sudden = jump > _JUMP * float(steps.max()) and jump / passed > _JUMP * speed
+    ignored = abs(float(load[first])) * span < _ANSWER * float(np.ptp(load[first:])) * jump
+    return first if gradual and sudden and ignored else 0
 
 
 def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:
