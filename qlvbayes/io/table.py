@@ -312,7 +312,7 @@ def read_rows(data: bytes, form: Form, file: Path, first: int = 1) -> Rows:
         rows = _without_cut(data, form, dropped)
         if not rows.isascii() or re.search(rb"\d \d{3}", rows):
             rows = plain_number(rows.decode("utf-8", "replace")).encode()
-    elif rows.startswith((b"#", b"\n", b" ")) or re.search(rb"\n[#\n \t]", rows):
+    elif any(b"\n" + sign in b"\n" + rows for sign in (b"#", b"\n", b" ", b"\t")):
         rows = _NO_ROW.sub(b"", rows)
     if not rows.strip():
         raise InputError("there are no rows of numbers", file=file, remedy=EXPORT)

@@ -6,11 +6,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import LABELS, split_name
-from qlvbayes.io.table import EXPORT, THOUSANDS, cells_of, decoded, head_of, is_text
+from qlvbayes.io.table import EXPORT, HEAD, THOUSANDS, cells_of, decoded, head_of, is_text
 from qlvbayes.io.units import (
     PAD,
     SAME,
@@ -82,17 +83,18 @@ class Dialect:
 def sniff(path: Path) -> Dialect:
     """Read the header and find out how the rows are written."""
     head = head_of(path, _HEAD)
-    if not is_text(head):
+    if not is_text(head[:HEAD]):
         remedy = "export the measurements as CSV text"
         raise InputError("this is binary, not text", file=path, remedy=remedy)
     lines = decoded(head).split("\n")
-    written = [(n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#"]
+    rows = ((n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#")
+    written = list(islice(rows, 2))
     if not written:
         what = "there are only comments" if "#" in lines[0] else "the file is empty"
         raise InputError(what, file=path, remedy=EXPORT)
     stated = _SEPARATOR_LINE.fullmatch(written[0][1].strip())  # Excel's own line
     if stated and len(written) > 1:
-        written = written[1:]
+        written = [written[1], *islice(rows, 1)]
     line, text = written[0]
     separator = stated[1] if stated else max(_SEPARATORS, key=text.count)
     names = cells_of(text, separator)
@@ -102,7 +104,7 @@ def sniff(path: Path) -> Dialect:
     used = {column.index for column in (*numeric.values(), *labels.values())}
     ignored = tuple(name for i, name in enumerate(names) if i not in used and name)
     decimal = "."
-    for _, row in written[1:]:
+    for _, row in chain(written[1:], rows):
         cells = cells_of(row, separator)
         several = [cells[c.index] for c in numeric.values() if c.index < len(cells)]
         # "1,234" in a comma-separated file may well be a thousand
