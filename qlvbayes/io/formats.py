@@ -240,6 +240,12 @@ def format_checks(kind: Format, files: Sequence[str | Path]) -> Iterator[Check]:
     for name, rule in _RULES.items():
         for file in map(Path, files):
             yield f"{name}, {file.name}", partial(rule, kind, file)
+    yield "tidy file", partial(_check_tidy, kind)
+
+
+def _check_tidy(kind: Format) -> None:
+    if kind.sniff(_TIDY).whole:
+        raise FormatError(f"{kind.name} claims a tidy file")
 
 
 def _check_declarations(kind: Format, files: Sequence[str | Path]) -> None:
@@ -253,8 +259,6 @@ def _check_declarations(kind: Format, files: Sequence[str | Path]) -> None:
             raise FormatError(f"{called}: {word} must be one line of text")
     if len(files) < 2:
         raise FormatError(f"{kind.name}: give two files or more, of different tests or machines")
-    if kind.sniff(_TIDY).whole:
-        raise FormatError(f"{kind.name} claims a tidy file")
 
 
 def _check_known(kind: Format, file: Path) -> None:

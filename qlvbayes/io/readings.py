@@ -232,7 +232,9 @@ def unread_rows(time: Floats, way: Floats, load: Floats) -> int:
     steps, spent = np.abs(np.diff(moved)), np.diff(time[first:])
     passed = float(time[first] - time[first - 1])
     jump, span = abs(float(moved[0])), float(np.ptp(moved))
-    speed = float((steps / spent).max())
+    if passed <= 0.0 or not (rising := spent > 0.0).any():
+        return 0
+    speed = float((steps[rising] / spent[rising]).max())
     # the rest must be a motion in steps, of which the jump is none, and the force ignores it
     gradual = span > 3.0 * float(steps.max())
     sudden = jump > _JUMP * float(steps.max()) and jump / passed > _JUMP * speed
