@@ -248,7 +248,7 @@ def decimal_mark(cells: Iterable[str], file: Path) -> str:
 
 @dataclass(frozen=True)
 class Form:
-    """How rows are written, and what is read of them.
+    """Form of the rows of a table, and the columns that are read of it.
 
     ``numbers`` are the indices and names of the columns of numbers, ``labels`` the indices of texts
     that change rarely. A tidy file states its ``width``, the number of its columns: each of its
