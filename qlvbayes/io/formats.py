@@ -227,6 +227,11 @@ def check_format(kind: Format, files: Sequence[str | Path]) -> None:
     numbers, one for each quantity. From a file that is cut, has NULs or a byte order mark, or is
     UTF-16, it gives tests or an InputError and nothing else. A FormatError has a line for each rule
     that is broken.
+
+    Parameters
+    ----------
+    kind, files
+        The format's class; two or more files of it.
     """
     run_checks(format_checks(kind, files), FormatError)
 
@@ -234,7 +239,10 @@ def check_format(kind: Format, files: Sequence[str | Path]) -> None:
 def format_checks(kind: Format, files: Sequence[str | Path]) -> Iterator[Check]:
     """Yield name and function of each check of `check_format`, so that each is its own test.
 
-    ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
+    Parameters
+    ----------
+    kind, files
+        As there: ``@pytest.mark.parametrize(("name", "check"), format_checks(MyFormat, FILES))``.
     """
     yield "declarations", partial(_check_declarations, kind, files)
     for name, rule in _RULES.items():

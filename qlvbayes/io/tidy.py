@@ -86,7 +86,11 @@ def sniff(path: Path) -> Dialect:
     if not is_text(head[:HEAD]):
         remedy = "export the measurements as CSV text"
         raise InputError("this is binary, not text", file=path, remedy=remedy)
-    lines = decoded(head).split("\n")
+    text_of_head = decoded(head)
+    if b"\0" in head and 2 * len(text_of_head) > 1.5 * len(head):  # and no UTF-16
+        line = head.count(b"\n", 0, head.index(b"\0")) + 1
+        raise InputError("the line has binary zeros", file=path, line=line, remedy=EXPORT)
+    lines = text_of_head.split("\n")
     rows = ((n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#")
     written = list(islice(rows, 2))
     if not written:
