@@ -71,9 +71,9 @@ def input_of(number: int, files: list[tuple[str, bytes]]) -> tuple[str, bytes]:
 def attempt(path: Path, number: int) -> str:
     """Give one file to all readers, and return what became of it."""
     from qlvbayes.io.checks import InputError
+    from qlvbayes.io.conversion import convert
     from qlvbayes.io.data import read_measurements
-    from qlvbayes.io.formats.answers import Answers
-    from qlvbayes.io.formats.conversion import convert
+    from qlvbayes.io.loading import Answers
     from qlvbayes.motion.experiment import prepare
     from qlvbayes.report.firstlook import look_at
 

@@ -13,16 +13,22 @@ from typing import Any
 
 from qlvbayes.app.sessions import ASKED, DATA
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import (
+    DEFAULT_PAD,
+    Conversion,
+    convert,
+    in_short,
+    pad_in,
+    suggested_pattern,
+    write_tidy,
+)
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import results_folder
-from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
-from qlvbayes.io.formats.conversion import Conversion, convert, in_short
-from qlvbayes.io.formats.layouts import columns_in
-from qlvbayes.io.formats.naming import DEFAULT_PAD, pad_in, pattern_of, suggested_pattern
-from qlvbayes.io.formats.recognition import head_of
-from qlvbayes.io.formats.textfile import Lines, decoded
-from qlvbayes.io.formats.tidy import write_tidy
-from qlvbayes.io.reading.dialect import sniff
+from qlvbayes.io.layouts import columns_in
+from qlvbayes.io.loading import SIGNS, Answers, pattern_of
+from qlvbayes.io.recording import UnsureError
+from qlvbayes.io.table import Lines, decoded, head_of
+from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import SUFFIXES
 from qlvbayes.io.wording import plain
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from qlvbayes.app.sessions import Session
-from qlvbayes.io.escaping import as_typed
+from qlvbayes.io.wording import as_typed
 
 
 def commands(session: Session, pad: str) -> str:

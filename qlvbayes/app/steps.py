@@ -19,7 +19,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.escaping import as_typed
+from qlvbayes.io.wording import as_typed
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.source import alone
 from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep

@@ -18,7 +18,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from qlvbayes.io.escaping import as_typed, visible
+from qlvbayes.io.wording import as_typed, visible
 
 if TYPE_CHECKING:  # importing the sampler takes longer than most commands run
     from qlvbayes.fitting.ensemble import Progress as Report

@@ -17,13 +17,12 @@ from qlvbayes.cli.console import err, out, waiting
 from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, InputOptions, split_names
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.wording import plain
+from qlvbayes.io.wording import as_typed, plain
 
 if TYPE_CHECKING:
     from qlvbayes.cli.settings import Settings
+    from qlvbayes.io.conversion import Conversion
     from qlvbayes.io.data import Measurements
-    from qlvbayes.io.formats.conversion import Conversion
     from qlvbayes.io.units import UnitSystem
     from qlvbayes.pipeline.source import Source
     from qlvbayes.report.firstlook import FirstLook, PadSeen, Shown
@@ -130,8 +129,7 @@ def convert_command(
 def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.reading import converted
-    from qlvbayes.io.formats.conversion import in_short
-    from qlvbayes.io.formats.tidy import write_tidy
+    from qlvbayes.io.conversion import in_short, write_tidy
     from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
 
@@ -236,7 +234,7 @@ def _next(
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     """Print the tables and lines of a first look."""
-    from qlvbayes.io.formats.conversion import in_short
+    from qlvbayes.io.conversion import in_short
     from qlvbayes.report.firstlook.words import lines_of
 
     if look.notices:

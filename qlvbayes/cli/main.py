@@ -13,9 +13,8 @@ from pathlib import Path
 import typer
 
 from qlvbayes.cli.command import Command
-from qlvbayes.io.escaping import as_typed, visible
 from qlvbayes.io.files import bundled
-from qlvbayes.io.wording import joined
+from qlvbayes.io.wording import as_typed, joined, visible
 from qlvbayes.parallel.faults import FailedError, fault_of
 from qlvbayes.plots.catalogue import figures_of
 

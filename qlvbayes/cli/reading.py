@@ -10,8 +10,8 @@ import typer
 
 from qlvbayes.cli.console import err, waiting
 from qlvbayes.cli.settings import KEYS, Settings
-from qlvbayes.io.formats.answers import UnsureError
-from qlvbayes.io.formats.conversion import Conversion, convert
+from qlvbayes.io.conversion import Conversion, convert
+from qlvbayes.io.recording import UnsureError
 
 
 def converted(files: Sequence[Path], settings: Settings, pads: tuple[str, ...] = ()) -> Conversion:

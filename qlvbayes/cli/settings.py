@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from qlvbayes.diagnosis.settings import DiagnosisSettings
     from qlvbayes.fitting.ensemble import Settings as SamplerSettings
     from qlvbayes.io.data import Measurements
-    from qlvbayes.io.formats.answers import Answers
-    from qlvbayes.io.formats.format import Format
+    from qlvbayes.io.loading import Answers
+    from qlvbayes.io.recording import Format
     from qlvbayes.model.choices import Choices
     from qlvbayes.pipeline.source import Source
 
@@ -196,19 +196,19 @@ class Settings:
     @property
     def formats(self) -> tuple[Format, ...]:
         """Formats of the package, then those of installed packages and of the user's file."""
-        from qlvbayes.io.formats.catalogue import known_formats, own_formats
+        from qlvbayes.io.formats import known_formats, own_formats
 
         file = self["formats-file"]
         return (*known_formats(), *(() if file is None else own_formats(file)))
 
     def answers(self, pads: tuple[str, ...] = ()) -> Answers:
         """Return the answers for reading machines' files; InputError where one is unusable."""
-        from qlvbayes.io.formats.answers import Answers
+        from qlvbayes.io.loading import Answers
 
         tests = tuple(one.strip() for one in (self["tests"] or "").split(",") if one.strip())
         return Answers.from_words(
-            self["sign"], self["contact"], self["units"], self["area"], pads, tests,
-            self["pad-from"], self["columns"],
+            sign=self["sign"], contact=self["contact"], units=self["units"], area=self["area"],
+            pads=pads, tests=tests, pad_from=self["pad-from"], columns=self["columns"],
         )  # fmt: skip
 
     def arguments(self) -> list[str]:

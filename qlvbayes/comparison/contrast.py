@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, log10
 
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 SHARE = 0.90  # of the draws, that an interval holds

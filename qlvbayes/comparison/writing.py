@@ -7,8 +7,8 @@ import io
 from pathlib import Path
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval, written
-from qlvbayes.io.escaping import as_cells, tex, visible
 from qlvbayes.io.files import results_folder, write_whole
+from qlvbayes.io.wording import as_cells, tex, visible
 
 _COLUMNS = ("median", "low90", "high90")
 

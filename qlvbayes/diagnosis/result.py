@@ -8,7 +8,7 @@ import msgspec
 
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import decimals_of, plain
 from qlvbayes.motion.evidence import DirectEvidence

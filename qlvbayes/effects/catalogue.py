@@ -47,11 +47,8 @@ from qlvbayes.effects.relaxing import (
     StrainDependentStrength,
 )
 from qlvbayes.effects.softening import Conditioning, PermanentSet, StressSoftening, Thixotropy
-from qlvbayes.io.catalogue import at
+from qlvbayes.io.catalogue import EFFECT_POINTS, at, check_own, installed, own_classes
 from qlvbayes.io.checks import InputError, check_known
-from qlvbayes.io.installed import EFFECTS as EFFECT_POINTS
-from qlvbayes.io.installed import installed
-from qlvbayes.io.usermodule import check_own, own_classes
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     ViscousDrag,

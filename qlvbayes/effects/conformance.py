@@ -16,7 +16,7 @@ import numpy as np
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.io.conformance import Check, run_checks
+from qlvbayes.io.catalogue import Check, run_checks
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Contact, Law, Layer

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import as_cells, tex
 from qlvbayes.io.files import write_whole
+from qlvbayes.io.wording import as_cells, tex
 
 _COLUMNS = ["pad", "parameter", "value", "unit"]
 _HEADS = "pad,parameter,unit,median,low90,high90,reference"

@@ -12,7 +12,7 @@ from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise

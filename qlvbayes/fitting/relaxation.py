@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from qlvbayes.io.data import Control
-from qlvbayes.io.escaping import visible
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.io.wording import visible
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.arrays import finite_or_none
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment

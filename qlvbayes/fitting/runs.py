@@ -12,7 +12,7 @@ from msgspec import field, to_builtins
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.model.choices import Choices
 
 _LIBRARIES = (

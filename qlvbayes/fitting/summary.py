@@ -7,7 +7,7 @@ import numpy as np
 from qlvbayes.fitting.diagnostics import Diagnostics, highest_density
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.io.arrays import finite_or_none
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from qlvbayes.io.escaping import visible
+from qlvbayes.io.wording import visible
 
 
 class InputError(Exception):

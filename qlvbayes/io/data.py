@@ -4,34 +4,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import as_typed, prints
+from qlvbayes.io.conversion import Conversion, convert
 from qlvbayes.io.files import folder_fault, same_folder
-from qlvbayes.io.formats.answers import UnsureError
-from qlvbayes.io.formats.catalogue import known_formats
-from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.layouts import TWO_CLOCKS
-from qlvbayes.io.formats.recognition import head_of, matching, refuse_results, refuse_timeless
-from qlvbayes.io.formats.textfile import Lines, content, decoded, is_text, with_tabs
-from qlvbayes.io.formats.texttable import refuse_unknown_units
-from qlvbayes.io.reading.badline import parse_number
-from qlvbayes.io.reading.csvtext import digest, unchanged
-from qlvbayes.io.reading.dialect import Dialect, sniff
-from qlvbayes.io.reading.noreading import no_readings, out_of_range, same_readings
-from qlvbayes.io.reading.table import Table, read_table
-from qlvbayes.io.reading.testchecks import Checker, Rows
-from qlvbayes.io.reading.unread import UNREAD, unread_rows
+from qlvbayes.io.formats import known_formats, matching, refuse_by_content
+from qlvbayes.io.layouts import TWO_CLOCKS
+from qlvbayes.io.readings import (
+    LEAST_SAMPLES,
+    no_readings,
+    out_of_range,
+    slipped,
+    unread_rows,
+    wrong_signs,
+)
+from qlvbayes.io.recording import UnsureError
+from qlvbayes.io.table import (
+    Form,
+    Labels,
+    Rows,
+    content,
+    digest,
+    head_of,
+    is_text,
+    parse_number,
+    read_rows,
+)
+from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import listed, of_lines
+from qlvbayes.io.wording import as_typed, listed, of_lines, prints
 
 Role = Literal["fit", "validate"]
 
@@ -141,32 +151,61 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """Read a CSV or .csv.gz file that has a row per sample."""
+    """Read a tidy CSV or .csv.gz file that has a row per sample, or a machine's file."""
     file = Path(path)
-    with unchanged(file):
-        try:
-            dialect: Dialect | InputError = sniff(file)
-        except InputError as error:
-            dialect = error
-        if (converted := _machine_file(file, dialect)) is not None:
-            return measurements_of(converted, str(path), digest(file))
-        if isinstance(dialect, InputError):
-            raise dialect
-        pads, left_out = _pads(file, dialect, read_table(file, dialect))
-        sha256 = digest(file)
-    return Measurements(
-        pads, dialect.columns.units, str(path), sha256, (*_notices(dialect), *left_out)
-    )
+    sha256 = digest(file)
+    try:
+        dialect: Dialect | InputError = sniff(file)
+    except InputError as error:
+        dialect = error
+    if (converted := _machine_file(file, dialect)) is not None:
+        return measurements_of(converted, str(path), sha256)
+    if isinstance(dialect, InputError):
+        raise dialect
+    pads, left_out = _pads(file, dialect, read_tidy(file, dialect))
+    if digest(file) != sha256:
+        remedy = "wait until it is written and try again"
+        raise InputError("the file changed while it was read", file=file, remedy=remedy)
+    notices = [dialect.notice] if dialect.notice else []
+    if dialect.ignored:
+        notices.append(f"columns not used: {', '.join(dialect.ignored)}")
+    return Measurements(pads, dialect.units, str(path), sha256, (*notices, *left_out))
+
+
+def read_tidy(file: Path, dialect: Dialect) -> Rows:
+    """Return the rows of a tidy file, its numbers in the units of the dialect."""
+    numbers = [(column.index, column.name) for column in dialect.numeric.values()]
+    labels = [column.index for column in dialect.labels.values()]
+    form = Form(dialect.separator, numbers, labels, dialect.width, dialect.decimal)
+    rows = content(file).split(b"\n", dialect.line)[-1]
+    read = read_rows(rows, form, file, dialect.line + 1)
+    for column, values in zip(dialect.numeric.values(), read.columns, strict=True):
+        column.scale.convert(values)
+    return read
+
+
+def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
+    """Return the tests of a machine's file, or None where the file is none."""
+    if isinstance(tidy, Dialect) and not tidy.ignored:
+        return None
+    try:
+        head = head_of(file)
+    except InputError:
+        return None
+    whole = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
+    if len(whole) != 1:
+        if isinstance(tidy, InputError) and is_text(head):
+            refuse_by_content(head, file)
+        return None
+    try:
+        return convert([file])
+    except UnsureError as error:
+        again = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
+        raise error.elsewhere(again) from error
 
 
 def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
-    """Return the tests of a conversion of machine files as measurements."""
-    pads = _converted(conversion)
-    return Measurements(pads, conversion.units, source, sha256, conversion.notices)
-
-
-def _converted(conversion: Conversion) -> tuple[Pad, ...]:
-    """Return the pads of a conversion; without a clock the tests of a pad follow one another."""
+    """Return the tests of a conversion; without a clock they follow one another."""
     tests: dict[str, list[Test]] = {}
     for tidied in conversion.tests:
         of_pad = tests.setdefault(tidied.pad, [])
@@ -183,324 +222,280 @@ def _converted(conversion: Conversion) -> tuple[Pad, ...]:
                 control=Control.FORCE if tidied.prescribed_force else None,
             )
         )  # fmt: skip
-    return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
+    pads = tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
+    return Measurements(pads, conversion.units, source, sha256, conversion.notices)
 
 
-def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
+def _pads(file: Path, dialect: Dialect, rows: Rows) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
     """Return the pads, each with its tests in order, and notices about rows left out."""
-    builder = _Builder(file, dialect, table)
     notices: list[str] = []
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
-    for grouped in _grouped(table):
-        rows, late = builder.read(grouped, notices)
-        builder.check_folder(rows, tests)
-        of_pad = tests.setdefault(rows.pad, [])
-        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None, notices, late))
-        builder.add_fluid(rows, fluids)
-    units = dialect.columns.units
-    pads = [Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items()]
+    labels = dict(zip(dialect.labels, rows.labels, strict=True))
+    for pad, test, indices in _grouped(labels, len(rows.columns[0])):
+        built = _Builder(file, dialect, rows, labels, pad, test, indices, notices)
+        built.check_names(tests)
+        of_pad = tests.setdefault(pad, [])
+        of_pad.append(built.test(of_pad[-1] if of_pad else None))
+        fluid = built.label("fluid") or None
+        if fluid:
+            built.check_folder("fluid", fluid)
+        if fluids.setdefault(pad, fluid) != fluid:
+            name = dialect.labels["fluid"].name
+            what = f"{name} changes from '{fluids[pad] or ''}' to '{fluid or ''}'"
+            built.fail(0, what + built.where, f"write one {name} for all rows of a pad")
+    pads = [Pad(name, tuple(of), dialect.units, fluids[name]) for name, of in tests.items()]
     return tuple(pads), tuple(notices)
 
 
-def _notices(dialect: Dialect) -> tuple[str, ...]:
-    notices = [dialect.notice] if dialect.notice else []
-    twins = [c.name for key, c in dialect.columns.numeric.items() if key.endswith(" 2")]
-    if ignored := (*dialect.columns.ignored, *twins):
-        notices.append(f"columns not used: {', '.join(ignored)}")
-    return tuple(notices)
+def _grouped(
+    labels: dict[str, Labels], size: int
+) -> Iterator[tuple[str, str, slice | NDArray[np.intp]]]:
+    """Yield pad, test and rows of the tests, in order of first appearance."""
+    one = Labels(np.zeros(size, np.intp), [])
+    pads, tests = labels.get("pad", one), labels.get("test", one)
+    keys = pads.codes * (len(tests.texts) + 1) + tests.codes
+    starts = np.append(0, np.flatnonzero(np.diff(keys)) + 1)
+    parts: dict[int, list[slice]] = {}
+    for begin, end in zip(starts, np.append(starts[1:], size), strict=True):
+        parts.setdefault(int(keys[begin]), []).append(slice(int(begin), int(end)))
+    for key, stretches in parts.items():
+        rows = stretches[0]
+        pad = pads.texts[pads.codes[rows.start]] if pads.texts else "pad"
+        test = tests.texts[tests.codes[rows.start]] if tests.texts else "test"
+        yield pad, test, rows if len(stretches) == 1 else np.flatnonzero(keys == key)
 
 
-def _grouped(table: Table) -> Iterator[Rows]:
-    """Yield the tests in order of first appearance; rows of one name are one test."""
-    runs = table.runs
-    nothing = np.zeros(len(runs.starts) - 1, np.int64)
-    pads, tests = runs.codes.get("pad", nothing), runs.codes.get("test", nothing)
-    bounds = runs.starts.tolist()
-    stretches: dict[tuple[int, int], list[slice]] = {}
-    for n, key in enumerate(zip(pads.tolist(), tests.tolist(), strict=True)):
-        stretches.setdefault(key, []).append(slice(bounds[n], bounds[n + 1]))
-    pad_names = runs.texts.get("pad", ["pad"])
-    test_names = runs.texts.get("test", ["test"])
-    for (pad, test), parts in stretches.items():
-        yield Rows(pad_names[pad], test_names[test], tuple(_joined(parts)))
-
-
-def _joined(parts: list[slice]) -> Iterator[slice]:
-    """Join stretches that touch, where only role, rate or start changed."""
-    current = parts[0]
-    for part in parts[1:]:
-        if part.start == current.stop:
-            current = slice(current.start, part.stop)
-        else:
-            yield current
-            current = part
-    yield current
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Builder:
-    """Builder of the tests of a table."""
+    """Builder of one test: its rows in the table, and the names of pad and test."""
 
     file: Path
     dialect: Dialect
-    table: Table
+    table: Rows
+    labels: dict[str, Labels]
+    pad: str
+    name: str
+    rows: slice | NDArray[np.intp]
+    notices: list[str]
+    late: float = 0.0  # s, by which the rows begin later than the test
 
-    def read(self, rows: Rows, notices: list[str]) -> tuple[Rows, float]:
-        """Return the rows that were read, and by how much (s) they begin later than the test."""
-        named = ("time", "displacement", "force")
-        time, way, load = (rows.take(self.table.numeric[key]) for key in named)
-        unread = unread_rows(time, way, load)
-        if not unread:
-            return rows, 0.0
-        notices.append(
-            f"test '{rows.test}' of pad '{rows.pad}': dropped {of_lines(unread, UNREAD)} "
-            f"(line {self.table.line(rows.row(0))})"
-        )
-        return rows.after(unread), float(time[unread] - time[0])
+    @property
+    def title(self) -> str:
+        """Return the test as text."""
+        return f"test '{self.name}' of pad '{self.pad}'"
 
-    def test(self, rows: Rows, before: Test | None, notices: list[str], late: float = 0.0) -> Test:
-        """Return one test; `before` is the pad's previous one."""
-        self._names(rows)
-        columns = {key: rows.take(column) for key, column in self.table.numeric.items()}
-        self._twins(rows, columns)
-        checker = Checker(self.file, self.table, self.dialect.columns)
-        controls = self._controls(rows, columns["time"])
-        used = self._used(rows, columns["time"].size)
-        if not controls and self._creeps(columns):
-            time = columns["time"]
+    @property
+    def where(self) -> str:
+        """Return the place of a fault as text."""
+        return f" in {self.title}"
+
+    def fail(self, sample: int, message: str, remedy: str) -> NoReturn:
+        """Raise the error at a sample of the test."""
+        raise InputError(message, file=self.file, line=self.line(sample), remedy=remedy)
+
+    def line(self, sample: int) -> int:
+        """Return the line of the file that holds a sample."""
+        rows = self.rows
+        return self.table.line(rows.start + sample if isinstance(rows, slice) else rows[sample])
+
+    def check_names(self, before: Iterable[str]) -> None:
+        """Refuse names that are empty, or that no folder can have beside those of other pads."""
+        for key, name in (("pad", self.pad), ("test", self.name)):
+            if not name:
+                self.fail(0, f"{key} is empty{self.where}", "write its name")
+        if not all(map(prints, self.name)):
+            what = f"the test's name '{self.name}' has a character that does not print{self.where}"
+            self.fail(0, what, "write it without")
+        self.check_folder("pad", self.pad)
+        for other in before:
+            if other != self.pad and same_folder(other) == same_folder(self.pad):
+                what = f"the pads '{other}' and '{self.pad}' differ in upper and lower case only"
+                self.fail(0, what + self.where, "write one name, or two that differ in more")
+
+    def check_folder(self, what: str, name: str) -> None:
+        """Refuse a name that no folder of results can have."""
+        if (fault := folder_fault(name)) is not None:
+            self.fail(0, f"the {what}'s name '{name[:200]}' {fault[0]}", fault[1])
+
+    def test(self, before: Test | None) -> Test:
+        """Return the test; ``before`` is the pad's previous one."""
+        columns = {
+            key: column[self.rows]
+            for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
+        }
+        time, force = columns["time"], columns["force"]
+        if unread := unread_rows(time, columns["displacement"], force):
+            lost = of_lines(unread, "rows before the channels were read, both exactly 0")
+            self.notices.append(f"{self.title}: dropped {lost} (line {self.line(0)})")
+            rows = np.arange(len(self.table.columns[0]))[self.rows][unread:]
+            return replace(self, rows=rows, late=float(time[unread] - time[0])).test(before)
+        controls, used = self._controls(time), self._used(time.size)
+        if (
+            not controls
+            and force[0] > 0.0
+            and np.ptp(force) == 0.0 < np.ptp(columns["displacement"])
+        ):
             controls = (Prescribed(Control.FORCE, float(time[0]), float(time[-1])),)
-            notices.append(
-                f"test '{rows.test}' of pad '{rows.pad}': {self._name('force')} is "
-                f"{columns['force'][0]:g} in every row: it is taken as prescribed, and the test as "
-                "creep; a column control that says displacement or force states it"
+            self.notices.append(
+                f"{self.title}: {self._name('force')} is {force[0]:g} in every row: it is taken as "
+                "prescribed, and the test as creep; a column control that says displacement or "
+                "force states it"
             )
-        self._readings(rows, columns, used)
         loaded = any(part.control == Control.FORCE for part in controls)
-        checker.check(rows, columns, loaded=loaded, used=used)
-        self._range(rows, columns, used)
+        self._check(columns, used, loaded=loaded)
         for values in columns.values():
             values.setflags(write=False)
+        start = self._number("start")
+        follows = 0.0 if before is None else before.start_s + float(np.ptp(before.time))
         return Test(
-            name=rows.test,
-            pad=rows.pad,
-            time=columns["time"],
+            name=self.name,
+            pad=self.pad,
+            time=time,
             displacement=columns["displacement"],
-            force=columns["force"],
+            force=force,
             force_sd=columns.get("force_sd"),
-            role=self._role(rows),
-            rate=self._rate(rows),
-            start_s=self._start(rows, before, late),
-            start_known=self._number(rows, "start") is not None,
+            role=self._role(),
+            rate=self._rate(),
+            start_s=follows if start is None else start + self.late,
+            start_known=start is not None,
             control=controls[0].control if len(controls) == 1 else None,
             changes=controls if len(controls) > 1 else (),
-            contact_sd=self._contact_sd(rows),
-            contact_stage=self._label(rows, "contact_stage"),
+            contact_sd=self._contact_sd(),
+            contact_stage=self.label("contact_stage"),
             used=None if used.all() else used,
         )
 
-    def _twins(self, rows: Rows, columns: dict[str, Floats]) -> None:
-        """Refuse a quantity in two columns that differ by more than the digits of either."""
-        for key in ("displacement", "force"):
-            if (other := columns.pop(f"{key} 2", None)) is not None and not same_readings(
-                columns[key], other, rounded=True
-            ):
-                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
-                self._fail(
-                    rows, rows.row(0), f"two columns for {key}: {both}", "delete one of them"
-                )
-
-    @staticmethod
-    def _creeps(columns: dict[str, Floats]) -> bool:
-        """Return whether a force that is not zero never changes while the displacement does."""
-        force = columns["force"]
-        constant = bool(force[0] > 0.0 and (force == force[0]).all())
-        return constant and bool((columns["displacement"] != columns["displacement"][0]).any())
-
     def _name(self, key: str) -> str:
-        return self.dialect.columns.numeric[key].name
+        return self.dialect.numeric[key].name
 
-    def _readings(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
-        """Refuse rows with a logger's code in place of a reading, as empty cells are refused."""
+    def _check(self, columns: dict[str, Floats], used: Mask, *, loaded: bool) -> None:
+        """Raise InputError unless the test can be used."""
+        time, way, force = (columns[key] for key in ("time", "displacement", "force"))
         for key, counts in (("displacement", np.ones_like(used)), ("force", used)):
             missing = no_readings(columns[key][counts])
             if missing.count:
                 first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
-                name = self.dialect.columns.numeric[key].name
                 times = f"{missing.count} rows, the first" if missing.count > 1 else "one row,"
-                what = f"{name} is {missing.written}, a code for no reading, in {times} at "
-                what += f"{columns['time'][first]:.6g} s,"
-                self._fail(rows, rows.row(first), what, "delete these rows")
+                what = f"{self._name(key)} is {missing.written}, a code for no reading, in {times} "
+                what += f"at {columns['time'][first]:.6g} s,{self.where}"
+                self.fail(first, what, "delete these rows")
+        self._check_time(time)
+        if (size := len(time)) < LEAST_SAMPLES:
+            what = f"{self.title} has {size} rows, at least {LEAST_SAMPLES} are needed"
+            self.fail(0, what, "add the missing rows or delete the test")
+        if (kept := np.count_nonzero(used)) < LEAST_SAMPLES:
+            what = f"the column use keeps {kept} rows of {self.title}, and "
+            what += f"at least {LEAST_SAMPLES} are needed"
+            self.fail(0, what, "write 1 in more of its rows or delete the test")
+        for key, values in (("displacement", way), ("force", force[used])):
+            held = key == "force" and loaded and values.max() > 0.0
+            if values.min() == values.max() and not held:
+                what = f"{self._name(key)} never changes{self.where}"
+                self.fail(0, what, "check the channel or delete the test")
+        if "force_sd" in columns and columns["force_sd"].min() <= 0:
+            bad = int(np.argmax(columns["force_sd"] <= 0))
+            what = f"{self._name('force_sd')} is not positive ({columns['force_sd'][bad]:g})"
+            self.fail(bad, what, "write its standard deviation or delete the column")
+        wrong = wrong_signs(way[used], force[used])
+        if wrong and not (self.dialect.units.dimensionless and len(wrong) > 1):
+            names = " and ".join(self._name(key) for key in wrong)
+            what = f"in {self.title} the specimen is loaded with {names} of the wrong sign"
+            self.fail(0, what, f"multiply {names} by -1")
+        read = {self._name("displacement"): way, self._name("force"): force[used]}
+        if (fault := out_of_range(time, read)) is not None:
+            self.fail(0, f"{fault}, which no rig measures,{self.where}", "check the units")
 
-    def _range(self, rows: Rows, columns: dict[str, Floats], used: Mask) -> None:
-        headers = self.dialect.columns.numeric
-        read = {"displacement": columns["displacement"], "force": columns["force"][used]}
-        named = {headers[key].name: values for key, values in read.items()}
-        if (what := out_of_range(columns["time"], named)) is not None:
-            self._fail(rows, rows.row(0), f"{what}, which no rig measures,", "check the units")
+    def _check_time(self, time: Floats) -> None:
+        """Refuse time that does not increase but for single slips, and say how it fails."""
+        if slipped(time) is not None:
+            return
+        index = int(np.argmax(time[1:] <= time[:-1])) + 1
+        before, now = float(time[index - 1]), float(time[index])
+        where = f"{self.where} ({now:.9g} s after {before:.9g} s)"
+        what, name = "restarts", self._name("time")
+        remedy = "give each test its own name"
+        if "test" not in self.labels:
+            remedy = "add a test column naming each test"
+        if now == before:
+            what, remedy = "repeats", "write time with more decimals or delete the repeated row"
+        elif now - time[0] > 0.1 * (before - time[0]):
+            what, remedy = "runs backwards", "sort the test's rows by time"
+        self.fail(index, f"{name} {what}{where}", remedy)
 
-    def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
-        """Record the fluid of the test's pad, which must be that of the pad's other tests."""
-        fluid = self._label(rows, "fluid") or None
-        if fluid:
-            self._names_folder(rows, "fluid", fluid)
-        before = fluids.setdefault(rows.pad, fluid)
-        if before != fluid:
-            name = self.dialect.columns.labels["fluid"].name
-            what = f"{name} changes from '{before or ''}' to '{fluid or ''}'"
-            self._fail(rows, rows.row(0), what, f"write one {name} for all rows of a pad")
-
-    def _fail(self, rows: Rows, row: int, message: str, remedy: str) -> NoReturn:
-        line = self.table.line(row)
-        where = f" in test '{rows.test}' of pad '{rows.pad}'"
-        raise InputError(message + where, file=self.file, line=line, remedy=remedy)
-
-    def _names(self, rows: Rows) -> None:
-        first = rows.row(0)
-        for key, name in (("pad", rows.pad), ("test", rows.test)):
-            if not name:
-                self._fail(rows, first, f"{key} is empty", "write its name")
-        if not all(map(prints, rows.test)):
-            what = f"the test's name '{rows.test}' has a character that does not print"
-            self._fail(rows, first, what, "write it without")
-        self._names_folder(rows, "pad", rows.pad)
-
-    def _names_folder(self, rows: Rows, what: str, name: str) -> None:
-        if (fault := folder_fault(name)) is not None:
-            why, remedy = fault
-            raise InputError(
-                f"the {what}'s name '{name[:200]}' {why}",
-                file=self.file,
-                line=self.table.line(rows.row(0)),
-                remedy=remedy,
-            )
-
-    def check_folder(self, rows: Rows, before: Iterable[str]) -> None:
-        """Refuse a pad whose folder some disks would take for another pad's."""
-        for name in before:
-            if name != rows.pad and same_folder(name) == same_folder(rows.pad):
-                what = f"the pads '{name}' and '{rows.pad}' differ in upper and lower case only"
-                self._fail(rows, rows.row(0), what, "write one name, or two that differ in more")
-
-    def _label(self, rows: Rows, key: str) -> str:
+    def label(self, key: str) -> str:
         """Return a label's text, the same in all rows of the test; empty without such a column."""
-        (_, first), *others = self._labels(rows, key)
+        (_, first), *others = self._labels(key)
         if others:
-            name = self.dialect.columns.labels[key].name
-            sample, text = others[0]
-            what = f"{name} changes from '{first}' to '{text}'"
-            self._fail(rows, rows.row(sample), what, f"write one {name} for all its rows")
+            name = self.dialect.labels[key].name
+            what = f"{name} changes from '{first}' to '{others[0][1]}'{self.where}"
+            self.fail(others[0][0], what, f"write one {name} for all its rows")
         return first
 
-    def _labels(self, rows: Rows, key: str) -> list[tuple[int, str]]:
+    def _labels(self, key: str) -> list[tuple[int, str]]:
         """Return each text of a label with the first sample that has it, where it changes."""
-        runs = self.table.runs
-        if key not in runs.codes:
+        if key not in self.labels:
             return [(0, "")]
-        changes: list[tuple[int, int]] = []
-        sample = 0
-        for stretch in rows.stretches:
-            begin = int(np.searchsorted(runs.starts, stretch.start, side="right")) - 1
-            end = int(np.searchsorted(runs.starts, stretch.stop))
-            codes = runs.codes[key][begin:end]
-            for n in np.flatnonzero(
-                np.diff(codes, prepend=changes[-1][1] if changes else -1)
-            ).tolist():
-                offset = max(int(runs.starts[begin + n]) - stretch.start, 0)
-                changes.append((sample + offset, int(codes[n])))
-            sample += stretch.stop - stretch.start
-        return [(at, runs.texts[key][code]) for at, code in changes]
+        codes = self.labels[key].codes[self.rows]
+        starts = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist()]
+        return [(at, self.labels[key].texts[codes[at]]) for at in starts]
 
-    def _role(self, rows: Rows) -> Role | None:
-        role = self._label(rows, "role")
+    def _role(self) -> Role | None:
+        role = self.label("role")
         if role not in ("fit", "validate", ""):
-            what = f"role '{role}' is unknown"
-            self._fail(rows, rows.row(0), what, "write fit, validate or nothing")
+            self.fail(0, f"role '{role}' is unknown{self.where}", "write fit, validate or nothing")
         return cast(Role, role) if role else None
 
-    def _controls(self, rows: Rows, time: Floats) -> tuple[Prescribed, ...]:
+    def _controls(self, time: Floats) -> tuple[Prescribed, ...]:
         """Return what was prescribed in each stretch of a test; nothing where no row says it."""
-        labels = self._labels(rows, "control")
+        labels = self._labels("control")
         if labels == [(0, "")]:
             return ()
         for sample, text in labels:
             if text not in _CONTROLS:
                 what = f"control '{text}' is unknown" if text else "control is empty"
                 remedy = "write displacement or force in all rows of the test, or nothing in all"
-                self._fail(rows, rows.row(sample), what, remedy)
+                self.fail(sample, what + self.where, remedy)
         ends = [float(0.5 * (time[k - 1] + time[k])) for k, _ in labels[1:]]
         bounds = [float(time[0]), *ends, float(time[-1])]
         controls = [_CONTROLS[text] for _, text in labels]
         return tuple(map(Prescribed, controls, bounds[:-1], bounds[1:]))
 
-    def _used(self, rows: Rows, size: int) -> Mask:
+    def _used(self, size: int) -> Mask:
         """Return which samples' force is used (n,): all of them where no row says it."""
-        labels = self._labels(rows, "use")
+        labels = self._labels("use")
         if labels == [(0, "")]:
             return np.ones(size, dtype=bool)
         for sample, text in labels:
             if text.lower() not in _USED:
                 what = f"use '{text[:40]}' is neither 1 nor 0" if text else "use is empty"
                 remedy = "write 1 (yes, true) or 0 (no, false) in all rows of the test, or nothing"
-                self._fail(rows, rows.row(sample), what, f"{remedy} in all")
+                self.fail(sample, what + self.where, f"{remedy} in all")
         lengths = np.diff([*(sample for sample, _ in labels), size])
         return np.repeat([_USED[text.lower()] for _, text in labels], lengths)
 
-    def _number(self, rows: Rows, key: str) -> float | None:
+    def _number(self, key: str) -> float | None:
         """Return the number declared for a test, or None where the cell is empty."""
-        text = self._label(rows, key)
+        text = self.label(key)
         if not text:
             return None
         value = parse_number(text, self.dialect.decimal)
-        column = self.dialect.columns.labels[key]
+        column = self.dialect.labels[key]
         if value is None or not math.isfinite(value):
-            what = f"{column.name} is not a number ('{text[:40]}')"
-            self._fail(rows, rows.row(0), what, "write a number or leave it empty")
+            what = f"{column.name} is not a number ('{text[:40]}'){self.where}"
+            self.fail(0, what, "write a number or leave it empty")
         return value * column.scale.up / column.scale.down
 
-    def _rate(self, rows: Rows) -> float | None:
-        rate = self._number(rows, "rate")
+    def _rate(self) -> float | None:
+        rate = self._number("rate")
         if rate is not None and rate <= 0:
-            name = self.dialect.columns.labels["rate"].name
-            what = f"{name} is not positive ({rate:g})"
-            self._fail(rows, rows.row(0), what, "write the speed of loading without sign")
+            what = f"{self.dialect.labels['rate'].name} is not positive ({rate:g}){self.where}"
+            self.fail(0, what, "write the speed of loading without sign")
         return rate
 
-    def _contact_sd(self, rows: Rows) -> float | None:
-        sd = self._number(rows, "contact_sd")
+    def _contact_sd(self) -> float | None:
+        sd = self._number("contact_sd")
         if sd is not None and sd < 0:
-            name = self.dialect.columns.labels["contact_sd"].name
-            what = f"{name} is negative ({sd:g})"
-            self._fail(rows, rows.row(0), what, "write its standard error or leave it empty")
+            what = f"{self.dialect.labels['contact_sd'].name} is negative ({sd:g}){self.where}"
+            self.fail(0, what, "write its standard error or leave it empty")
         return sd or None
-
-    def _start(self, rows: Rows, before: Test | None, late: float) -> float:
-        """Return the declared start, or the end of the pad's previous test."""
-        start = self._number(rows, "start")
-        if start is not None:
-            return start + late
-        if before is None:
-            return 0.0
-        return before.start_s + float(before.time[-1] - before.time[0])
-
-
-def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
-    """Return the tests of a machine's file, or None where the file is none."""
-    if isinstance(tidy, Dialect) and not tidy.columns.ignored:
-        return None
-    try:
-        head = head_of(file)
-    except InputError:
-        return None
-    whole, _, _ = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
-    if len(whole) != 1:
-        if isinstance(tidy, InputError) and is_text(head):
-            refuse_results(head, file)
-            refuse_unknown_units(Lines.from_bytes(decoded(head).encode()), file)
-            refuse_timeless(with_tabs(content(file))[0], file)
-        return None
-    try:
-        return convert([file])
-    except UnsureError as error:
-        again = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
-        raise error.elsewhere(again) from error

@@ -7,11 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from qlvbayes.io.catalogue import ELASTIC, RELAXATION, at, loaded
+from qlvbayes.io.catalogue import (
+    ELASTIC,
+    LAW_POINTS,
+    RELAXATION,
+    at,
+    check_own,
+    installed,
+    loaded,
+    own_classes,
+)
 from qlvbayes.io.checks import InputError, check_known
-from qlvbayes.io.installed import LAWS as LAW_POINTS
-from qlvbayes.io.installed import installed
-from qlvbayes.io.usermodule import check_own, own_classes
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from qlvbayes.io.conformance import Check, run_checks
+from qlvbayes.io.catalogue import Check, run_checks
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import MOST_TERMS, AbstractRelaxation

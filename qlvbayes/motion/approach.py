@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.contact import FirstContact, find_contact
 from qlvbayes.io.data import Control, Pad, Test
-from qlvbayes.io.formats.contact import FirstContact, find_contact
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.io.data import Control
-from qlvbayes.io.formats.sampling import sampling_of
+from qlvbayes.io.readings import sampling_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
-from qlvbayes.io.reading.testchecks import LEAST_SAMPLES
+from qlvbayes.io.readings import LEAST_SAMPLES
 from qlvbayes.io.units import SUFFIXES, UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.badreadings import Bad, BadReadings, runs_of

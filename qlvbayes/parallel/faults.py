@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import visible
-from qlvbayes.io.wording import listed
+from qlvbayes.io.wording import listed, visible
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,15 @@ from functools import cached_property
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import Conversion, convert, tidy_text, write_tidy
 from qlvbayes.io.data import Measurements, Pad, measurements_of, read_measurements
 from qlvbayes.io.files import folder_fault, results_folder, same_folder
-from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.catalogue import known_formats
-from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.format import Format
-from qlvbayes.io.formats.layouts import TWO_CLOCKS
-from qlvbayes.io.formats.recognition import head_of, matching
-from qlvbayes.io.formats.tidy import tidy_text, write_tidy
-from qlvbayes.io.reading.dialect import sniff
+from qlvbayes.io.formats import known_formats, matching
+from qlvbayes.io.layouts import TWO_CLOCKS
+from qlvbayes.io.loading import Answers
+from qlvbayes.io.recording import Format
+from qlvbayes.io.table import head_of
+from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
 from qlvbayes.io.wording import UNNAMED, listed
 from qlvbayes.parallel.faults import Fault, fault_of
@@ -242,12 +241,12 @@ def _is_tidy(file: Path, asked: bool) -> bool:
         dialect = sniff(file)
     except InputError:
         return not asked and not _matches(file, known_formats())
-    return not dialect.columns.ignored or not (asked or _matches(file, (TWO_CLOCKS,)))
+    return not dialect.ignored or not (asked or _matches(file, (TWO_CLOCKS,)))
 
 
 def _matches(file: Path, formats: Sequence[Format]) -> bool:
     try:
-        return bool(matching(head_of(file), formats)[0])
+        return bool(matching(head_of(file), formats))
     except InputError:
         return False
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from qlvbayes.io.formats.conversion import Conversion, Tidied
+from qlvbayes.io.conversion import Conversion, Tidied
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

@@ -18,8 +18,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import literal
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import literal
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns

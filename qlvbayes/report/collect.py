@@ -19,9 +19,8 @@ from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import Run, RunLog
 from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.resultfile import Result
-from qlvbayes.io.wording import pad_title
+from qlvbayes.io.files import Result
+from qlvbayes.io.wording import as_typed, pad_title
 from qlvbayes.model.drawn import described_fields
 from qlvbayes.report.errors import ErrorTable
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from qlvbayes.comparison.contrast import DECIDED, EQUAL
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import as_typed
-from qlvbayes.io.wording import DASH, number, percent_unbroken, with_unit
+from qlvbayes.io.wording import DASH, as_typed, number, percent_unbroken, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES

@@ -14,9 +14,8 @@ from markupsafe import Markup
 from qlvbayes.diagnosis.phrases import stage_name
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.io import wording
-from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.files import write_whole
-from qlvbayes.io.wording import NBSP, joined
+from qlvbayes.io.wording import NBSP, as_typed, joined
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
-from qlvbayes.io.reading.table import read_table
+from qlvbayes.io.data import read_measurements, read_tidy
 
 HEADER = "time_s,displacement_mm,force_N"
 LINES = [
@@ -72,12 +71,12 @@ def test_a_file_written_to_while_it_is_read_says_so(tmp_path, monkeypatch):
     path.write_text(text(*LINES))
 
     def read_then_grow(file, dialect):
-        table = read_table(file, dialect)
+        table = read_tidy(file, dialect)
         with path.open("a") as stream:
             stream.write("0.2,")
         return table
 
-    monkeypatch.setattr("qlvbayes.io.data.read_table", read_then_grow)
+    monkeypatch.setattr("qlvbayes.io.data.read_tidy", read_then_grow)
     with pytest.raises(InputError, match=r"pads\.csv: the file changed .* read; wait until"):
         read_measurements(path)
 

@@ -24,8 +24,8 @@ from qlvbayes.cli.options import among
 from qlvbayes.fitting.constants_table import Entry, as_csv, as_latex
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.escaping import as_typed, computed, prints, visible
 from qlvbayes.io.files import folder_fault
+from qlvbayes.io.wording import as_typed, computed, prints, visible
 from qlvbayes.plots.style import shortened, style, using
 from qlvbayes.use.exports.c_header import CHeader
 from qlvbayes.use.exports.card import card, commented, in_comment, template

@@ -28,7 +28,7 @@ from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import RunLog
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.io.resultfile import Result
+from qlvbayes.io.files import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.priors import LogNormal

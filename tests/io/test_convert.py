@@ -10,10 +10,9 @@ from support.endtoend import COMMAND, call, environment
 from support.machine_files import CORPUS, STORED, of_layout
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import convert, in_short, tidy_text
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.conversion import convert, in_short
-from qlvbayes.io.formats.tidy import tidy_text
+from qlvbayes.io.loading import Answers
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import figure_of, plot_conversion
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import convert
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.loading import Answers
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 CASES = [json.loads(line) for line in (CORPUS / "read.jsonl").read_text("utf-8").splitlines()]

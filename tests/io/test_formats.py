@@ -10,15 +10,21 @@ import pytest
 from support.machine_files import FIXTURES, LAG, STORED, bluehill, of_layout, pressed
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.catalogue import FORMATS, own_formats
-from qlvbayes.io.formats.columns import split_header
-from qlvbayes.io.formats.conformance import FormatError, check_format
-from qlvbayes.io.formats.contact import find_contact, find_signs
-from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.format import HEAD, AbstractFormat
-from qlvbayes.io.formats.layouts import BLUEHILL_3
-from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.recognition import matching, recognised
+from qlvbayes.io.columns import split_header
+from qlvbayes.io.contact import find_contact, find_signs
+from qlvbayes.io.conversion import convert
+from qlvbayes.io.formats import (
+    FORMATS,
+    FormatError,
+    check_format,
+    matching,
+    own_formats,
+    recognised,
+)
+from qlvbayes.io.layouts import BLUEHILL_3
+from qlvbayes.io.recording import AbstractFormat
+from qlvbayes.io.table import HEAD
+from qlvbayes.io.units import unit_of
 
 TEST = STORED
 DATA = Path(__file__).parents[2] / "data"
@@ -30,7 +36,7 @@ TO_N = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
 @every_file
 def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture):
     head = fixture.path.read_bytes()[:HEAD]
-    whole, _, _ = matching(head, FORMATS)
+    whole = matching(head, FORMATS)
     assert [kind.name for kind in whole] == [fixture.format]
 
 
@@ -198,7 +204,7 @@ def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
 OWN = """
 from typing import ClassVar
 import numpy as np
-from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
+from qlvbayes.io.recording import AbstractFormat, Channel, Recording, Sight
 
 class Bench(AbstractFormat):
     name: ClassVar[str] = "bench"

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from qlvbayes.effects.catalogue import installed_effects
-from qlvbayes.io import installed
+from qlvbayes.io import catalogue
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.catalogue import FORMATS, known_formats
+from qlvbayes.io.formats import FORMATS, known_formats
 from qlvbayes.laws.catalogue import installed_laws
 from qlvbayes.model.choices import Choices
 
@@ -46,7 +46,7 @@ class LabDrag(AbstractEffect):
 '''
 RIGHT = "self.k * motion.velocity * xp.abs(motion.velocity)"
 LAYOUT = """
-from qlvbayes.io.formats.layouts import CHIARO
+from qlvbayes.io.layouts import CHIARO
 from dataclasses import replace
 
 OURS = replace(CHIARO, name="our-lab")
@@ -68,15 +68,15 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         (tmp_path / "our_lab.py").write_text(text)
         importlib.invalidate_caches()
         sys.modules.pop("our_lab", None)
-        installed.points.cache_clear()
+        catalogue.points.cache_clear()
 
     yield install
     sys.modules.pop("our_lab", None)
-    installed.points.cache_clear()
+    catalogue.points.cache_clear()
 
 
 def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_path) -> None:
-    install(installed.EFFECTS, "LabDrag", EFFECT.format(name="lab_drag", term=RIGHT))
+    install(catalogue.EFFECT_POINTS, "LabDrag", EFFECT.format(name="lab_drag", term=RIGHT))
     assert [kind.name for kind in installed_effects()] == ["lab_drag"]
     assert (tmp_path / "cache" / "checked.json").exists()
     assert "lab_drag" in [kind.name for kind in Choices(effects=("lab_drag",)).candidates]
@@ -91,20 +91,20 @@ def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_pat
     ],
 )
 def test_a_broken_one_is_refused_by_its_name(install, name: str, term: str, word: str) -> None:
-    install(installed.EFFECTS, "LabDrag", EFFECT.format(name=name, term=term))
+    install(catalogue.EFFECT_POINTS, "LabDrag", EFFECT.format(name=name, term=term))
     with pytest.raises(InputError, match=f"effect ours of the installed package our-lab.*{word}"):
         installed_effects()
 
 
 def test_an_installed_layout_is_tried_after_the_packages_own(install) -> None:
-    install(installed.FORMATS, "OURS", LAYOUT)
+    install(catalogue.FORMAT_POINTS, "OURS", LAYOUT)
     assert [kind.name for kind in known_formats()] == [*(f.name for f in FORMATS), "our-lab"]
-    install(installed.FORMATS, "replace", LAYOUT)
+    install(catalogue.FORMAT_POINTS, "replace", LAYOUT)
     with pytest.raises(InputError, match="no Layout"):
         known_formats()
 
 
 def test_an_installed_law_that_is_none_is_refused(install) -> None:
-    install(installed.LAWS, "OURS", LAYOUT)
+    install(catalogue.LAW_POINTS, "OURS", LAYOUT)
     with pytest.raises(InputError, match="law ours of the installed package our-lab"):
         installed_laws()

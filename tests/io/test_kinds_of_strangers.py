@@ -7,13 +7,12 @@ import pytest
 from support.machine_files import Pressed, pressed, workbook
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.columns import is_mean, split_header
+from qlvbayes.io.conversion import convert, write_tidy
 from qlvbayes.io.data import Control, read_measurements
-from qlvbayes.io.formats.answers import Answers, UnsureError
-from qlvbayes.io.formats.columns import split_header
-from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.naming import is_mean
-from qlvbayes.io.formats.tidy import write_tidy
-from qlvbayes.io.reading.unread import unread_rows
+from qlvbayes.io.loading import Answers
+from qlvbayes.io.readings import unread_rows
+from qlvbayes.io.recording import UnsureError
 
 STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
 NAMES = "Time (s),Displacement (mm),Force (N)"

@@ -7,10 +7,9 @@ import pytest
 from support.stages import film_press
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.conversion import convert, write_tidy
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.tidy import write_tidy
+from qlvbayes.io.loading import Answers
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 ONE = Answers.from_words(pads=("P",))

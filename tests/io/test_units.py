@@ -8,7 +8,7 @@ from qlvbayes.laws.elastic.hertz import HertzPower
 
 
 def test_pad_units_are_those_of_the_paper():
-    units = (PAD.displacement, PAD.force, PAD.stiffness, PAD.exponent, PAD.rate, PAD.speed)
+    units = (PAD.displacement, PAD.force, *map(PAD.of, ("stiffness", "exponent", "rate", "speed")))
     assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
     assert not PAD.bonded_default
 
@@ -19,9 +19,9 @@ def test_the_factor_of_a_power_law_carries_the_power():
 
 
 def test_strain_has_a_modulus_in_kilopascal_and_a_dimensionless_exponent():
-    units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.exponent)
+    units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.of("exponent"))
     assert units == ("1", "kPa", "kPa", "1")
-    assert (STRAIN.rate, STRAIN.speed) == ("1/s", "1/s")
+    assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
     assert STRAIN.bonded_default
 
 

@@ -13,7 +13,7 @@ from simulators import of_drake, of_mujoco
 from support.endtoend import PADS, call
 from support.exported_pad import exported, write_fit
 
-from qlvbayes.io.reading.csvtext import digest
+from qlvbayes.io.table import digest
 from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.mujoco import MuJoCo

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Test
-from qlvbayes.io.reading.clock import LARGEST_SHARE, slipped
+from qlvbayes.io.readings import slipped
+from qlvbayes.io.table import LARGEST_SHARE
 from qlvbayes.motion.badreadings.channels import Channels, fastest
 from qlvbayes.motion.badreadings.outliers import (
     FEWEST,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.io.resultfile import Part
+from qlvbayes.io.files import Part
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from qlvbayes.io.contact import FirstContact, find_contact
 from qlvbayes.io.data import Control
-from qlvbayes.io.formats.contact import FirstContact, find_contact
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import CLEAR, DirectEvidence, Place, names_of, pooled
 from qlvbayes.motion.experiment import Experiment, Trial

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.io.data import Control
-from qlvbayes.io.formats.sampling import sampling_of
+from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import direct_evidence

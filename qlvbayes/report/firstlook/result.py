@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.motion.evidence import DirectEvidence
 

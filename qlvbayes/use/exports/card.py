@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import qlvbayes
-from qlvbayes.io.escaping import visible
+from qlvbayes.io.wording import visible
 from qlvbayes.use.exports.pad import ExportedPad, PosteriorInterval
 from qlvbayes.use.exports.target import AbstractTarget
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from qlvbayes.io.escaping import visible
+from qlvbayes.io.wording import visible
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.use.exports.card import card
 from qlvbayes.use.exports.pad import ExportedPad

@@ -19,7 +19,7 @@ from qlvbayes.comparison.side import Side
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices

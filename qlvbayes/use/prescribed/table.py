@@ -9,9 +9,8 @@ import numpy as np
 
 from qlvbayes.comparison.programmes import RAMP_POINTS, hold
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.reading.badline import parse_number
-from qlvbayes.io.reading.csvtext import blocks
-from qlvbayes.io.reading.header import split_name
+from qlvbayes.io.columns import split_name
+from qlvbayes.io.table import content, parse_number
 from qlvbayes.io.units import SUFFIXES, UnitSystem, column_name
 from qlvbayes.use.prescribed.program import MOST, Program
 
@@ -23,7 +22,7 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 
 def read_table(path: Path, units: UnitSystem) -> Program:
     """Read columns time_s and displacement_mm, or time_s and force_N, or other units of them."""
-    lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
+    lines = content(path).decode("utf-8", "replace").splitlines()
     if not lines:
         raise InputError("the file is empty", file=path, remedy="write time_s,displacement_mm")
     separator = max(";\t,", key=lines[0].count)

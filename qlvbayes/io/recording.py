@@ -1,4 +1,4 @@
-"""Define the interface of formats: a testing machine's layout, and what it reads from a file."""
+"""Define what a file holds, as it is written there, and the interface of formats that read it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from typing import ClassVar, Protocol
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 
-_SHOWN = 200  # characters of a file's own names that an error shows
-HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
-
 
 @dataclass(frozen=True)
 class Sight:
@@ -25,10 +22,8 @@ class Sight:
     @classmethod
     def from_marks(cls, marks: Mapping[str, bool]) -> Sight:
         """Return a sight from each mark, in words, and whether it is there."""
-        return cls(
-            tuple(mark for mark, there in marks.items() if there),
-            tuple(mark for mark, there in marks.items() if not there),
-        )
+        found = tuple(mark for mark, there in marks.items() if there)
+        return cls(found, tuple(mark for mark in marks if mark not in found))
 
     @property
     def whole(self) -> bool:
@@ -90,7 +85,7 @@ class UnsureError(InputError):
 
 def unsure_of_columns(names: Sequence[str], file: Path) -> UnsureError:
     """Return the question which columns are time, displacement and force."""
-    shown = ", ".join(names)[:_SHOWN]
+    shown = ", ".join(names)[:200]
     return UnsureError(
         "the names and units do not show which columns are time, displacement and force (the file "
         f"has: {shown})",
@@ -141,19 +136,9 @@ class AbstractFormat(ABC):
     @staticmethod
     @abstractmethod
     def sniff(head: bytes) -> Sight:
-        """Return which marks of the layout the first bytes of a file (at most ``HEAD``) show.
-
-        It must not raise an error, whatever the bytes are.
-        """
+        """Return which marks of the layout the first bytes of a file show; it raises no error."""
 
     @staticmethod
     @abstractmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Return the tests of one file, in its order.
-
-        Raises
-        ------
-        InputError
-            The file does not have the layout that its first bytes show; the error names the
-            location and the remedy.
-        """
+        """Return the tests of one file; an InputError names what is wrong, and the remedy."""

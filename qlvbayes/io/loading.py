@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from qlvbayes.io.arrays import Array as Floats
-from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.answers import SIGNS, Answers
-from qlvbayes.io.formats.columns import NamedColumn, refuse_unknown_unit
-from qlvbayes.io.formats.contact import (
+from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.columns import is_mean
+from qlvbayes.io.contact import (
     FirstContact,
     Signs,
     find_contact,
@@ -22,21 +22,94 @@ from qlvbayes.io.formats.contact import (
     is_dead,
     scatter,
 )
-from qlvbayes.io.formats.format import Channel, Format, Recording, UnsureError
-from qlvbayes.io.formats.machineunits import QUANTITIES, Unit, unit_of
-from qlvbayes.io.formats.naming import is_mean, pad_in
-from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
-from qlvbayes.io.reading.noreading import no_readings, out_of_range, same_readings
-from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
-from qlvbayes.io.reading.unread import UNREAD, unread_rows
-from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
+from qlvbayes.io.layouts import named_columns
+from qlvbayes.io.readings import (
+    LEAST_SAMPLES,
+    ClockError,
+    Sampling,
+    no_readings,
+    on_one_clock,
+    out_of_range,
+    rising,
+    same_readings,
+    sampling_of,
+    unread_rows,
+    wrong_signs,
+)
+from qlvbayes.io.recording import Channel, Format, Recording, UnsureError
+from qlvbayes.io.units import (
+    QUANTITIES,
+    STRAIN,
+    Unit,
+    UnitSystem,
+    named_units,
+    unit_of,
+    unit_system,
+)
 from qlvbayes.io.wording import joined, listed, of_lines, plain
 
+SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
+"""Choices of the columns that change sign, with the factors of displacement and force."""
+FILE = "file"  # value of --contact that stands for the file's own zero
 _REST = 0.01  # share of the peak force below which a test begins without force
 _NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
 _STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
 _AGREES = 2.0  # standard errors within which two values agree
 _RISEN = 0.3  # share of the peak force at which the speed of the approach is read
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Answers that the user gives beforehand; None or empty where the files shall decide."""
+
+    sign: str | None = None  # a key of ``SIGNS``
+    # displacement at first contact, as the file writes it, or ``FILE``
+    contact: float | str | None = None
+    units: tuple[str, str, str] | None = None  # units of time, displacement and force
+    area: float | None = None  # the specimen's area (mm2)
+    pads: tuple[str, ...] = ()  # one name for all, one a file, or one a test
+    tests: tuple[str, ...] = ()
+    pad_from: re.Pattern[str] | None = None  # the pattern that finds a pad's name in a test's own
+    # the columns of time, displacement and force, by name or by number from 1
+    columns: tuple[str, str, str] | None = None
+
+    @classmethod
+    def from_words(cls, **words: Any) -> Answers:
+        """Return answers from the words of the command line, by the names of the fields."""
+        if words.get("sign") is not None:
+            check_known("sign", words["sign"], SIGNS)
+        if (area := words.get("area")) is not None and not area > 0.0:
+            raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
+        if words.get("pad_from") is not None and words.get("pads"):
+            remedy = "give one of them"
+            raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
+        read: dict[str, Callable[[str], Any]] = {
+            "contact": _position,
+            "units": named_units,
+            "pad_from": pattern_of,
+            "columns": named_columns,
+        }
+        said: dict[str, Any] = {key: word for key, word in words.items() if word is not None}
+        said |= {key: read[key](word) for key, word in said.items() if key in read}
+        return cls(**said)
+
+
+def _position(text: str) -> float | str:
+    try:
+        return text if text == FILE else float(text)
+    except ValueError:
+        remedy = f"give it in the unit of the tidy file, or '{FILE}' for the file's own zero"
+        raise InputError(f"no position of contact {text!r}", remedy=remedy) from None
+
+
+def pattern_of(text: str) -> re.Pattern[str]:
+    """Return the pattern that finds a pad's name in a test's; raise InputError where it is none."""
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        remedy = "write for example '^[A-Z]+', which finds AA in AA1"
+        what = f"'{text[:200]}' is no pattern of pads' names ({error})"
+        raise InputError(what, remedy=remedy) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,61 +194,40 @@ class Loaded:
 
 
 def usable_tests(
-    file: Path,
-    kind: Format,
-    recordings: Sequence[Recording],
-    pad: str,
-    answers: Answers,
+    file: Path, kind: Format, recordings: Sequence[Recording], pad: str, answers: Answers
 ) -> list[Loaded]:
     """Return the tests of a file in which something moves, in tidy units and in order."""
-    recordings, dropped = _without_means(recordings)
-    recordings = [_without_missing(recording) for recording in recordings]
-    moving = [one for one in recordings if not _is_still(one)]
+    means = [recording for recording in recordings if is_mean(recording.name)]
+    means = means if len(means) < len(recordings) else []
+    lost = {f"rows of the mean specimen '{one.name}'": len(one.time.values) for one in means}
+    whole = [_without_missing(one) for one in recordings if one not in means]
+    moving = [one for one in whole if not _is_still(one)]
     if not moving:  # under a dead weight the force never changes
-        moving = [one for one in recordings if not _is_still(one, prescribed=True)]
-    still = sum(len(one.time.values) for one in recordings if one not in moving)
-    if still:
-        dropped["rows of parts in which nothing moves"] = still
+        moving = [one for one in whole if not _is_still(one, prescribed=True)]
+    if still := sum(len(one.time.values) for one in whole if one not in moving):
+        lost["rows of parts in which nothing moves"] = still
     if not moving:
+        counts = [of_lines(n, why) for one in whole for why, n in one.dropped.items()]
+        left_out = f" ({', '.join(counts[:3])} are left out)" if counts else ""
         raise InputError(
             f"no test of {LEAST_SAMPLES} rows or more in which displacement and force change"
-            + _left_out(recordings),
+            + left_out,
             file=file,
             remedy="check the channels or export it again",
         )
-    loaded = []
-    for recording in moving:
-        own = pad
-        if answers.pad_from is not None:
-            own = pad_in(recording.name or file.stem, answers.pad_from)
-        loaded.append(_in_order(file, kind, recording, own, answers))
-    loaded[0].dropped.update(dropped)
+    loaded = [_in_order(file, kind, recording, pad, answers) for recording in moving]
+    loaded[0].dropped.update(lost)
     return loaded
-
-
-def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, int]]:
-    """Return the recordings without means of specimens, if there are others."""
-    means = [recording for recording in recordings if is_mean(recording.name)]
-    if len(means) in (0, len(recordings)):
-        return list(recordings), {}
-    kept = [recording for recording in recordings if not is_mean(recording.name)]
-    return kept, {f"rows of the mean specimen '{m.name}'": len(m.time.values) for m in means}
-
-
-def _left_out(recordings: Sequence[Recording]) -> str:
-    """Return a note on rows that are no measurements: ' (9 rows with no number in Force ...)'."""
-    counted = [
-        of_lines(rows, why) for one in recordings for why, rows in one.dropped.items() if rows
-    ]
-    return f" ({', '.join(counted[:3])} are left out)" if counted else ""
 
 
 def _without_missing(recording: Recording) -> Recording:
     """Return the recording without rows in which a channel has no number or a code."""
-    channels = [recording.time, recording.way, recording.load]
-    missing = [
-        no_readings(channel.values, coded=channel is not recording.time) for channel in channels
-    ]
+    if recording.load_time is not None and len(recording.load_time.values) != len(
+        recording.time.values
+    ):
+        return recording  # of a bag, in which each channel has rows of its own
+    channels = (recording.time, recording.way, recording.load)
+    missing = [no_readings(c.values, coded=c is not recording.time) for c in channels]
     lost = np.logical_or.reduce([one.rows for one in missing])
     if not lost.any():
         return recording
@@ -201,23 +253,33 @@ def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
 
 
 def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers: Answers) -> Loaded:
-    if answers.units is None:
-        named = (recording.time, recording.way, recording.load)
-        refuse_unknown_unit([NamedColumn(k, c.name, c.unit) for k, c in enumerate(named)], file)
-    units, columns, unit_finding = _in_units(file, recording, answers)
+    units, columns, finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
-    time, way, load, sampling = _on_a_clock(file, columns, dropped)
+    time, way, load, *own = columns
+    lag = None
+    try:
+        if own:
+            lag = float(np.median(own[0] - time)) if len(own[0]) == len(time) else None
+            time, (way,) = rising(time, [way], {})
+            own_time, (load,) = rising(own[0], [load], dropped)
+            way, kept = on_one_clock(time, way, own_time, dropped)
+            time, load = own_time[kept], load[kept]
+        time, (way, load) = rising(time, [way, load], dropped)
+    except ClockError as error:
+        raise InputError(str(error), file=file, remedy=error.remedy) from error
     if unread := unread_rows(time, way, load):
-        dropped[UNREAD] = unread
+        dropped["rows before the channels were read, both exactly 0"] = unread
         time, way, load = time[unread:], way[unread:], load[unread:]
-        sampling = sampling_of(time, sampling.lag)
     what = out_of_range(time, {recording.way.name: way, recording.load.name: load})
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     return Loaded(
-        file, kind, pad, recording, units, time, way, load, sampling, dropped,
-        find_signs(way, load), (f"units {unit_finding}",),
+        file, kind, pad, recording, units, time, way, load, sampling_of(time, lag), dropped,
+        find_signs(way, load), (f"units {finding}",),
     )  # fmt: skip
+
+
+# Units
 
 
 def _in_units(
@@ -227,18 +289,18 @@ def _in_units(
     given = answers.units or (None, None, None)
     channels = [recording.time, recording.way, recording.load]
     units = [_unit(file, channel, stated) for channel, stated in zip(channels, given, strict=True)]
-    columns = [
-        c.values * u.factor if u.factor != 1.0 else c.values
-        for c, u in zip(channels, units, strict=True)
-    ]
-    clock = {"s": 1.0, "ms": 1e-3, "min": 60.0}
-    columns[0] = columns[0] * clock[units[0].tidy]
     if recording.load_time is not None:
-        own = _unit(file, recording.load_time, given[0])
-        columns.append(recording.load_time.values * own.factor * clock[own.tidy])
+        channels.append(recording.load_time)
+        units.append(_unit(file, recording.load_time, given[0]))
+    clock = {"ms": 1e-3, "min": 60.0}
+    factors = [unit.factor * clock.get(unit.tidy, 1.0) for unit in units]
+    columns = [
+        c.values * factor if factor != 1.0 else c.values
+        for c, factor in zip(channels, factors, strict=True)
+    ]
     way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
     named = ", ".join(
-        f"{c.name} in {_written(c, said)}" for c, said in zip(channels, given, strict=True)
+        f"{c.name} in {_written(c, said)}" for c, said in zip(channels[:3], given, strict=True)
     )
     system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
     return system, columns, f"{named}; written as {way.tidy or '1'} and {load.tidy}"
@@ -258,20 +320,15 @@ def _quantities(channel: Channel) -> tuple[str, ...]:
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
     """Return the unit of a channel, as the file or the user states it; both must agree."""
-    quantities = _quantities(channel)
+    found: list[Unit | None] = []
     for text in (channel.unit, stated):
-        candidates = [unit_of(text, quantity) for quantity in quantities] if text else []
-        unit = next((unit for unit in candidates if unit is not None), None)
-        if unit is None:
-            continue
-        if text is channel.unit and stated is not None:
-            others = [unit_of(stated, quantity) for quantity in quantities]
-            if unit not in others:
-                raise InputError(
-                    f"'{channel.name}' is in {channel.unit}, and --units says {stated}",
-                    file=file,
-                    remedy="leave --units out",
-                )
+        units = [unit_of(text, quantity) for quantity in _quantities(channel)] if text else []
+        found.append(next((unit for unit in units if unit is not None), None))
+    own, said = found
+    if own is not None and stated is not None and own != said:
+        what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
+        raise InputError(what, file=file, remedy="leave --units out")
+    if (unit := own or said) is not None:
         return unit
     written = f"the unit '{channel.unit}'" if channel.unit else "no unit"
     raise UnsureError(
@@ -299,26 +356,14 @@ def _with_area(
             question="area of the specimen in mm2",
             say="MM2",
         )
-    newtons = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
-    megapascals = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6}  # 1 MPa is 1 N/mm2
     if strained:
-        return way, Unit("stress", "kPa"), values * (1e3 * newtons[load.tidy] / area)
-    return way, Unit("force", "N"), values * (megapascals[load.tidy] * area)
+        newtons = UnitSystem("mm", load.tidy).factor_to(UnitSystem("mm", "N"), "force")
+        return way, Unit("stress", "kPa"), values * (1e3 * newtons / area)
+    megapascals = UnitSystem("1", load.tidy).factor_to(UnitSystem("1", "MPa"), "force")
+    return way, Unit("force", "N"), values * (megapascals * area)  # 1 MPa is 1 N/mm2
 
 
-def _on_a_clock(
-    file: Path, columns: list[Floats], dropped: dict[str, int]
-) -> tuple[Floats, Floats, Floats, Sampling]:
-    time, way, load, *own = columns
-    try:
-        if own:
-            lag = float(np.median(own[0] - time))
-            way, kept = on_one_clock(time, way, own[0], dropped)
-            return own[0][kept], way, load[kept], sampling_of(own[0][kept], lag)
-        time, (way, load) = rising(time, [way, load], dropped)
-    except ClockError as error:
-        raise InputError(str(error), file=file, remedy=error.remedy) from error
-    return time, way, load, sampling_of(time)
+# Signs
 
 
 class _DeadForceError(InputError):
@@ -330,27 +375,23 @@ def oriented_tests(
 ) -> list[Loaded]:
     """Return a file's tests in which pressing is positive; dead ones go where others are not."""
     prepared: list[Loaded] = []
-    dropped = dict(own[0].dropped)
     dead: list[InputError] = []
+    lost: list[Recording] = []
     for one in own:
         try:
             prepared.append(_oriented(one, _signs(one, every, answers), answers))
         except _DeadForceError as error:
-            dropped[_dead_rows(one.recording)] = len(one.recording.time.values)
             dead.append(error)
+            lost.append(one.recording)
     if not prepared:
         raise dead[0]
-    live = [one for one in prepared if not is_dead(one.way, one.load)]
-    if live:
-        lost = [one.recording for one in prepared if not any(one is other for other in live)]
-        dropped |= {_dead_rows(one): len(one.time.values) for one in lost}
-    kept = live or prepared
-    kept[0].dropped.update(dropped)
-    return kept
-
-
-def _dead_rows(recording: Recording) -> str:
-    return f"rows of '{recording.name}', in which the force does not answer"
+    live = [one for one in prepared if not is_dead(one.way, one.load)] or prepared
+    lost += [one.recording for one in prepared if one not in live]
+    live[0].dropped.update(own[0].dropped)
+    for test in lost:
+        name = f"rows of '{test.name}', in which the force does not answer"
+        live[0].dropped[name] = len(test.time.values)
+    return live
 
 
 def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
@@ -366,11 +407,8 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
     constant = float(np.ptp(load)) == 0.0
     contact = None if one.units.dimensionless or constant else find_contact(way, load)
     unused = one.recording.unused
-    findings = [
-        *one.findings,
-        *([f"columns not used: {listed(unused)}"] if unused else []),
-        _sign_finding(one, signs, answers),
-    ]
+    findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
+    findings.append(_sign_finding(one, signs, answers))
     if constant:
         findings.append(
             f"the force is {plain(float(one.load[0]))} {one.units.force} in every row: it is taken "
@@ -417,19 +455,17 @@ def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
 
 
 def _sign_finding(one: Loaded, signs: Signs, answers: Answers) -> str:
-    recording = one.recording
-    pairs = ((recording.way, signs.way), (recording.load, signs.load))
+    pairs = ((one.recording.way, signs.way), (one.recording.load, signs.load))
     turned = [channel.name for channel, factor in pairs if factor < 0]
-    what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
+    what = f"sign turned over: {' and '.join(turned)}" if turned else "sign kept as written"
     if answers.sign is not None:
-        return f"sign {what}, as stated by the user"
-    if recording.pressing:
-        return f"sign {what}: this layout fixes it"
+        return f"{what}, as stated by the user"
+    if one.recording.pressing:
+        return f"{what}: this layout fixes it"
     if not one.signs.rank:
-        return f"sign {what}: taken from the parts or files of this layout that begin at rest"
+        return f"{what}: taken from the parts or files of this layout that begin at rest"
     return (
-        f"sign {what}: taken as pressing, with the largest force at {100.0 * signs.travel:.0f} % "
-        f"of the travel, {plain(min(signs.swing, 999.0), 2)} times the largest of the other sign "
+        f"{what}: taken as pressing, with the largest force at {signs.travel:.0%} of the travel "
         "(a test in tension would look the same)"
     )
 
@@ -446,18 +482,14 @@ def without_copies(read: Sequence[Loaded]) -> list[Loaded]:
             kept.append(one)
             continue
         names = f"{one.recording.way.name} and {one.recording.load.name}"
-        units = f"{one.recording.way.unit} and {one.recording.load.unit}"
-        finding = f"'{one.named}' ({names} in {units}) has the same readings and is left out"
+        finding = f"'{one.named}' ({names}) has the same readings and is left out"
         other = kept[same]
-        kept[same] = replace(other, findings=(*other.findings, finding))
-    alone = Counter(one.file for one in kept)
-    before = Counter(one.file for one in read)
-    return [
-        replace(one, recording=replace(one.recording, name=""))
-        if alone[one.file] == 1 < before[one.file] and one.recording.name.isdecimal()
-        else one
-        for one in kept
-    ]
+        recording = other.recording
+        if recording.name.isdecimal() and other.file == one.file:
+            recording = replace(recording, name="")  # a number that told them apart
+        findings = (*other.findings, finding)
+        kept[same] = replace(other, recording=recording, findings=findings)
+    return kept
 
 
 def _equal(one: Loaded, other: Loaded) -> bool:
@@ -465,16 +497,10 @@ def _equal(one: Loaded, other: Loaded) -> bool:
     units = one.units.dimensionless == other.units.dimensionless
     if one.pad != other.pad or len(one.time) != len(other.time) or not units:
         return False
-    if one.recording.began != other.recording.began:
-        return False
     way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
-    pairs = {
-        "time": (one.time - one.time[0], other.time - other.time[0]),
-        "way": (one.way * way, other.way),
-        "load": (one.load * load, other.load),
-    }
-    rounded = {
-        part: getattr(one.recording, part).unit != getattr(other.recording, part).unit
-        for part in pairs
-    }
-    return all(same_readings(*pair, rounded=rounded[part]) for part, pair in pairs.items())
+    return (
+        one.recording.began == other.recording.began
+        and same_readings(one.time - one.time[0], other.time - other.time[0])
+        and same_readings(one.way * way, other.way)
+        and same_readings(one.load * load, other.load)
+    )

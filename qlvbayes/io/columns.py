@@ -1,4 +1,4 @@
-"""Find which column of a machine's table is which quantity, by names in several languages."""
+"""Find which column of a table is which quantity: names in several languages, and tidy names."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-
+from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.format import Channel, Floats, Recording
-from qlvbayes.io.formats.machineunits import CLOCKS, QUANTITIES, unit_of
+from qlvbayes.io.recording import Channel, Recording
+from qlvbayes.io.units import CLOCKS, QUANTITIES, SAME, SUFFIXES, unit_of
 
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
@@ -91,13 +90,17 @@ _WITH_UNIT = (
 _COPY = re.compile(r"\.\d+$")  # by which pandas numbers equal names
 _EITHER = re.compile(r"[^A-Z]MN[)\]_]?$")
 _TIMES_TEN = re.compile(r"[x×*] ?\d")  # Force x10: its values are not in its unit
-_CLEARLY = 3.0  # times the other strain, from which one of two motions is the test's
 _LONGEST = 300  # characters of a name: beyond, a cell is a piece of a file that is no table
 _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
 """Names of what has no side that presses: its signs are kept."""
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
 # Words of a strain that testing machines also write above a length: the unit decides.
 _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
+
+
+LABELS = ("pad", "fluid", "test", "role", "control", "use", "contact_stage")
+"""Columns of text in a tidy file."""
+_TIDY = sorted(SUFFIXES, key=len, reverse=True)  # force_sd_N is not force in 'sd_N'
 
 
 @dataclass(frozen=True)
@@ -155,6 +158,21 @@ def _without_channel(name: str) -> str:
     return _CHANNEL.sub("", plain_name(name))
 
 
+_MEAN = re.compile(
+    r"\b(mean|average|mittelwert\w*|mittlere?|durchschnitt\w*|moyenn?e?|media|medio|promedio)\b"
+)
+_CONDITION = re.compile(
+    r"\b(speeds?|velocit\w+|rates?|vitesses?|velocidad\w*|geschwindigkeit\w*|tempo|strain|load|force"
+    r"|depth|temperature\w*|pressure|compression|compresion\w*)\b"
+)
+
+
+def is_mean(name: str) -> bool:
+    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'."""
+    plain = plain_name(name)
+    return _MEAN.search(plain) is not None and _CONDITION.search(plain) is None
+
+
 def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
     """Return the column of each quantity that is there; of equal names the first is taken."""
     by_quantity = {}
@@ -178,12 +196,24 @@ def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
     by_quantity = quantities(columns)
     for either in QUANTITIES:
         if not set(either) & set(by_quantity):
-            by_quantity |= _by_unit(columns, either)
+            by_quantity |= _by_unit(columns, either) or _with_unknown_unit(columns, either)
+    sheared = {"strain", "stress"} <= set(by_quantity)
     way = "displacement" if "displacement" in by_quantity else "strain"
     load = "force" if "force" in by_quantity else "stress"
-    if (way, load) != ("displacement", "force") and {"strain", "stress"} <= set(by_quantity):
+    if (way, load) != ("displacement", "force") and sheared:
         way, load = "strain", "stress"
     return {key: by_quantity.get(key) for key in ("time", way, load)}
+
+
+def sheared_instead(
+    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
+) -> dict[str, NamedColumn] | None:
+    """Return time, strain and stress where a rheometer's gap was picked and these are there too."""
+    found, way = quantities(columns), picked.get("displacement")
+    there = {"strain", "stress"} <= set(found)
+    if way is None or not there or not re.fullmatch(_GAP, plain_name(way.name)):
+        return None
+    return {key: found[key] for key in ("time", "strain", "stress")}
 
 
 def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str, NamedColumn]:
@@ -194,64 +224,19 @@ def _by_unit(columns: Sequence[NamedColumn], either: Sequence[str]) -> dict[str,
     return dict(alike) if len(alike) == 1 else {}
 
 
-def sheared_instead(
-    columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]
-) -> dict[str, NamedColumn] | None:
-    """Return time, strain and stress where a rheometer's gap was picked and these are there too."""
-    by_quantity = quantities(columns)
-    way = picked.get("displacement")
-    if way is None or not re.fullmatch(_GAP, plain_name(way.name)):
-        return None
-    if not {"strain", "stress"} <= set(by_quantity):
-        return None
-    return {key: by_quantity[key] for key in ("time", "strain", "stress")}
-
-
-def that_moved(squeezed: Recording, sheared: Recording, file: Path) -> Recording:
-    """Return which of two recordings of one test moved: by gap and normal force, or in shear."""
-    unit = unit_of(sheared.way.unit, "strain")
-    gap, strain = squeezed.way.values, sheared.way.values
-    narrowed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
-    shear = float(np.ptp(strain)) * (unit.factor if unit else 1.0)
-    if narrowed >= _CLEARLY * shear:
-        return squeezed
-    if shear >= _CLEARLY * narrowed:
-        return sheared
-    pairs = [f"{one.way.name} and {one.load.name}" for one in (squeezed, sheared)]
-    raise InputError(
-        f"both {pairs[0]} ({narrowed:.2g} of the gap) and {pairs[1]} (a strain of {shear:.2g}) "
-        "change, and the test may be either",
-        file=file,
-        remedy="delete the two columns that are not meant",
-    )
-
-
-def unknown_unit(columns: Sequence[NamedColumn]) -> tuple[str, str] | None:
-    """Return the first unknown unit of a column that may be used, and the column's name."""
-    known = quantities(columns)
+def _with_unknown_unit(
+    columns: Sequence[NamedColumn], either: Sequence[str]
+) -> dict[str, NamedColumn]:
+    """Return the first column that is named so, in whatever unit, which has to be asked for."""
     for column in columns:
-        name, unit = column.name, column.unit
-        if not unit and (match := _BRACKETED.fullmatch(name)):
-            name, unit = match[1].strip(), match[2].strip()
-        if not unit or any(unit_of(unit, quantity) for quantity in _WORDS):
-            continue
-        needed = [words for key, words in _WORDS.items() if key not in known or key == "time"]
-        if any(re.fullmatch(word, plain_name(name)) for words in needed for word in words):
-            return unit, name
-    return None
-
-
-def refuse_unknown_unit(
-    columns: Sequence[NamedColumn], file: Path, line: int | None = None
-) -> None:
-    """Raise InputError where a column that is needed has a unit that is not known."""
-    if (unknown := unknown_unit(columns)) is not None:
-        raise InputError(
-            f"the unit '{unknown[0]}' of {unknown[1]} is unknown",
-            file=file,
-            line=line,
-            remedy="export it in s, mm and N, or state --columns and --units",
+        match = _BRACKETED.fullmatch(column.name)
+        name, unit = (
+            (match[1], match[2]) if match and not column.unit else (column.name, column.unit)
         )
+        for kind in () if _is_unit(unit) else either:
+            if any(re.fullmatch(word, _without_channel(name)) for word in _WORDS[kind]):
+                return {kind: NamedColumn(column.index, name, unit)}
+    return {}
 
 
 def side_by_side(
@@ -266,24 +251,6 @@ def side_by_side(
     return [{key: same[min(k, len(same) - 1)] for key, same in alike.items()} for k in range(tests)]
 
 
-def titles_of(tests: Sequence[dict[str, NamedColumn]], above: Sequence[str]) -> list[str]:
-    """Return a name for each of several tests side by side, from the row above or its number."""
-    if len(tests) == 1:
-        return [""]
-    first = [min(column.index for column in picked.values()) for picked in tests]
-    titles = [above[index].strip() if index < len(above) else "" for index in first]
-    if all(titles) and len(set(titles)) == len(titles):
-        return titles
-    return [str(k) for k in range(1, len(tests) + 1)]
-
-
-def columns_of(columns: Sequence[NamedColumn], picked: dict[str, NamedColumn]) -> list[NamedColumn]:
-    """Return the columns without those of other tests side by side."""
-    own = {column.index for column in picked.values()}
-    names = {column.name for column in picked.values()}
-    return [column for column in columns if column.index in own or column.name not in names]
-
-
 def chosen(
     columns: Sequence[NamedColumn], file: Path, line: int | None = None
 ) -> dict[str, NamedColumn]:
@@ -292,7 +259,6 @@ def chosen(
     whole = {key: named for key, named in by_quantity.items() if named is not None}
     words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
     if missing := [words[key] for key in by_quantity if key not in whole]:
-        refuse_unknown_unit(columns, file, line)
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
             f"no column for {' and '.join(missing)} (the file has: {shown})",
@@ -333,10 +299,27 @@ def recording(
         Channel(quantity, column, named.unit, named.name)
         for (quantity, named), column in zip(picked.items(), values, strict=True)
     ]
-    taken = {named.index for named in picked.values()}
-    unused = tuple(c.name for c in columns if c.index not in taken and c.name)
+    taken = {named.name for named in picked.values()}
+    unused = tuple(c.name for c in columns if c.name and c.name not in taken)
     time, way, load = channels
     pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load)) or any(
         _SHEAR.search(plain_name(one.name)) for one in (way, load)
     )
     return Recording(time, way, load, name, began, None, dropped, unused, pressing)
+
+
+def split_name(name: str) -> tuple[str, str] | None:
+    """Return quantity and suffix of a tidy name, or None: 'Force_sd_mN' -> ('force_sd', 'mN')."""
+    lower = "fluid" if name.lower() == "group" else name.lower()
+    if lower in LABELS or lower == "strain":
+        return lower, ""
+    for quantity in _TIDY:
+        if lower == quantity or lower.startswith(f"{quantity}_"):
+            return quantity, re.sub("[µμ]", "u", name[len(quantity) + 1 :])
+    return None
+
+
+def is_tidy_name(name: str) -> bool:
+    """Return whether a column is named exactly as in a tidy file: time_s or pad, not Time [s]."""
+    parts = split_name(name) if name[:1].islower() else None
+    return parts is not None and parts[1] in SUFFIXES.get(parts[0], {"": SAME})

@@ -16,19 +16,17 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
-from datetime import datetime, time, timedelta
+from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 TIME_S = 10.0  # processor time for an empty file: imports take 1 s, and 100 MB another
-PER_MB_S = {"ros": 4.0, "workbook": 2.0}  # for 1 MB: 16 000 messages, one by one, take 2 s
-_PER_MB_S = 0.1
+_PER_MB_S = {"ros": 4.0, "workbook": 2.0}  # for 1 MB: 16 000 messages, one by one, take 2 s
 _WAITING = 6.0  # factor by which the wall time may exceed that on a busy machine
 MEMORY = 4 * 2**30  # bytes of address space: the libraries alone take 1 GiB
-_NAMES = "names"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_BEGINS = (0, 512)  # offsets of its first block; MATLAB writes a text before it
 _END = {0: 40, 1: 44, 2: 28, 3: 28}  # offset of the file's end in that block, by version
@@ -36,11 +34,10 @@ _BAGS = {b"\x89MCAP0": ".mcap", b"SQLite": ".db3", b"#ROSBA": ".bag"}  # by thei
 _VECTORS = ("force", "position", "translation")  # of messages, with x, y and z
 _DEEPEST = 6  # levels of a message; those of wrenches and poses have four
 _OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
-_LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit", "Units")
 
 Named = list[tuple[Any, np.ndarray]]
-"""Vectors, each with what its reader says of it."""
+"""Vectors, each with its group, its name and its unit; of a workbook, with the sheet's name."""
 
 
 class ApartError(Exception):
@@ -52,8 +49,9 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> Named:
     if _is_cut(path):
         raise ApartError("it ends before what it says it holds")
     if limit is None:
-        limit = TIME_S + PER_MB_S.get(kind, _PER_MB_S) * path.stat().st_size / 2**20
-    environment = os.environ | dict.fromkeys(_LIBRARIES, "1")
+        limit = TIME_S + _PER_MB_S.get(kind, 0.1) * path.stat().st_size / 2**20
+    # threads of the libraries take address space each
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-P", __file__, kind, str(path), str(math.ceil(limit))]
     endless = ApartError(f"reading it did not end within {limit:.0f} s")
     try:
@@ -68,8 +66,7 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> Named:
         crashed = done.returncode < 0 or not lines
         raise ApartError("it crashes its reader" if crashed else lines[-1])
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        names = json.loads(str(arrays[_NAMES]))
-        return [(name, arrays[f"a{k}"]) for k, name in enumerate(names)]
+        return [(name, arrays[f"a{k}"]) for k, name in enumerate(json.loads(str(arrays["names"])))]
 
 
 def _is_cut(path: Path) -> bool:
@@ -112,17 +109,14 @@ def _tdms(path: str) -> Named:
 
     vectors: Named = []
     for group in nptdms.TdmsFile.read(path).groups():
-        steps: dict[int, Any] = {}
         for channel in group.channels():
             values = np.asarray(channel[:])
             if values.dtype.kind in "fiu":
                 vectors.append(([group.name, channel.name, _unit(channel.properties)], values))
-                steps[len(values)] = channel.properties.get("wf_increment")
-        vectors += [
-            ([group.name, "wf_increment", "s"], np.arange(size) * float(step))
-            for size, step in steps.items()
-            if step
-        ]
+                step = channel.properties.get("wf_increment")
+        if group.channels() and step:
+            clock = np.arange(len(values)) * float(step)
+            vectors.append(([group.name, "wf_increment", "s"], clock))
     return vectors
 
 
@@ -131,28 +125,18 @@ def _matlab(path: str) -> Named:
     from scipy.io import loadmat
 
     vectors: Named = []
-    named = loadmat(path, squeeze_me=True, struct_as_record=False)
-    for key, value in named.items():
-        if hasattr(value, "_fieldnames"):
-            parts = {name: getattr(value, name) for name in value._fieldnames}
-            vectors += [([key, name, ""], part) for name, part in _numeric(parts)]
-        elif not key.startswith("__"):
-            vectors += [(["", name, ""], part) for name, part in _numeric({key: value})]
+    for key, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
+        names = getattr(value, "_fieldnames", None)
+        parts = {name: getattr(value, name) for name in names} if names else {key: value}
+        for name, part in parts.items():
+            array = part if isinstance(part, np.ndarray) else np.array(0)
+            if array.dtype.kind in "fiu" and not key.startswith("__"):
+                vectors.append(([key if names else "", name, ""], array))
     return vectors
 
 
-def _numeric(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
-    arrays = {}
-    for name, value in named.items():
-        try:
-            arrays[name] = np.asarray(value)
-        except ValueError:  # ragged
-            continue
-    return [(name, array) for name, array in arrays.items() if array.dtype.kind in "fiu"]
-
-
 def _afm(path: str) -> Named:
-    """Return time (s), depth (m) of the tip and force (N) of each curve.
+    """Return time (s), depth (nm) of the tip and force (nN) of each curve.
 
     The depth is -height - force/k, without the bending of the cantilever.
     """
@@ -162,11 +146,11 @@ def _afm(path: str) -> Named:
     for number, curve in enumerate(afmformats.load_data(path), 1):
         height = "height (measured)" if "height (measured)" in curve else "height (piezo)"
         force = np.asarray(curve["force"], dtype=np.float64)
-        stiffness = float(curve.metadata["spring constant"])
-        depth = -np.asarray(curve[height], dtype=np.float64) - force / stiffness
+        depth = -np.asarray(curve[height]) - force / float(curve.metadata["spring constant"])
         time = np.asarray(curve["time"], dtype=np.float64)
-        named = (("time", time), (f"-{height} - force/k", depth), ("force", force))
-        vectors += [([f"curve {number}", name, ""], values) for name, values in named]
+        named = (("time", "s", time), (f"-{height} - force/k", "nm", 1e9 * depth))
+        for name, unit, values in (*named, ("force", "nN", 1e9 * force)):
+            vectors.append(([f"curve {number}", name, unit], values))
     return vectors
 
 
@@ -190,8 +174,6 @@ def _written(cell: Any) -> str:
     if isinstance(cell, timedelta):
         minutes, seconds = divmod(cell.total_seconds(), 60.0)
         return f"{int(minutes) // 60}:{int(minutes) % 60:02}:{seconds:09.6f}"
-    if isinstance(cell, time | datetime):
-        return str(cell)
     return " ".join(str(cell).split())
 
 
@@ -200,31 +182,27 @@ def _ros(path: str) -> Named:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with Path(path).open("rb") as stream:
-        suffix = _BAGS[stream.read(6)]
+    vectors: Named = []
     with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / f"bag{suffix}"  # the library goes by the file's name
+        bag = Path(folder) / f"bag{_BAGS[Path(path).read_bytes()[:6]]}"  # its name tells its kind
         bag.symlink_to(Path(path).resolve())
         with AnyReader([bag], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            return [part for topic in reader.connections for part in _ros_topic(reader, topic)]
-
-
-def _ros_topic(reader: Any, connection: Any) -> Named:
-    """Return a topic's stamps, then each of its numbers; nothing if its first message has none."""
-    stamps, received, rows = [], [], []
-    for time_ns, raw in ((t, r) for _, t, r in reader.messages(connections=[connection])):
-        message = reader.deserialize(raw, connection.msgtype)
-        rows.append(_ros_values(message))
-        if not rows[0]:
-            return []
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
-        stamps.append(0 if stamp is None else 10**9 * int(stamp.sec) + int(stamp.nanosec))
-        received.append(time_ns)
-    clock = np.array(stamps if all(stamps) else received, dtype=np.int64)
-    fields = sorted({field for row in rows for field in row})
-    columns = [np.array([row.get(field, math.nan) for row in rows]) for field in fields]
-    named: Iterable[tuple[str, np.ndarray]] = zip(["", *fields], [clock, *columns], strict=True)
-    return [([connection.topic, field], column) for field, column in named]
+            for connection in reader.connections:
+                rows, stamps, received = [], [], []
+                for _, time_ns, raw in reader.messages(connections=[connection]):
+                    message = reader.deserialize(raw, connection.msgtype)
+                    rows.append(_ros_values(message))
+                    if not rows[0]:
+                        break
+                    stamp = getattr(getattr(message, "header", None), "stamp", None)
+                    stamps.append(0 if stamp is None else 10**9 * stamp.sec + stamp.nanosec)
+                    received.append(time_ns)
+                clock = np.array(stamps if all(stamps) else received, dtype=np.int64)
+                vectors.append(([connection.topic, "", "ns"], clock))
+                for field in sorted({field for row in rows for field in row}):
+                    values = np.array([row.get(field, math.nan) for row in rows])
+                    vectors.append(([connection.topic, field, ""], values))
+    return vectors
 
 
 def _ros_values(message: Any, path: tuple[str, ...] = ()) -> dict[str, float]:
@@ -254,31 +232,27 @@ _READERS: dict[str, Callable[[str], Named]] = {
 }
 
 
-def _limit(seconds: int) -> None:
+def main(kind: str, path: str, seconds: str) -> int:
+    """Write the vectors to standard output; return 1 and print a line where that is impossible."""
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
     except (ImportError, OSError, ValueError):  # not on every system
-        return
-
-
-def main(kind: str, path: str, seconds: str) -> int:
-    """Write the vectors to standard output; return 1 and print a line where that is impossible."""
-    _limit(int(seconds))
+        pass
     try:
         vectors = _READERS[kind](path)
         arrays: dict[str, Any] = {f"a{k}": array for k, (_, array) in enumerate(vectors)}
-        names = np.array(json.dumps([name for name, _ in vectors]))
-        content = io.BytesIO()
-        np.savez(content, **arrays, names=names)
+        arrays["names"] = np.array(json.dumps([name for name, _ in vectors]))
+        found = io.BytesIO()
+        np.savez(found, **arrays)
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # some libraries' own are not under Exception
         print(" ".join(f"{type(error).__name__}: {error}".split()), file=sys.stderr)
         return 1
-    sys.stdout.buffer.write(content.getbuffer())
+    sys.stdout.buffer.write(found.getbuffer())
     return 0
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.arrays import Array as Floats
 
 _PLAIN = 2.0  # ratio of the force's larger swing to the other one, above which its sign is clear
 _TRAVEL = 0.2  # share of the whole travel that must lie between the start and the peak force

@@ -1,0 +1,328 @@
+"""Make tests of binary files: a workbook's sheets, vectors with names, and topics of a robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.apart import ApartError, Named, read_apart
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.columns import NamedColumn, chosen, is_mean, quantities, recording, split_header
+from qlvbayes.io.layouts import LEAST, TABLE, TESTXPERT, Layout, columns_in
+from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
+from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
+
+_MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
+_HDF5, _ZIP = b"\x89HDF\r\n\x1a\n", b"PK\x03\x04"
+_MCAP, _BAG_1, _SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"SQLite format 3\0"
+_OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # begins all Office files before 2007
+_ALIKE = 0.5  # of the largest swing: with another channel of as much, nobody knows which is meant
+_ROS = {
+    r"(?:.*[./])?force[./_][xyz]": ("force", "N", 0),
+    r"(?:.*[./])?(?:position|translation)[./_][xyz]": ("displacement", "m", 0),  # REP 103
+    r"(?:.*[./])?position(?:\[[^\]]*\]|[._]\d+)|.*/position": ("displacement", "", 1),
+}
+"""Paths of fields of ROS: quantity, unit, and order of preference (points before joints)."""
+_DATED = 1e8  # s since 1970, below which a stamp is of a simulated clock, or since power-on
+
+
+@dataclass(frozen=True, eq=False)
+class Binary:
+    """Layout of binary files, as one row: its mark, the reader apart, and what makes the tests.
+
+    ``install`` is what pip installs to read them, where a package is needed, and ``module`` its
+    module.
+    """
+
+    name: str
+    machine: str
+    marks: str
+    reads: str
+    reference: str
+    shows: Callable[[bytes], bool]
+    kind: str
+    tests: Callable[[Named, Path], list[Recording]]
+    module: str = ""
+    package: str = ""
+    install: str = ""
+    general: bool = False
+
+    def sniff(self, head: bytes) -> Sight:
+        """Return which marks of the layout the first bytes of a file show."""
+        return Sight.from_marks({self.marks: self.shows(head)})
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """Return the tests of one file, in its order."""
+        return tuple(self.tests(self.vectors(path), path))
+
+    def vectors(self, path: Path) -> Named:
+        """Return the vectors of a file."""
+        if self.module and find_spec(self.module) is None:
+            what = f"to read it the package {self.package} is needed"
+            raise InputError(what, file=path, remedy=f"install it: pip install {self.install}")
+        try:
+            with path.open("rb") as stream:
+                newer = stream.read(len(_MATLAB[1])) == _MATLAB[1]
+            return read_apart("hdf5" if newer else self.kind, path)
+        except (OSError, ApartError) as error:
+            if "spring constant" in str(error):
+                what = "the file does not say the cantilever's spring constant"
+                remedy = "calibrate it and export the curve again"
+                raise InputError(what, file=path, remedy=remedy) from error
+            what = f"the file is cut off or damaged ({' '.join(str(error).split())[:120]})"
+            remedy = "try 'ros2 bag reindex' or 'mcap recover', or record it again"
+            remedy = remedy if self.kind == "ros" else "copy or export it again"
+            raise InputError(what, file=path, remedy=remedy) from error
+
+
+Vectors = list[tuple[str, str, np.ndarray]]
+"""Names, units and values (n,) of one group."""
+
+
+def _of_vectors(vectors: Named, path: Path) -> list[Recording]:
+    """Return a test for each group of three vectors or more: its time, displacement and force."""
+    groups: dict[str, Vectors] = {}
+    for (group, name, unit), array in vectors:
+        values = np.squeeze(array)
+        if values.ndim == 1 and len(values) > 1 and values.dtype.kind in "fiu":
+            groups.setdefault(group, []).append((name, unit, values.astype(np.float64)))
+    full = {group: named for group, named in groups.items() if len(named) > 2}
+    if not full:
+        raise InputError(
+            "no group holds vectors of time, displacement and force",
+            file=path,
+            remedy="name them time_s, displacement_mm and force_N, in one group",
+        )
+    if len(full) > 1:
+        full.pop("", None)  # of variables beside structs
+    several = len(full) > 1 or ("" not in full and len(groups) > 1)
+    return [
+        _of_arrays(named, path, group.rpartition("/")[2] if several else "")
+        for group, named in full.items()
+    ]
+
+
+def _of_arrays(named: Vectors, file: Path, name: str) -> Recording:
+    """Return the test that vectors hold, recognised by their names; a unit may be part of one."""
+    columns = [
+        NamedColumn(index, *((own, unit) if unit else split_header(own)))
+        for index, (own, unit, _) in enumerate(named)
+    ]
+    if "time" not in quantities(columns):  # the clock of a waveform
+        columns = [replace(c, name="time") if c.name == "wf_increment" else c for c in columns]
+    picked = chosen(columns, file)
+    values = [named[column.index][2] for column in picked.values()]
+    if len({len(column) for column in values}) > 1:
+        pairs = zip(picked.values(), values, strict=True)
+        counts = ", ".join(f"{column.name} {len(some)}" for column, some in pairs)
+        raise InputError(
+            f"the channels differ in length ({counts})",
+            file=file,
+            remedy="export them at one rate, or as text with a clock each",
+        )
+    others = [column for column in columns if column.name != "wf_increment"]
+    return recording(others, picked, values, {}, name)
+
+
+def _of_curves(vectors: Named, path: Path) -> list[Recording]:
+    """Return a test for each curve of an AFM, in nm and nN."""
+    tests = []
+    for k in range(0, len(vectors), 3):
+        time, way, load = (
+            Channel(quantity, values, unit, name)
+            for quantity, ((_, name, unit), values) in zip(
+                ("time", "displacement", "force"), vectors[k : k + 3], strict=True
+            )
+        )
+        name = vectors[k][0][0] if len(vectors) > 3 else ""
+        # a repelled tip bends away: afmformats' own sign of the force
+        tests.append(Recording(time, way, load, name=name, pressing=True))
+    return tests
+
+
+def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[Recording]:
+    """Return the tests of a workbook: each sheet is read as a table of text is."""
+    tests: list[Recording] = []
+    means: dict[str, int] = {}
+    texts = {title: _with_points(array.tobytes(), path) for (title,), array in sheets}
+    for title, data in texts.items():
+        lines = Lines.from_bytes(data)
+        header = stated or TABLE.header(lines, False) or TESTXPERT.header(lines, False)
+        first = getattr(header, "line", 0)
+        rows = data.count(b"\n") - first
+        if header is None or rows < LEAST:
+            continue
+        above = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
+        if is_mean(title) or any(len(cells) == 1 and is_mean(cells.pop()) for cells in above):
+            means[f"rows of the mean specimen's sheet '{title}'"] = rows - 1
+        else:
+            tests += (stated or TESTXPERT).tests_in(data, path, title)
+    if not tests:
+        named = [names for data in texts.values() if (names := columns_in(Lines.from_bytes(data)))]
+        if named and stated is None:
+            raise unsure_of_columns(named[0], path)
+        raise InputError(
+            f"no sheet has time, displacement and force ({', '.join(texts)[:80]})",
+            file=path,
+            remedy="export the curves of every sample, or state --columns and --units",
+        )
+    return [replace(tests[0], dropped={**tests[0].dropped, **means}), *tests[1:]]
+
+
+def _with_points(data: bytes, path: Path) -> bytes:
+    """Return a sheet in which numbers that were text have a decimal point, as the others have."""
+    if b"," not in data:
+        return data
+    rows = [line.split("\t") for line in data.decode().split("\n")]
+    numbers = {
+        cell: plain
+        for row in rows
+        for cell in row
+        if "," in cell and is_like_number(plain := plain_number(cell))
+    }
+    decimal = decimal_mark(numbers.values(), path)
+    pointed = {cell: with_point(plain, decimal) for cell, plain in numbers.items()}
+    return "\n".join("\t".join(pointed.get(cell, cell) for cell in row) for row in rows).encode()
+
+
+# Robots
+
+
+def meaning(path: str) -> tuple[str, str, int] | None:
+    """Return quantity, unit and rank of a field of a ROS message; None of any other field."""
+    for pattern, meant in _ROS.items():
+        if re.fullmatch(pattern, path):
+            return meant
+    own = re.sub(r"[./]data", "", path).rpartition("/")[2]
+    by_quantity = quantities([NamedColumn(0, *split_header(own))])
+    for quantity in ("force", "displacement"):
+        if quantity in by_quantity:
+            return quantity, by_quantity[quantity].unit, 2
+    return None
+
+
+def of_topics(parts: Named, path: Path) -> list[Recording]:
+    """Return the one test of a bag: of all forces and positions the one that changes most.
+
+    Each has the stamps of its own topic.
+    """
+    clocks = {topic: stamps for (topic, name, _), stamps in parts if not name}
+    origin = min((int(stamps.min()) for stamps in clocks.values() if stamps.size), default=0)
+    fields: list[tuple[str, np.ndarray, np.ndarray]] = []
+    for (topic, name, _), values in parts:
+        if name and (there := np.isfinite(values)).any():
+            time = (clocks[topic] - origin)[there] * 1e-9
+            order = np.argsort(time, kind="stable")  # messages may be received in another order
+            fields.append((f"{topic}.{name}", time[order], values[there][order]))
+    way_time, way = _most_changing(fields, "displacement", path)
+    load_time, load = _most_changing(fields, "force", path)
+    unused = tuple(name for name, *_ in fields if name not in (way.name, load.name))
+    began = origin * 1e-9
+    dated = began if began > _DATED else None
+    return [Recording(way_time, way, load, "", dated, load_time, unused=unused)]
+
+
+def _most_changing(
+    fields: Sequence[tuple[str, np.ndarray, np.ndarray]], quantity: str, path: Path
+) -> tuple[Channel, Channel]:
+    """Return clock and values of a quantity's field that changes most, of the preferred kind."""
+    changing = [
+        (what[2], -float(np.ptp(values)), name, time, values, what[1])
+        for name, time, values in fields
+        if (what := meaning(name)) and what[0] == quantity and np.ptp(values) > 0.0
+    ]
+    if not changing:
+        names = ", ".join(name for name, *_ in fields)[:200]
+        raise InputError(
+            f"no {quantity} that changes (the file has: {names or 'no force and no position'})",
+            file=path,
+            remedy="record the topics of the force (WrenchStamped) and of the platen (PoseStamped "
+            "or JointState) in one bag",
+        )
+    rank, swing, name, time, values, unit = min(changing, key=lambda one: one[:3])
+    alike = [f"{o[2]} ({-o[1]:.3g})" for o in changing if o[0] == rank and o[1] < _ALIKE * swing]
+    if len(alike) > 1:
+        raise InputError(
+            f"several channels may be the {quantity}, as they change about as much: "
+            f"{' and '.join(alike[:4])}",
+            file=path,
+            remedy="keep one of them (ros2 bag convert), or write time_s, displacement_mm and "
+            "force_N as CSV",
+        )
+    if unit == "m":
+        values, unit = 1e3 * values, "mm"
+    return Channel("time", time, "s", "stamp"), Channel(quantity, values, unit, name)
+
+
+def _is_workbook(head: bytes) -> bool:
+    inside = b"[Content_Types].xml" in head or b"xl/work" in head
+    return head.startswith(_OLD_OFFICE) or (head.startswith(_ZIP) and inside)
+
+
+def _is_afm(head: bytes) -> bool:
+    table = head.startswith(b"# afmformats") and b"# BEGIN METADATA" in head
+    return table or (head.startswith(_ZIP) and b"header.properties" in head)
+
+
+def _is_bag(head: bytes) -> bool:
+    ros_2 = head.startswith(_SQLITE) and b"topics" in head and b"messages" in head
+    return head.startswith((_MCAP, _BAG_1)) or ros_2
+
+
+WORKBOOK = Binary(
+    "testxpert-excel",
+    "ZwickRoell testXpert, or another Excel workbook (needs python-calamine)",
+    "an Excel workbook (.xlsx, .xls); a sheet with time, displacement and force",
+    "every specimen's sheet (a test each), without the mean specimen's",
+    "testXpert, export to Excel; ECMA-376",
+    _is_workbook, "workbook", of_sheets, "python_calamine", "python-calamine", "python-calamine",
+)  # fmt: skip
+BINARY = (
+    WORKBOOK,
+    Binary(
+        "afm",
+        "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab",
+        "a zip archive with header.properties, or a table that afmformats wrote",
+        "time, height (measured, else piezo), force, spring constant; nm and nN",
+        "afmformats documentation; JPK Instruments, data format",
+        _is_afm, "afm", _of_curves, "afmformats", "afmformats", "afmformats",
+    ),
+    Binary(
+        "tdms",
+        "National Instruments LabVIEW, TDMS (needs npTDMS)",
+        "the first bytes 'TDSm'",
+        "channels named after time, displacement, force; or wf_increment",
+        "National Instruments, TDMS File Format Internal Structure",
+        lambda head: head.startswith(b"TDSm"), "tdms", _of_vectors, "nptdms", "npTDMS", "npTDMS",
+    ),
+    Binary(
+        "matlab",
+        "MATLAB .mat, versions 5 to 7.3",
+        "the first bytes 'MATLAB 5.0 MAT-file' or 'MATLAB 7.3 MAT-file'",
+        "vectors named after time, displacement (or strain), force (or stress)",
+        "MathWorks, MAT-File Format",
+        lambda head: head.startswith(_MATLAB), "matlab", _of_vectors,
+    ),
+    Binary(
+        "hdf5",
+        "HDF5 of any origin",
+        "the first bytes of HDF5",
+        "datasets named after time, displacement (or strain), force (or stress)",
+        "The HDF Group, HDF5 File Format Specification",
+        lambda head: head.startswith(_HDF5), "hdf5", _of_vectors,
+    ),
+    Binary(
+        "rosbag",
+        "robots: MCAP, ROS 2 bags (.mcap, .db3), ROS 1 bags (needs rosbags)",
+        "the first bytes of MCAP or of a ROS 1 bag, or SQLite with topics",
+        "WrenchStamped; PoseStamped, JointState and others; one test a file",
+        "MCAP specification; ROS REP 103; rosbags documentation",
+        _is_bag, "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
+    ),
+)  # fmt: skip
+"""Every known binary layout, in the order in which they are tried."""

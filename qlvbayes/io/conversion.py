@@ -1,0 +1,436 @@
+"""Convert machine files to tidy tests, name them, and write them as one tidy CSV file."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import io
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.binary import WORKBOOK, of_sheets
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.contact import FirstContact, Signs
+from qlvbayes.io.files import folder_fault, same_folder, write_whole
+from qlvbayes.io.formats import known_formats, matching, recognised
+from qlvbayes.io.layouts import Layout, stated_layout
+from qlvbayes.io.loading import (
+    Answers,
+    Loaded,
+    oriented_tests,
+    pattern_of,
+    usable_tests,
+    without_copies,
+)
+from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
+from qlvbayes.io.recording import Format, Recording, UnsureError
+from qlvbayes.io.table import head_of, is_text
+from qlvbayes.io.units import UnitSystem, column_name
+from qlvbayes.io.wording import computed, of_lines, prints, visible
+from qlvbayes.io.zero import Zero, zeros
+
+DEFAULT_PAD = "pad"  # the name in a tidy file without the column
+_LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
+_FINEST = 1e-10  # last digit written over the largest value, far below any sensor's resolution
+_PATTERNS = (r"^(.+?)[ _.-]*\d+$", r"^(.+?)[ _-]+[^ _-]*$", r"^[^ _-]+", r"^.+$")
+"""Parts of a test's name that may be its pad's: all before the last number, before the last
+separator, before the first separator, or the whole name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tidied:
+    """A test in tidy form, and the findings of the conversion, each with its numbers.
+
+    ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
+    positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
+    row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
+    the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
+    standard error, where it was measured. Tests of one ``contact_stage`` share that error.
+    """
+
+    file: Path
+    format: Format
+    pad: str
+    test: str
+    named: str
+    units: UnitSystem
+    time: Floats
+    displacement: Floats
+    force: Floats
+    start_s: float | None
+    signs: Signs
+    contact: FirstContact | None
+    zero: float
+    zero_sd: float | None
+    contact_stage: str
+    sampling: Sampling
+    dropped: dict[str, int]
+    findings: tuple[str, ...]
+
+    @property
+    def prescribed_force(self) -> bool:
+        """Return whether the force never changes, as under a dead weight: the test is creep."""
+        return bool(np.ptp(self.force) == 0.0)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the conversion of this test as a dictionary for JSON."""
+        contact = self.contact
+        return {
+            "file": str(self.file),
+            "format": self.format.name,
+            "pad": self.pad,
+            "test": self.test,
+            "units": asdict(self.units),
+            "turned": {"displacement": self.signs.way < 0, "force": self.signs.load < 0},
+            "contact": contact and {"place": contact.position, "sd": contact.sd},
+            "zero": self.zero,
+            "zero_sd": self.zero_sd,
+            "contact_stage": self.contact_stage or None,
+            "rows": len(self.time),
+            "step_s": self.sampling.step,
+            "lag_s": self.sampling.lag,
+            "start_s": self.start_s,
+            "dropped": self.dropped,
+            "findings": list(self.findings),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """All tests of some files, converted to one system of units.
+
+    ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
+    one file are taken as those of one pad, although nobody has stated it.
+    """
+
+    tests: tuple[Tidied, ...]
+    units: UnitSystem
+    faults: tuple[InputError, ...] = ()
+    undivided: bool = False
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Return what concerns all tests together: several of one file may be several specimens."""
+        if not self.undivided:
+            return ()
+        names = ", ".join(test.test for test in _together(self.tests)[:6])
+        return (
+            f"the tests of one file are taken as those of one pad ({names}): if they are several "
+            "specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
+            "names the pad of each test",
+        )
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """Return all findings, each a line that begins with the name of its test."""
+        lines = []
+        for test in self.tests:
+            source = f"read as {test.format.machine}"
+            first = source if test.file.stem == test.test else f"{test.file.name} {source}"
+            lost = [f"dropped: {of_lines(rows, why)}" for why, rows in test.dropped.items()]
+            lines += [f"{test.test}: {line}" for line in (first, *test.findings, *lost)]
+        return (*lines, *self.remarks)
+
+
+def in_short(notices: Sequence[str]) -> list[str]:
+    """Return lines ``test: what`` for a terminal: what several tests share stands once."""
+    lines: dict[str, list[str]] = {}
+    for line in notices:
+        lines.setdefault(line.partition(": ")[2] or line, []).append(line)
+    return [
+        same[0] if len(same) == 1 else f"{len(same)} tests: {what}" for what, same in lines.items()
+    ]
+
+
+def convert(
+    files: Sequence[Path],
+    answers: Answers = Answers(),  # noqa: B008 (frozen)
+    kinds: Sequence[Format] | None = None,
+    *,
+    without_faulty: bool = False,
+) -> Conversion:
+    """Read machine files and convert them to tidy tests; ``kinds`` are all known by default."""
+    kinds = known_formats() if kinds is None else kinds
+    given = [_pad_name(name) for name in answers.pads] or [DEFAULT_PAD]
+    pads = given * len(files) if len(given) == 1 else given
+    one_each = len(pads) == len(files)  # else one a test
+    faults: dict[Path, InputError] = {}
+    loaded: list[Loaded] = []
+    for file, pad in zip(files, pads if one_each else [""] * len(files), strict=True):
+        try:
+            kind, recordings = _read(file, kinds, answers)
+            tests = usable_tests(file, kind, recordings, pad, answers)
+            pattern = answers.pad_from
+            loaded += [replace(t, pad=pad_in(t.named, pattern)) if pattern else t for t in tests]
+        except InputError as error:
+            faults[file] = error
+    read: list[Loaded] = []
+    for file in dict.fromkeys(one.file for one in loaded):
+        try:
+            read += oriented_tests([one for one in loaded if one.file == file], loaded, answers)
+        except InputError as error:
+            faults[file] = error
+    if not one_each and not faults:
+        if len(given) != len(read):
+            called = ", ".join(one.named for one in read)[:200]
+            raise InputError(
+                f"--pad names {len(given)} pads; the number of files is {len(files)}, that of "
+                f"tests {len(read)} ({called})",
+                remedy="give one name for all, one a file, or one a test in this order",
+            )
+        read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
+    read = without_copies(read)
+    pairs = list(zip(read, zeros(read, answers), strict=True))
+    for one, zero in pairs:
+        if isinstance(zero, UnsureError):
+            faults.setdefault(one.file, zero)
+    one_by_one = not one_each or bool(answers.tests)  # no test may be left out of those named
+    if faults and (not without_faulty or len(faults) == len(set(files)) or one_by_one):
+        raise next(faults[file] for file in files if file in faults)
+    used = [(one, z) for one, z in pairs if one.file not in faults and isinstance(z, Zero)]
+    if not used:
+        raise InputError("no test can be used", file=files[0], remedy="look at the file")
+    firsts = [_first_row(one, zero) for one, zero in used]
+    names = _names_of([one for one, _ in used], answers.tests)
+    units = used[0][0].units
+    tests_found = [
+        _tidied(one, zero, first, name, units, clock)
+        for (one, zero), first, name, clock in zip(
+            used, firsts, names, _clocks([one for one, _ in used], firsts), strict=True
+        )
+    ]
+    pads_stated = bool(answers.pads) or answers.pad_from is not None
+    undivided = not pads_stated and bool(_together(tests_found))
+    return Conversion(tuple(tests_found), units, tuple(faults.values()), undivided)
+
+
+def _together(tests: Sequence[Tidied]) -> list[Tidied]:
+    """Return the tests of files that hold several."""
+    in_file = Counter(test.file for test in tests)
+    return [test for test in tests if in_file[test.file] > 1]
+
+
+def _read(
+    file: Path, kinds: Sequence[Format], answers: Answers
+) -> tuple[Format, Sequence[Recording]]:
+    """Return a file's layout and recordings; an error of a format's code becomes an InputError."""
+    kind: Format
+    if answers.columns is None:
+        kind = recognised(file, kinds)
+        read: Callable[[], Sequence[Recording]] = partial(kind.read, file)
+    else:
+        head = head_of(file)
+        whole = matching(head, kinds)
+        own = whole[0] if len(whole) == 1 else None
+        kind = stated = stated_layout(
+            answers.columns, file, own if isinstance(own, Layout) else None
+        )
+        read = partial(stated.read, file)
+        if own is WORKBOOK:
+            read = partial(of_sheets, WORKBOOK.vectors(file), file, stated)
+        elif not is_text(head):
+            raise InputError("this is no table of text", file=file, remedy="leave --columns out")
+    try:
+        return kind, read()
+    except InputError:
+        raise
+    except Exception as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        what = f"the file cannot be read as {kind.name} ({text})"
+        raise InputError(what, file=file, remedy="export it again") from error
+
+
+def _first_row(one: Loaded, zero: Zero) -> int:
+    """Return the first row that is kept: none is long before the contact that the test shows."""
+    contact = zero.contact
+    if contact is None or contact is not one.contact:
+        return 0
+    first = int(np.searchsorted(one.time, one.time[contact.rows] - _LEAD))
+    if len(one.time) - first < LEAST_SAMPLES:
+        what = f"only {len(one.time) - first} rows are left"
+        raise InputError(what, file=one.file, remedy="export the whole test")
+    return first
+
+
+def _tidied(
+    one: Loaded, zero: Zero, first: int, name: str, units: UnitSystem, start: float | None
+) -> Tidied:
+    """Return a test with its name and zero, in the units of all tests, from its first row on."""
+    if units.dimensionless != one.units.dimensionless:
+        raise InputError(
+            "this file has strain and stress and others have displacement and force",
+            file=one.file,
+            remedy="convert them one by one",
+        )
+    if first:
+        one.dropped[f"rows of the approach, more than {_LEAD:g} s before contact"] = first
+    way, load = one.way[first:] - zero.position, one.load[first:] - zero.force
+    sd = zero.sd
+    if units != one.units:
+        length, newtons = (one.units.factor_to(units, kind) for kind in ("displacement", "force"))
+        way, load, sd = way * length, load * newtons, None if sd is None else sd * length
+    clock, lag, sampled = one.recording.load_time, one.sampling.lag, one.sampling.describe()
+    if clock is not None and lag is not None:
+        sampled += (
+            f"; two clocks: {clock.name} of the force runs {lag * 1e3:.4g} ms behind "
+            f"{one.recording.time.name} row by row; the displacement is brought to the force's "
+            "times"
+        )
+    return Tidied(
+        one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
+        way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
+        one.dropped, (*one.findings, zero.finding, sampled),
+    )  # fmt: skip
+
+
+def _clocks(read: Sequence[Loaded], firsts: Sequence[int]) -> list[float | None]:
+    """Return the pad's clock at each test's first row, where all its tests state their date.
+
+    Each must begin after the one before has ended, to the second.
+    """
+    starts: list[float | None] = [None] * len(read)
+    for pad in {one.pad for one in read}:
+        tests = [k for k, one in enumerate(read) if one.pad == pad]
+        dates = [one.recording.began for one in read if one.pad == pad]
+        began = [
+            date + float(read[k].time[firsts[k]])
+            for k, date in zip(tests, dates, strict=True)
+            if date is not None
+        ]
+        lasts = [float(read[k].time[-1] - read[k].time[firsts[k]]) for k in tests]
+        if len(began) == len(tests) > 1 and all(
+            after >= date + last - 1.0
+            for date, last, after in zip(began, lasts, began[1:], strict=False)
+        ):
+            for k, date in zip(tests, began, strict=True):
+                starts[k] = date - began[0]
+    return starts
+
+
+# Names of pads and tests
+
+
+def _pad_name(name: str) -> str:
+    """Return a pad's name; an InputError is raised where no folder can have it."""
+    if (fault := folder_fault(_checked(name))) is not None:
+        raise InputError(f"the pad's name '{name[:200]}' {fault[0]}", remedy=fault[1])
+    return name
+
+
+def pad_in(name: str, pattern: re.Pattern[str]) -> str:
+    """Return the pad's name in a test's: the pattern's first group, or its whole match."""
+    match = pattern.search(name)
+    pad = (match[1] if match and match.re.groups else match and match[0]) or ""
+    if not pad:
+        raise InputError(
+            f"the pattern '{pattern.pattern[:200]}' finds nothing in the name '{name}'",
+            remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
+        )
+    return _pad_name(pad)
+
+
+def suggested_pattern(names: Sequence[str]) -> str:
+    """Return a pattern that divides tests by their names among several pads."""
+    divided: dict[str, int] = {}
+    for text in _PATTERNS:
+        pattern = pattern_of(text)
+        with contextlib.suppress(InputError):
+            divided[text] = len({pad_in(name, pattern) for name in names})
+    several = [text for text, pads in divided.items() if pads > 1]
+    return next((text for text in several if divided[text] < len(names)), (*several, "")[0])
+
+
+def _names_of(tests: Sequence[Loaded], given: Sequence[str]) -> list[str]:
+    """Return a unique name for each test, from those that the user gives, or from the files."""
+    if given and len(given) != len(tests):
+        called = ", ".join(one.named for one in tests)[:200]
+        raise InputError(
+            f"--test names {len(given)} tests and there are {len(tests)} ({called})",
+            remedy="give one name a test, in this order",
+        )
+    several = len({one.file for one in tests}) > 1
+    names = [_checked(name) for name in given]
+    for one in () if given else tests:
+        name, stem = one.recording.name, one.file.name.removesuffix(".gz").rpartition(".")[0]
+        own = f"{one.file.stem} {name}" if several else name
+        names.append(_plain(own if name else stem or one.file.name))
+    folders: dict[str, str] = {}
+    pairs = Counter((one.pad, name) for one, name in zip(tests, names, strict=True))
+    for (pad, name), count in pairs.items():
+        if (other := folders.setdefault(same_folder(pad), pad)) != pad:
+            what = f"the pads '{other}' and '{pad}' differ in upper and lower case only"
+            raise InputError(what, remedy="write one name, or two that differ in more")
+        if count > 1:
+            what = f"two tests of pad '{pad}' are called '{name}'"
+            raise InputError(what, remedy="name them with --test, or the pads with --pad")
+    return names
+
+
+def _plain(name: str) -> str:
+    """Return a name without characters that a folder's name or a CSV cell must not have."""
+    seen = "".join(sign if prints(sign) else "\n" for sign in name)
+    plain = re.sub(r'[\\/,;"\n#]+', "-", seen).strip(" .")
+    return (plain.lstrip("=@+- .") if computed(plain) else plain) or "test"
+
+
+def _checked(name: str) -> str:
+    if _plain(name) != name:
+        remedy = f"write it as '{_plain(name)}'"
+        raise InputError(f"the name {name!r} cannot be used", remedy=remedy)
+    return name
+
+
+# The tidy file
+
+
+def write_tidy(conversion: Conversion, path: Path) -> None:
+    """Write all tests, with the findings as comments above them; whole or not at all."""
+    if not path.name.lower().endswith((".csv", ".csv.gz")):
+        remedy = "give a name that ends in .csv or .csv.gz"
+        raise InputError("this is no name of a CSV file", file=path, remedy=remedy)
+    text = tidy_text(conversion)
+    write_whole(path, gzip.compress(text, mtime=0) if path.suffix.lower() == ".gz" else text)
+
+
+def tidy_text(conversion: Conversion) -> bytes:
+    """Return the bytes of the file; numbers have ten digits at the largest value."""
+    units, tests = conversion.units, conversion.tests
+    length = "" if units.dimensionless else units.displacement
+    # optional columns: the cell of each test
+    optional = {
+        "start_s": [None if t.start_s is None else f"{t.start_s:.9g}" for t in tests],
+        column_name("contact_sd", units.displacement): [
+            None if t.zero_sd is None else f"{t.zero_sd:.3g}" for t in tests
+        ],
+        "contact_stage": [None if t.zero_sd is None else t.contact_stage for t in tests],
+        "control": ["force" if t.prescribed_force else None for t in tests],
+    }
+    optional = {
+        name: cells for name, cells in optional.items() if any(c is not None for c in cells)
+    }
+    names = ["pad", "test", *optional, "time_s", column_name(units.displacement_name, length)]
+    names.append(column_name(units.force_name, units.force))
+    out = io.BytesIO()
+    for line in conversion.notices:
+        out.write(f"# {visible(line)}\n".encode())
+    out.write((",".join(names) + "\n").encode())
+    for k, test in enumerate(tests):
+        labels = ",".join([test.pad, test.test, *(cells[k] or "" for cells in optional.values())])
+        table = np.stack([test.time, test.displacement, test.force], axis=1)
+        decimals = [_decimals(column) for column in table.T]
+        line = ",".join([labels.replace("%", "%%"), *(f"%.{d}f" for d in decimals)]) + "\n"
+        for block in np.array_split(table, -(-len(table) // 4096)):
+            out.write(((line * len(block)) % tuple(block.ravel().tolist())).encode())
+    return out.getvalue()
+
+
+def _decimals(column: Floats) -> int:
+    largest = float(np.abs(column).max())
+    return int(np.clip(-np.floor(np.log10(largest * _FINEST)), 0, 15)) if largest > 0.0 else 1

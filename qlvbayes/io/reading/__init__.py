@@ -1,1 +1,0 @@
-"""Read a tidy CSV file, from bytes to checked columns."""

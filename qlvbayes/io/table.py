@@ -1,0 +1,511 @@
+"""Read tables of text: bytes to lines, lines to cells, cells to columns of numbers and labels.
+
+Tidy files, machines' text and the sheets of workbooks all pass `read_rows`. pandas reads rows that
+are all good. Where one may be bad, a slower way looks at each line: it refuses the first bad row of
+a tidy file, and leaves out and counts the lines of a machine's file that are no rows.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import hashlib
+import io
+import math
+import re
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO, cast
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.checks import InputError
+
+HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
+SHOWN = 60  # characters of a line that an error shows
+LARGEST_SHARE = 0.02  # share of a test's readings that may be bad; with more it is not reliable
+EXPORT = "export the measurements again"
+_MOST_CELLS = 2000  # cells of a line: more than a machine has channels
+_HEADER_LINES = 400  # more lines than any header has
+_MARKS = "\t;|,"
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
+_COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
+_NO_ROW = re.compile(rb"(?m)^(#.*|[ \t]*)\n")  # a comment or a blank line of a tidy file
+_NAME = re.compile(  # a quoted name, or one with its unit
+    r"\"[^\"]*\"|[^\s(\[\"]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]"
+)
+_MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
+_BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
+_CLOCK = re.compile(  # ISO 8601, or the date as in German, French or English
+    r"(\d{4}-\d\d-\d\d[T ]|\d\d?[./]\d\d?[./]\d{4} )?(\d+):(\d\d):(\d\d([.,]\d+)?)"
+    r"(Z|[+-]\d\d:?\d\d)?"
+)
+_LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "---"}
+_SAMPLE = 400  # rows from which the decimal mark is taken where all the others agree
+_DAY = 86400.0  # s
+_FOOTER, _SUMMED = 8, 3  # lines at the end in which a summary may stand, and its most rows
+_NO_NUMBERS, _EMPTY = "lines without numbers", "rows with an empty cell"
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of the file's bytes on the disk."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def head_of(path: Path, size: int = HEAD) -> bytes:
+    """Return the first bytes of a file, unzipped; all of them where the size is -1."""
+    try:
+        with path.open("rb") as raw:
+            zipped = raw.read(2) == b"\x1f\x8b"
+            raw.seek(0)
+            with cast(BinaryIO, gzip.open(raw)) if zipped else raw as stream:
+                return stream.read(size)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        remedy = "copy or compress it again"
+        raise InputError(
+            "the gzip data are cut off or damaged", file=path, remedy=remedy
+        ) from error
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def content(path: Path) -> bytes:
+    """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone."""
+    data = head_of(path, -1)
+    if data.isascii() and b"\0" not in data:
+        return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+    return decoded(data).encode()
+
+
+def _unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error of a file that the system does not let read."""
+    if path.is_dir():
+        return InputError("this is a folder", file=path, remedy="name the files in it")
+    if isinstance(error, FileNotFoundError):
+        return InputError("no such file", file=path, remedy="check the path")
+    return InputError(
+        f"cannot be read ({error.strerror or error})", file=path, remedy="check its permissions"
+    )
+
+
+def decoded(data: bytes) -> str:
+    """Return bytes as text: UTF-8, UTF-16 or Windows, without NULs; it never fails."""
+    start = data[:64]
+    if data.startswith(b"\xff\xfe") or (len(start) > 16 and not any(start[1::2])):
+        text = data.removeprefix(b"\xff\xfe").decode("utf-16-le", "replace")
+    elif data.startswith(b"\xfe\xff") or (len(start) > 16 and not any(start[::2])):
+        text = data.removeprefix(b"\xfe\xff").decode("utf-16-be", "replace")
+    else:
+        data = data.removeprefix(b"\xef\xbb\xbf")
+        try:
+            text = data.decode()
+        except UnicodeDecodeError as error:  # the last letter of a head may be cut
+            cut = error.start > len(data) - 4
+            text = data.decode("utf-8" if cut else "cp1252", "replace")
+    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the first bytes of a file are text: without signs that none has."""
+    return _BINARY.search(decoded(head)) is None
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Return the cells of a line without quotation marks and blanks, or an endless line itself."""
+    if line.count(separator) >= _MOST_CELLS:
+        return [line]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    try:
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # an overlong field
+        return [line]
+    return [cell.strip() for cell in cells]
+
+
+def separator_of(line: str) -> str:
+    """Return the tab, semicolon, bar or comma that separates three cells or more of a line."""
+    several = (mark for mark in _MARKS if line.count(mark) > 1)
+    return next(several, max(_MARKS, key=line.count))
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines at the beginning of a text, and the offset in bytes at which each starts."""
+
+    texts: tuple[str, ...]
+    starts: tuple[int, ...]
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Lines:
+        """Return the first lines of a text as ``content`` gives it."""
+        parts = data.split(b"\n", _HEADER_LINES)[:_HEADER_LINES]
+        starts = np.cumsum([0, *(len(part) + 1 for part in parts)])
+        return cls(
+            tuple(part.decode("utf-8", "replace") for part in parts),
+            tuple(min(int(start), len(data)) for start in starts),
+        )
+
+    def cells(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield each line's number (from 0) and its cells, separated by its own separator."""
+        for number, text in enumerate(self.texts):
+            yield number, cells_of(text, separator_of(text))
+
+
+def with_tabs(data: bytes) -> tuple[bytes, bool]:
+    """Return a text with tabs where blanks separate its numbers, and whether they do."""
+    data = _COMMENT.sub(b"", data)
+    lines = Lines.from_bytes(data)
+    for number, line in enumerate(lines.texts):
+        cells = [cell.strip('"') for cell in line.split()]
+        alone = all(is_like_number(cell) and cell[-1] not in ",;" for cell in cells)
+        if len(cells) < 3 or not alone:
+            continue
+        if "\t" in line:
+            return data, False
+        names = map(_NAME.findall, lines.texts[:number])
+        head = [
+            "\t".join(some) if len(some) in (len(cells), len(cells) - 1) else text
+            for some, text in zip(names, lines.texts, strict=False)
+        ]
+        rows = re.sub(rb"[ \t]+", b"\t", data[lines.starts[number] :])
+        rows = re.sub(rb"(?m)^\t|\t$", b"", rows)
+        return "".join(f"{line}\n" for line in head).encode() + rows, True
+    return data, False
+
+
+# Cells
+
+
+def plain_number(text: str) -> str:
+    """Return numbers with ASCII's minus and without spaces at thousands: '1 234,5' -> '1234,5'."""
+    return _BETWEEN_THOUSANDS.sub("", _MINUS.sub("-", text))
+
+
+def is_like_number(cell: str) -> bool:
+    """Return whether a cell may be a number, with whatever decimal mark, or a time of hh:mm:ss."""
+    return _LIKE_NUMBER.fullmatch(cell) is not None
+
+
+def are_numbers(cells: Sequence[str], indices: Sequence[int]) -> bool:
+    """Return whether there are numbers in all the cells at these indices."""
+    return len(cells) > max(indices) and all(is_like_number(cells[index]) for index in indices)
+
+
+def parse_number(text: str, decimal: str) -> float | None:
+    """Return the number in a cell, or None."""
+    if decimal == ",":
+        text = text.translate(str.maketrans(",.", ".,"))
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+def with_point(cell: str, decimal: str) -> str:
+    """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
+    if clock := _CLOCK.fullmatch(cell):
+        minutes = 60 * int(clock[2]) + int(clock[3])  # the rows tell where a day ends
+        return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
+    if len(decimal) == 2:
+        cell = cell.replace(decimal[1], "")
+    return cell.replace(decimal[0], ".")
+
+
+def decimal_mark(cells: Iterable[str], file: Path) -> str:
+    """Return the decimal mark; '.,' for points with commas at thousands, ',.' for the reverse."""
+    marked = [cell for cell in cells if "." in cell or "," in cell]
+    last = {max(".,", key=cell.rfind) for cell in marked if "." in cell and "," in cell}
+    if len(last) == 1:
+        return ".," if last == {"."} else ",."
+    points = sum("." in cell for cell in marked)
+    grouped = all("." in cell or THOUSANDS.fullmatch(cell) for cell in marked)
+    if points == len(marked):
+        return "."
+    if points and grouped:
+        return ".,"
+    if not points and not grouped:
+        return ","
+    what = f"'{marked[0]}' may be a decimal comma or a thousand"
+    if points:
+        what = "some numbers have a decimal point and some a decimal comma"
+    raise InputError(what, file=file, remedy="export with decimal points")
+
+
+# Rows
+
+
+@dataclass(frozen=True)
+class Form:
+    """Form of the rows of a table, and the columns that are read of it.
+
+    ``numbers`` are the indices and names of the columns of numbers, ``labels`` the indices of texts
+    that change rarely. A tidy file states its ``width``, the number of its columns: each of its
+    lines is a row. ``names`` is how many columns the names above a machine's table count, and
+    ``decimal`` is None where its rows have to show it.
+    """
+
+    separator: str
+    numbers: Sequence[tuple[int, str]]
+    labels: Sequence[int] = ()
+    width: int | None = None
+    decimal: str | None = None
+    names: int | None = None
+
+    @property
+    def indices(self) -> list[int]:
+        """Return the indices of the numbers."""
+        return [index for index, _ in self.numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Texts of a column: codes (n,) are indices into ``texts``."""
+
+    codes: NDArray[np.intp]
+    texts: list[str]
+
+    @classmethod
+    def from_texts(cls, written: Iterable[str] | pd.Series) -> Labels:
+        """Return the labels of a column; blanks around a text do not count."""
+        codes, unique = pd.factorize(pd.Series(written, dtype=object))
+        known: dict[str, int] = {}
+        common = [known.setdefault(str(text).strip(), len(known)) for text in unique]
+        return cls(np.array(common, dtype=np.intp)[codes], list(known))
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Columns of numbers, each (n,), and of labels; counts of dropped lines, by reason.
+
+    ``clocks`` are the positions, among the columns, of those written as hours, minutes and seconds;
+    they are in s. ``line`` gives the line of the file, from 1, that holds a row.
+    """
+
+    columns: tuple[Floats, ...]
+    labels: tuple[Labels, ...]
+    dropped: dict[str, int]
+    line: Callable[[int], int]
+    clocks: tuple[int, ...] = ()
+
+
+def read_rows(data: bytes, form: Form, file: Path, first: int = 1) -> Rows:
+    """Return the columns of the rows in a text, of which the first line is ``first`` of the file.
+
+    An InputError names the first bad row of a tidy file, and the first lost one of a table that
+    loses more than 2 % of its rows. Cells may be empty, as a logger of two rates leaves them.
+    """
+    dropped: dict[str, int] = {}
+    rows = data if data.endswith(b"\n") else data + b"\n"
+    if form.width is None:
+        rows = _without_cut(data, form, dropped)
+        if not rows.isascii() or re.search(rb"\d \d{3}", rows):
+            rows = plain_number(rows.decode("utf-8", "replace")).encode()
+    elif any(b"\n" + sign in b"\n" + rows for sign in (b"#", b"\n", b" ", b"\t")):
+        rows = _NO_ROW.sub(b"", rows)
+    if not rows.strip():
+        raise InputError("there are no rows of numbers", file=file, remedy=EXPORT)
+    cells = cells_of(rows.lstrip().partition(b"\n")[0].decode("utf-8", "replace"), form.separator)
+    whole = all(cell.lstrip("+-").isdecimal() for cell in cells)
+    if form.separator == "," and form.names is not None and len(cells) > form.names and whole:
+        raise InputError(
+            f"{len(cells)} numbers are below {form.names} names: the comma separates columns and "
+            "marks decimals",
+            file=file,
+            line=first,
+            remedy="export with semicolons or tabs between the columns, or with decimal points",
+        )
+    try:
+        found = _fast(rows, form, file)
+    except ValueError:  # a cell is no number
+        found = None
+    if found is None:
+        return _judged(rows if form.width is None else data, form, file, first, dropped)
+
+    def line(row: int) -> int:
+        lines = enumerate(data.split(b"\n"), first)
+        return next(islice((n for n, text in lines if _is_row(text)), row, None))
+
+    return Rows(*found, dropped, line)
+
+
+def _is_row(text: bytes) -> bool:
+    return bool(text.strip()) and not text.startswith(b"#")
+
+
+def _without_cut(data: bytes, form: Form, dropped: dict[str, int]) -> bytes:
+    """Return rows without a last line that does not end, and lacks cells or digits."""
+    above, _, last = data.rstrip(b" \t").rpartition(b"\n")
+    if last and above and last.count(form.separator.encode()) <= max(form.indices):
+        before = above[above.rfind(b"\n") + 1 :]
+        fewer = any(last.count(mark) < before.count(mark) for mark in (b",", b";", b"\t", b'"'))
+        digits = [re.search(rb"[.,](\d*)\D*$", line) for line in (before, last)]
+        decimals = [len(found[1]) if found else 0 for found in digits]
+        if fewer or decimals[1] < decimals[0]:
+            dropped["cut last line"] = 1
+            return above + b"\n"
+    return data if data.endswith(b"\n") else data + b"\n"
+
+
+def _fast(
+    rows: bytes, form: Form, file: Path
+) -> tuple[tuple[Floats, ...], tuple[Labels, ...]] | None:
+    """Return the columns of rows that are all good; None where one may not be."""
+    whole = rows.strip(b"\n")
+    head = whole.split(b"\n", _SAMPLE)[:_SAMPLE]
+    sample = [cells_of(line.decode("utf-8", "replace"), form.separator) for line in head]
+    width = form.width or max(len(sample[0]), max(form.indices) + 1)
+    count = whole.count(b"\n") + 1
+    even = whole.count(form.separator.encode()) == count * (width - 1)
+    if len(sample[0]) < width or b"\n\n" in whole or (form.width is not None and not even):
+        return None
+    used = [[row[k] for k in form.indices if k < len(row)] for row in sample]
+    decimal = form.decimal or decimal_mark((cell for row in used for cell in row), file)
+    # pandas takes a column of nothing but True and False for ones and zeros
+    if any(_NUMBER.fullmatch(with_point(cell, decimal)) is None for cell in used[0]):
+        return None
+    frame = pd.read_csv(
+        io.BytesIO(whole),
+        engine="c",
+        header=None,
+        names=list(range(width)),
+        index_col=False,
+        usecols=sorted({*form.indices, *form.labels}),
+        dtype=dict.fromkeys(form.indices, float) | dict.fromkeys(form.labels, object),
+        sep=form.separator,
+        decimal=decimal[0],
+        thousands=decimal[1:] or None,
+        skipinitialspace=True,
+        na_filter=False,
+        low_memory=False,
+        on_bad_lines="skip",
+    )
+    if len(frame) != count:
+        return None
+    labels = tuple(Labels.from_texts(frame[index]) for index in form.labels)
+    columns = tuple(np.array(frame[index], dtype=np.float64) for index in form.indices)
+    return (columns, labels) if all(np.isfinite(one).all() for one in columns) else None
+
+
+def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | None:
+    """Return why a line of a tidy file is no good row, and the remedy; None where it is one."""
+    decimal, write = form.decimal or ".", "write a number or delete the row"
+    if text.count('"') % 2:
+        return "a quotation mark is not closed", "remove it"
+    if any(part and part[-1] not in (form.separator, " ") for part in text.split('"')[:-1:2]):
+        return "there is a quotation mark within a field", "remove it"
+    if len(cells) != form.width:
+        fields = "1 field" if len(cells) == 1 else f"{len(cells)} fields"
+        what = f"the row has {fields} and the header {form.width}"
+        return what, "complete or delete the row"
+    for index, name in form.numbers:
+        cell, other = cells[index], "," if decimal == "." else "."
+        value = parse_number(cell, decimal)
+        if value is not None and math.isfinite(value):
+            continue
+        if not cell:
+            return f"{name} is empty", write
+        if cell.lower() in _MISSING:
+            return f"{name} is missing ('{cell}')", write
+        if value is not None or _INFINITE.fullmatch(cell):
+            return f"{name} is not finite ('{cell[:40]}')", write
+        if parse_number(cell, other) is not None:
+            mark = "decimal comma" if other == "," else "decimal point"
+            what = f"{name} has a {mark} ('{cell}')"
+            return what, f"write '{decimal}' as the decimal mark throughout"
+        return f"{name} is not a number ('{cell[:40]}')", write
+    return None
+
+
+def _judged(rows: bytes, form: Form, file: Path, first: int, dropped: dict[str, int]) -> Rows:
+    """Return rows line by line: a bad one of a tidy file is refused, and others are counted."""
+    lines = rows.decode("utf-8", "replace").split("\n")
+    found: dict[int, list[str]] = {}  # cells by the line's position
+    lost: dict[int, str] = {}
+    width = 0
+    for position, line in enumerate(lines):
+        if not line.strip() or (form.width is not None and line.startswith("#")):
+            continue
+        cells = cells_of(line, form.separator)
+        if form.width is not None and (fault := _fault(line, cells, form)) is not None:
+            raise InputError(fault[0], file=file, line=first + position, remedy=fault[1])
+        if (why := _why_not(cells, form.indices, width)) is None:
+            found[position] = cells
+            width = width or len(cells)
+        else:
+            lost[position] = why
+    used = {p: [cells[k] for k in form.indices] for p, cells in found.items()}
+    marked = (cell for row in used.values() for cell in row if ":" not in cell)
+    decimal = form.decimal or decimal_mark(marked, file)
+    numbers: dict[int, list[float]] = {}
+    for position, row in used.items():
+        pointed = [with_point(cell, decimal) for cell in row]
+        if all(map(_NUMBER.fullmatch, pointed)):
+            numbers[position] = [float(cell) for cell in pointed]
+        else:
+            lost[position] = _NO_NUMBERS
+    end = _end_of_table(lines, form, list(numbers))
+    if below := sum(position >= end for position in numbers):
+        dropped["rows of numbers below the table"] = below
+    numbers = {p: row for p, row in numbers.items() if p < end}
+    lost = {p: why for p, why in lost.items() if p < end}
+    positions = list(numbers)
+    within = [p for p in lost if positions and positions[0] < p < positions[-1]]
+    bad = [p for p in within if lost[p] != _EMPTY] if positions else sorted(lost)
+    if len(bad) > max(LARGEST_SHARE * (len(positions) + len(within)), 1.0) or not positions:
+        shown = lines[min(bad)].strip()[:SHOWN] if bad else ""
+        what = f"there are no rows of numbers (the first line is '{shown}')"
+        if positions:
+            what = f"{len(bad)} of {len(positions) + len(within)} rows have no number in a column "
+            what += f"that is used, the first is '{shown}'"
+        line_of = first + min(bad) if bad else None
+        remedy = f"write numbers there or delete the rows, or {EXPORT}"
+        raise InputError(what, file=file, line=line_of, remedy=remedy)
+    for position, why in lost.items():
+        if why != _EMPTY or position in within:
+            dropped[why] = dropped.get(why, 0) + 1
+    columns = list(np.array(list(numbers.values())).T)
+    clocks = tuple(k for k, cell in enumerate(used[positions[0]]) if ":" in cell)
+    for k in clocks:  # past midnight, where no date is written
+        columns[k] = columns[k] + _DAY * np.cumsum(np.diff(columns[k], prepend=0.0) < -0.5 * _DAY)
+    labels = tuple(
+        Labels.from_texts([found[p][k] if k < len(found[p]) else "" for p in positions])
+        for k in form.labels
+    )
+    return Rows(tuple(columns), labels, dropped, lambda row: first + positions[row], clocks)
+
+
+def _why_not(cells: Sequence[str], indices: Sequence[int], width: int) -> str | None:
+    """Return why a line is no row; None where it is one."""
+    used = [cells[index] if index < len(cells) else "" for index in indices]
+    if not all(map(is_like_number, used)):
+        judged = cells if len(cells) <= max(indices) else used  # a title in a cell of its own
+        known = all(cell.lower() in _MISSING or is_like_number(cell) for cell in judged)
+        return _EMPTY if known else _NO_NUMBERS
+    if 0 < width < len(cells) and all(not cell or is_like_number(cell) for cell in cells):
+        return "rows with too many cells"  # a decimal comma may have split a number
+    return None
+
+
+def _end_of_table(lines: Sequence[str], form: Form, positions: Sequence[int]) -> int:
+    """Return the line at which a summary below a table begins: a few rows after a text or a gap."""
+    for position in range(max(len(lines) - 1 - _FOOTER, 0), len(lines) - 1):
+        cells = cells_of(lines[position], form.separator)
+        time = cells[form.indices[0]] if len(cells) > form.indices[0] else ""
+        used = [cells[k] for k in form.indices if k < len(cells)]
+        if any(used) and (time.lower() in _MISSING or is_like_number(time)):
+            continue
+        below = sum(p > position for p in positions)
+        return position if 0 < below <= _SUMMED and len(positions) > 2 * _FOOTER else len(lines)
+    return len(lines)

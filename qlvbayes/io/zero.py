@@ -1,0 +1,338 @@
+r"""Find the zero of displacement and force, from the contact in the file or on its stage.
+
+The files of a pad on one stage share one contact, in which slow tests count most. A drag of
+viscosity or of a film adds a jump in proportion to the speed to the onset of the force, and a lag
+between the channels moves it by the speed times a delay. The power of depth with which the force
+begins, the drag and the delay are common to the files. For each power and drag, the contacts that
+the files show are
+
+.. math:: d_i = d_0 + (v_i - v_0) T + e_i, \quad T \sim N(0, 5\,\mathrm{ms}),
+
+where v_0 is the slowest speed of the stage. The files decide together on the power and the drag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.contact import (
+    FORMS,
+    UNLIKELY,
+    FirstContact,
+    Form,
+    Onset,
+    force_at_start,
+    mean_over_forms,
+    onsets_of,
+)
+from qlvbayes.io.loading import FILE, Answers, Loaded
+from qlvbayes.io.recording import UnsureError
+from qlvbayes.io.wording import plain
+
+_APART = 3.0  # standard errors beyond which the contacts of two files differ
+_DELAY = 0.005  # s: lag, or drag over stiffness, by which the onset of a quick test may be off
+_DRAGS = (0.0, *np.geomspace(0.002, 0.25, 15).tolist())  # of the peak force at the largest speed
+_FASTER = 1.5  # ratio of the speeds above which they show a drag
+_TINY = 1e-12  # share of the positions' size that an error has at least
+_NEAR = 0.01  # share of the travel before its start in which a stated contact may lie
+_AGREES = 2.0  # standard errors within which the file's own zero is kept
+_ENOUGH = 2  # files whose contacts have to agree for others to take theirs
+
+
+@dataclass(frozen=True)
+class StageContact:
+    """Contact and force at rest of the files of one stage, and the contact's standard error.
+
+    ``members`` are the indices of the files that agree on it.
+    """
+
+    position: float
+    sd: float
+    force: float
+    members: tuple[int, ...]
+
+    @property
+    def kept(self) -> bool:
+        """Return whether the contact agrees with the file's own zero."""
+        return abs(self.position) <= _AGREES * self.sd
+
+
+def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[StageContact]:
+    """Return the contacts on which tests of a stage agree, that of the most first."""
+    shown = {
+        k: one.contact
+        for k, one in enumerate(tests)
+        if one.stage == stage and one.contact is not None and one.approached
+    }
+    speeds = {k: tests[k].speed for k in shown}
+    left = sorted(shown, key=lambda k: (speeds[k], shown[k].sd, shown[k].position))
+    stages: list[StageContact] = []
+    while left:
+        groups: list[list[int]] = []
+        for first in left:
+            groups.append(_agreeing(shown, speeds, first, left))
+            if len(groups[-1]) == len(left):
+                break
+        largest = max(groups, key=len)  # of equals that with the slowest file
+        stages.append(_joint([tests[k] for k in largest], [shown[k] for k in largest], largest))
+        left = [k for k in left if k not in largest]
+    return stages
+
+
+def _agreeing(
+    shown: dict[int, FirstContact], speeds: dict[int, float], first: int, others: Sequence[int]
+) -> list[int]:
+    """Return the files that agree with one and with each other, each compared to those before."""
+    group = [first]
+    for k in (k for k in others if k != first):
+        known = np.array([(shown[j].position, shown[j].sd, speeds[j]) for j in group]).T
+        slowest = min(float(known[2].min()), speeds[k])
+        mean, covariance, _ = _line(known[0], known[1], known[2] - slowest)
+        row = np.array([1.0, speeds[k] - slowest])
+        error = np.sqrt(row @ covariance @ row + shown[k].sd ** 2)
+        if abs(shown[k].position - row @ mean) <= _APART * error:
+            group.append(k)
+    return group
+
+
+def _line(positions: Floats, sds: Floats, speeds: Floats) -> tuple[Floats, Floats, float]:
+    """Return the line through contacts (n,) over speeds (n,) above the slowest one.
+
+    Its mean (2,) is the contact at the slowest speed and the delay (s), with covariance (2, 2) and
+    misfit.
+    """
+    centre = float(np.median(positions))
+    least = _TINY * max(float(np.abs(positions).max()), np.finfo(float).tiny)
+    weights = np.maximum(sds, least) ** -2.0
+    rows = np.stack([np.ones_like(speeds), speeds])
+    precision = (rows * weights) @ rows.T + np.diag([0.0, _DELAY**-2.0])
+    covariance = np.asarray(np.linalg.inv(precision), float)
+    mean = np.asarray(covariance @ (rows * weights) @ (positions - centre))
+    residual = positions - centre - mean @ rows
+    misfit = float(weights @ residual**2 + (mean[1] / _DELAY) ** 2)
+    return mean + np.array([centre, 0.0]), covariance, misfit
+
+
+def _joint(
+    tests: Sequence[Loaded], contacts: Sequence[FirstContact], members: Sequence[int]
+) -> StageContact:
+    """Return what the files of one stage show together."""
+    position, sd = contacts[0].position, contacts[0].sd
+    if len(tests) > 1:
+        position, sd = _joint_position(tests, contacts)
+    force = float(np.mean([contact.force for contact in contacts]))
+    return StageContact(position, sd, force, tuple(sorted(members)))
+
+
+def _joint_position(
+    tests: Sequence[Loaded], contacts: Sequence[FirstContact]
+) -> tuple[float, float]:
+    speeds = np.array([one.speed for one in tests])
+    peak = max(one.peak for one in tests)
+    drags = _DRAGS if speeds.max() > _FASTER * speeds.min() else _DRAGS[:1]
+    pairs = list(zip(tests, contacts, strict=True))
+    found = []
+    for (one, contact), speed in zip(pairs, speeds, strict=True):
+        jumps = [drag * peak * speed / speeds.max() for drag in drags]
+        forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
+        found.append(onsets_of(one.way, one.load, contact.level, forms))
+    if sum(map(bool, found)) < 2:  # without drag each shows its own contact
+        found = [onsets_of(one.way, one.load, c.level, FORMS) for one, c in pairs]
+    # A press of few rows may show a contact without drag, and none where drag is likelier.
+    telling = [k for k, onsets in enumerate(found) if onsets]
+    spacings = np.array([contacts[k].spacing for k in telling])
+    own = np.array([contacts[k].sd for k in telling])
+    joint = [
+        _over_files(onsets, spacings, own, speeds[telling])
+        for onsets in zip(*(found[k] for k in telling), strict=True)
+    ]
+    position, sd = mean_over_forms(joint)
+    weights = np.array([contact.sd for contact in contacts]) ** -2.0
+    choices = np.array([contact.choice for contact in contacts])
+    common = float(np.average(choices**2, weights=weights))
+    return position, float(np.sqrt(sd**2 + common))
+
+
+def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: Floats) -> Onset:
+    """Return the contact that all files show if the force begins with one form."""
+    height = sum(max(onset.height, -UNLIKELY) for onset in onsets)
+    errors = np.hypot([onset.sd for onset in onsets], spacings)
+    errors = np.where(errors > 0.0, errors, own)  # an unlikely form has no error of its own
+    positions = np.array([onset.position for onset in onsets])
+    mean, covariance, misfit = _line(positions, errors, speeds - speeds.min())
+    scatter = max(misfit / (len(onsets) - 1), 1.0)
+    sd = float(np.sqrt(covariance[0, 0] * scatter))
+    return Onset(float(mean[0]), sd, height - 0.5 * misfit)
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Zeros subtracted from displacement and force, and the displacement's standard error.
+
+    ``position`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
+    how it was found; ``contact`` is where the file's own rise of the force shows it. ``stage``
+    names the contact whose error all recordings of that name share.
+    """
+
+    position: float
+    force: float
+    finding: str
+    sd: float | None = None
+    contact: FirstContact | None = None
+    stage: str = ""
+
+
+def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]:
+    """Return the zero of each recording, or the question that has to be asked for it."""
+    results: list[Zero | UnsureError] = []
+    before: dict[tuple[object, ...], Zero] = {}
+    contacts = {stage: _stage_contacts(shown, stage) for stage in {one.stage for one in shown}}
+    for k, one in enumerate(shown):
+        key = (one.file, *one.stage)
+        zero = _zero(one, k, contacts[one.stage], before.get(key), answers)
+        if isinstance(zero, Zero) and zero.contact is not None:
+            before[key] = zero
+        results.append(zero)
+    return results
+
+
+def _zero(
+    one: Loaded,
+    index: int,
+    contacts: Sequence[StageContact],
+    before: Zero | None,
+    answers: Answers,
+) -> Zero | UnsureError:
+    if answers.contact == FILE:
+        finding = "contact at the file's own zero, as stated by the user"
+        return Zero(0.0, 0.0, finding, contact=one.contact)
+    if answers.contact is not None:
+        return _stated(one, float(answers.contact))
+    if np.ptp(one.load) == 0.0:
+        return Zero(0.0, 0.0, "contact at the file's own zero: the force never changes")
+    if one.units.dimensionless:
+        finding = "strain has the file's own zero: a fixed specimen has no contact"
+        return Zero(0.0, 0.0, finding)
+    own = next((stage for stage in contacts if index in stage.members), None)
+    if own is not None and one.contact is not None:
+        return _at_contact(one, one.contact, own, contacts[0])
+    if contacts and contacts[0].kept and one.begins_at_zero and one.begins_without_force:
+        zero = _at_start(one)
+        if isinstance(zero, Zero):
+            return replace(zero, sd=contacts[0].sd, stage=_label(one, contacts[0]))
+    counts = [len(stage.members) for stage in contacts]
+    most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
+    agreed = contacts[0] if most else None
+    late = agreed and float(one.way[0]) > agreed.position - _APART * agreed.sd
+    if agreed is not None and late and not one.begins_without_force:
+        return _from_others(one, agreed)
+    if before is not None:
+        finding = (
+            f"contact at {one.written(before.position)} {one.units.displacement}, the zero of the "
+            "file's test before: this one begins in contact"
+        )
+        return replace(before, force=0.0, finding=finding)
+    zero = _at_start(one)
+    if isinstance(zero, Zero) and agreed is not None:
+        return replace(zero, finding=zero.finding + _doubt(one, agreed))
+    return zero
+
+
+def _stated(one: Loaded, written: float) -> Zero:
+    """Return the zero that the user states, with the sign that it has in the file."""
+    position, length = one.signs.way * written, one.units.displacement
+    low, high = float(one.way.min()), float(one.way.max())
+    before = (_NEAR if one.begins_without_force else 1.0) * (high - low)
+    if not low - before <= position < high:
+        raise InputError(
+            f"--contact {written:.6g} lies outside the travel, {one.written(float(one.way[0]))} "
+            f"{length} at the start and {one.written(high)} {length} at the deepest",
+            file=one.file,
+            remedy="state it in the unit of the tidy file and with the sign of the file",
+        )
+    finding = f"contact at {written:.6g} {length}, as stated by the user"
+    return Zero(position, 0.0, finding, contact=one.contact)
+
+
+def _label(one: Loaded, stage: StageContact) -> str:
+    return "0" if stage.kept else one.written(stage.position)
+
+
+def _from_others(one: Loaded, agreed: StageContact) -> Zero:
+    length, force = one.units.displacement, one.units.force
+    start = one.signs.load * force_at_start(one.way, one.load)
+    finding = (
+        f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
+        f"the pad's {len(agreed.members)} other files agree: this one begins beyond it, at "
+        f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
+        f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
+    )
+    return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=_label(one, agreed))
+
+
+def _doubt(one: Loaded, others: StageContact) -> str:
+    """Return the words on other files whose contact lies elsewhere, and the option that joins."""
+    count, position = len(others.members), one.written(others.position)
+    have = f"{count} other files have" if count > 1 else "other file has"
+    return (
+        f"; doubt: the pad's {have} it at {position} +- {plain(others.sd, 2)} "
+        f"{one.units.displacement}: was the stage or the pad moved, or the zero set anew? If not, "
+        f"--contact {position} gives all files one zero"
+    )
+
+
+def _at_contact(
+    one: Loaded, contact: FirstContact, stage: StageContact, most: StageContact
+) -> Zero:
+    """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
+    length, force = one.units.displacement, one.units.force
+    together = len(stage.members) > 1
+    finding = f"contact at {one.written(stage.position)} +- {plain(stage.sd, 2)} {length}"
+    finding += " agrees with the file's zero, which is kept" if stage.kept else ", the new zero"
+    if together:
+        alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
+        finding += f", in {len(stage.members)} files of one stage (this one alone: {alone})"
+    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
+    if offset:
+        finding += f"; taken off the force: {plain(contact.force)} {force} before contact"
+    if stage is not most:
+        finding += _doubt(one, most)
+    apart = abs(contact.position - stage.position) > _APART * float(np.hypot(contact.sd, stage.sd))
+    if together and apart:
+        finding += (
+            "; doubt: that of this one alone is off beyond the errors, as a film, drag or a lag "
+            f"does in a quick test; --contact {one.written(stage.position)} states this zero"
+        )
+    position = 0.0 if stage.kept else stage.position
+    return Zero(position, offset, finding, stage.sd, contact, _label(one, stage))
+
+
+def _at_start(one: Loaded) -> Zero | UnsureError:
+    """Return the first row as zero, if the force is none there: the test begins in contact."""
+    length, force = one.units.displacement, one.units.force
+    first, peak = one.force_at_first, float(np.abs(one.load).max())
+    share = abs(first) / peak if peak > 0.0 else 1.0
+    if not one.begins_without_force:
+        return UnsureError(
+            f"the test begins in contact, with {plain(one.signs.load * first)} {force} "
+            f"({share:.1%} of the largest force): where the specimen is first touched is not in it",
+            file=one.file,
+            option="contact",
+            question=f"displacement at first contact in {length}, before it is set to "
+            f"zero, or '{FILE}' for its own zero",
+            say="VALUE, or --contact file for the file's own zero",
+        )
+    position, near = float(one.way[0]), one.begins_at_zero
+    where = "the file's own zero" if near else f"the first row, {one.written(position)} {length}"
+    # the force of the first row over the mean stiffness bounds how far contact may lie above
+    reach = share * float(one.way[int(np.argmax(one.load))] - position)
+    finding = (
+        f"contact at {where}: there is no approach, and the first row has "
+        f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
+    )
+    return Zero(0.0 if near else position, 0.0, finding)
