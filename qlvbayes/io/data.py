@@ -23,6 +23,7 @@ from qlvbayes.io.readings import (
     LEAST_SAMPLES,
     no_readings,
     out_of_range,
+    same_readings,
     slipped,
     unread_rows,
     wrong_signs,
@@ -324,6 +325,7 @@ class _Builder:
             key: column[self.rows]
             for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
         }
+        self._drop_twins(columns)
         time, force = columns["time"], columns["force"]
         if unread := unread_rows(time, columns["displacement"], force):
             lost = of_lines(unread, "rows before the channels were read, both exactly 0")
@@ -365,6 +367,14 @@ class _Builder:
             contact_stage=self.label("contact_stage"),
             used=None if used.all() else used,
         )
+
+    def _drop_twins(self, columns: dict[str, Floats]) -> None:
+        """Drop a quantity's column in another unit, and refuse one that differs by more."""
+        for key in ("displacement", "force"):
+            other = columns.pop(f"{key} 2", None)
+            if other is not None and not same_readings(columns[key], other):
+                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
+                self.fail(0, f"two columns for {key}: {both}", "delete one of them")
 
     def _name(self, key: str) -> str:
         return self.dialect.numeric[key].name

@@ -48,6 +48,8 @@ from qlvbayes.io.units import QUANTITIES, unit_of
 from qlvbayes.io.wording import joined
 
 _NAMES = 3  # of time, displacement and force
+_SAME = 0.05  # of the travel, and of the force's range, within which a block goes on,
+_LOADED = 0.1  # and of the largest force, above which a test has not ended
 _BLANK = 2  # most empty rows between the names and their units
 LEAST = 10  # lines that a test has at least
 _HEADER = 60  # lines among which the names of columns are
@@ -238,7 +240,7 @@ def read_below(
         if not parts or rows.count(b"\n") >= LEAST:  # else names left over at the end
             _refuse_other_header(rows, header.columns, separator, file, first)
             tests = _tests(header, rows, separator, file, first, name, lines, above)
-            if parts and _goes_on(parts[-1], tests):
+            if parts and _goes_on(parts[-1], tests, file, first - 1):
                 parts[-1] = [_together(*pair) for pair in zip(parts[-1], tests, strict=True)]
             else:
                 parts.append(tests)
@@ -337,10 +339,37 @@ def _titles(groups: Sequence[object], above: Sequence[str]) -> list[str]:
     return titles if len(titles) == len(groups) else [str(k + 1) for k in range(len(groups))]
 
 
-def _goes_on(before: Sequence[Recording], after: Sequence[Recording]) -> bool:
-    pairs = zip(before, after, strict=False)
-    later = all(new.time.values[0] >= old.time.values[-1] for old, new in pairs)
-    return len(before) == len(after) and later
+def _goes_on(
+    before: Sequence[Recording], after: Sequence[Recording], file: Path, line: int
+) -> bool:
+    """Return whether a part below repeated names goes on with the tests of the part before.
+
+    It does where time does. Where the clock begins anew although displacement and force go on under
+    load, nobody knows how long the pause was: that is refused.
+    """
+    if len(before) != len(after):
+        return False
+    pairs = list(zip(before, after, strict=True))
+    if all(new.time.values[0] >= old.time.values[-1] for old, new in pairs):
+        return True
+    if all(_continues(old, new) for old, new in pairs):
+        what = "the clock begins anew here, and displacement and force go on from the rows above"
+        remedy = (
+            "export the test with one clock, or each part to a file of its own if the specimen was "
+            "unloaded between them"
+        )
+        raise InputError(what, file=file, line=line, remedy=remedy)
+    return False
+
+
+def _continues(old: Recording, new: Recording) -> bool:
+    """Return whether a part begins where the part before ended, which was still loaded."""
+    way, load = old.way.values, old.load.values
+    peak = float(np.abs(load).max())
+    if abs(float(load[-1])) < _LOADED * peak or peak == 0.0:
+        return False
+    moved = abs(float(new.way.values[0] - way[-1])) > _SAME * float(np.ptp(way))
+    return not moved and abs(float(new.load.values[0] - load[-1])) < 2.0 * _SAME * peak
 
 
 def _together(before: Recording, after: Recording) -> Recording:

@@ -29,6 +29,7 @@ _SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _SEPARATOR_LINE = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _FRACTION = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_TWICE = ("displacement", "force", "strain", "stress")  # what may stand there in two units
 _COUNTERPART = {"strain": "displacement", "stress": "force"}
 _COUNTERPART |= {other: one for one, other in _COUNTERPART.items()}
 _OTHER_WORDS = {
@@ -144,6 +145,9 @@ def _columns(
         if suffix not in scales:
             unknown.append((quantity, suffix, name))
             continue
+        twin = f"{quantity} 2"  # of a quantity that stands there in two units
+        if quantity in _TWICE and quantity in found and found[quantity].suffix != suffix:
+            quantity = twin if twin not in found else quantity
         if quantity in found:
             both = f"'{found[quantity].name}' and '{name}'"
             raise fail(f"two columns for {quantity}: {both}", remedy="delete one of them")
@@ -159,12 +163,13 @@ def _columns(
     _refuse_missing(names, found, kind, file, fail)
     keys = {"time": "time", "displacement": kind.displacement_name, "force": kind.force_name}
     keys["force_sd"] = f"{kind.force_name}_sd"
+    keys |= {f"{key} 2": f"{keys[key]} 2" for key in ("displacement", "force")}
     numeric = {key: found[own] for key, own in keys.items() if own in found}
     labels = {key: found[key] for key in (*LABELS, "rate", "start", "contact_sd") if key in found}
     way, load = numeric["displacement"], numeric["force"]
     system = unit_system("1" if kind is STRAIN else way.suffix, load.suffix)
-    own = dict.fromkeys(("displacement", "rate", "contact_sd"), way.scale)
-    own |= dict.fromkeys(("force", "force_sd"), load.scale)
+    own = dict.fromkeys(("displacement", "displacement 2", "rate", "contact_sd"), way.scale)
+    own |= dict.fromkeys(("force", "force 2", "force_sd"), load.scale)
 
     def scaled(columns: dict[str, Column]) -> dict[str, Column]:
         return {
