@@ -393,7 +393,10 @@ def _refuse_other_header(
         if len(cells) < _NAMES or any(map(is_like_number, cells)):
             continue
         same = [cell.strip("()[]") for cell in cells] == [column.unit for column in columns]
-        if all(measured(in_cells(cells)).values()) or (_are_units(cells) and not same):
+        named = in_cells(cells)
+        pairs = zip(named, columns, strict=False)
+        agree = all(one.name in ("", other.name) for one, other in pairs)  # a cut file's last line
+        if (all(measured(named).values()) and not agree) or (_are_units(cells) and not same):
             raise InputError(
                 f"names or units other than those above begin here ('{text.strip()[:SHOWN]}')",
                 file=file,
