@@ -129,7 +129,9 @@ def convert_command(
 def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.reading import converted
-    from qlvbayes.io.conversion import in_short, write_tidy
+    from qlvbayes.io.conversion import in_short, write_csv, write_tidy
+    from qlvbayes.io.tidy import joined
+    from qlvbayes.pipeline.source import is_tidy
     from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
 
@@ -137,7 +139,12 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
-    conversion = converted(files, inputs.chosen, tuple(split_names(inputs.pad_words)))
+    pads = tuple(split_names(inputs.pad_words))
+    if len(files) > 1 and len(pads) == 1 and all(map(is_tidy, files)):
+        write_csv(joined(files, pads[0]), output)
+        out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
+        return
+    conversion = converted(files, inputs.chosen, pads)
     write_tidy(conversion, output)
     stem = output.name.removesuffix(".gz").removesuffix(".csv")
     picture = save_figure(plot_conversion(conversion), output.with_name(stem))

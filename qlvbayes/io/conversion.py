@@ -392,10 +392,14 @@ def _checked(name: str) -> str:
 
 def write_tidy(conversion: Conversion, path: Path) -> None:
     """Write all tests, with the findings as comments above them; whole or not at all."""
+    write_csv(tidy_text(conversion), path)
+
+
+def write_csv(text: bytes, path: Path) -> None:
+    """Write the bytes of a .csv file, or of a .csv.gz file compressed; whole or not at all."""
     if not path.name.lower().endswith((".csv", ".csv.gz")):
         remedy = "give a name that ends in .csv or .csv.gz"
         raise InputError("this is no name of a CSV file", file=path, remedy=remedy)
-    text = tidy_text(conversion)
     write_whole(path, gzip.compress(text, mtime=0) if path.suffix.lower() == ".gz" else text)
 
 

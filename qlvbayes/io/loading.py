@@ -325,6 +325,12 @@ def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
         units = [unit_of(text, quantity) for quantity in _quantities(channel)] if text else []
         found.append(next((unit for unit in units if unit is not None), None))
     own, said = found
+    others = [kind for both in QUANTITIES[1:] for kind in both] if own is None else []
+    of_other = next((kind for kind in others if unit_of(channel.unit, kind)), None)
+    if of_other is not None and channel.quantity != "time":
+        what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a unit"
+        remedy = "name the columns of --columns in the order time, displacement, force"
+        raise InputError(f"{what} of {of_other}", file=file, remedy=remedy)
     if own is not None and stated is not None and own != said:
         what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
         raise InputError(what, file=file, remedy="leave --units out")

@@ -11,7 +11,16 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import LABELS, split_name
-from qlvbayes.io.table import EXPORT, HEAD, THOUSANDS, cells_of, decoded, head_of, is_text
+from qlvbayes.io.table import (
+    EXPORT,
+    HEAD,
+    THOUSANDS,
+    cells_of,
+    content,
+    decoded,
+    head_of,
+    is_text,
+)
 from qlvbayes.io.units import (
     PAD,
     SAME,
@@ -240,3 +249,27 @@ def _rename(quantity: str, names: Sequence[str]) -> str | None:
 
 def _spellings(quantity: str) -> str:
     return " or ".join(column_name(quantity, suffix) for suffix in SUFFIXES[quantity])
+
+
+def joined(files: Sequence[Path], pad: str) -> bytes:
+    """Return one tidy file of several that hold a test each: the tests of one pad.
+
+    Their rows stay as they are, below one header and behind the pad and a test's name, that of its
+    file. InputError if a file names its pads or tests, or has other columns than the first.
+    """
+    lines, first = [], sniff(files[0])
+    head = content(files[0]).decode().split("\n")[first.line - 1]
+    lines.append(first.separator.join(["pad", "test", head]))
+    for file in files:
+        dialect = sniff(file)
+        header, *rows = content(file).decode().split("\n")[dialect.line - 1 :]
+        if {"pad", "test"} & set(dialect.labels):
+            remedy = "leave it out: its tests have a pad"
+            raise InputError("it names its pads or tests itself", file=file, remedy=remedy)
+        if (header, dialect.decimal) != (head, first.decimal):
+            what = f"its columns ({header.strip()}) are not those of {files[0].name}"
+            raise InputError(what, file=file, remedy="join files with the same columns")
+        name = file.name.removesuffix(".gz").rpartition(".")[0]
+        named = first.separator.join([pad, name, ""])
+        lines += [named + row for row in rows if row.strip() and not row.startswith("#")]
+    return ("\n".join(lines) + "\n").encode()

@@ -25,7 +25,7 @@ from qlvbayes.io.recording import Format
 from qlvbayes.io.table import head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
-from qlvbayes.io.wording import UNNAMED, listed
+from qlvbayes.io.wording import UNNAMED, as_typed, listed
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.parallel.shards import Shard
 
@@ -90,7 +90,7 @@ class Source:
         files = [file for path in paths for file in files_at(path)]
         folder = paths[0] if len(paths) == 1 and paths[0].is_dir() else None
         alone = len(files) == 1 and not stated and not named(())
-        tidy = files if alone else [file for file in files if _is_tidy(file, stated)]
+        tidy = files if alone else [file for file in files if is_tidy(file, stated)]
         machines = [file for file in files if file not in tidy]
         if tidy and not machines and stated:
             what = "an option says how files of testing machines are read, and this one is tidy"
@@ -142,14 +142,16 @@ class Source:
         if self.conversion is not None and len(pads) == 1 and len(pads[0].tests) > 1:
             text += " (--pad NAME names it; --pad-from REGEX finds several pads in tests' names)"
         if several:
-            text += " (tests of one pad stand in one file, with a column test)"
+            text += " (tests of one pad stand in one file; look FILES -o P.csv --pad P joins them)"
         return text
 
     @property
     def refusal(self) -> InputError:
         """Return the refusal where none of the files has a pad of the names that are wanted."""
         several = len(self.files) > 1 and len(self.only) == 1
-        remedy = f"join tests of one pad: qlvbayes look FILES -o {self.only[0]}.csv --pad NAME"
+        names, pad = (str(file) for file in self.files), self.only[0]
+        typed = as_typed("qlvbayes", "look", *names, "-o", f"{pad}.csv", "--pad", pad)
+        remedy = f"each tidy file has pads of its own; this joins tests of one pad: {typed}"
         return InputError(
             f"no pad of these files is called {' or '.join(self.only)}",
             remedy=remedy if several else None,
@@ -232,7 +234,7 @@ def _of_machines(
     return Source(tuple(tidy), wanted, study, folder, part, conversion, tuple(faults))
 
 
-def _is_tidy(file: Path, asked: bool) -> bool:
+def is_tidy(file: Path, asked: bool = False) -> bool:
     """Return whether a file is tidy, as `read_measurements` takes it; none is both.
 
     asked: whether the user has said how machines' files are read: then all others are theirs.

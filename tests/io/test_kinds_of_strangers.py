@@ -8,11 +8,12 @@ from support.machine_files import Pressed, pressed, workbook
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import is_mean, split_header
-from qlvbayes.io.conversion import convert, write_tidy
+from qlvbayes.io.conversion import convert, write_csv, write_tidy
 from qlvbayes.io.data import Control, read_measurements
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.readings import unread_rows
 from qlvbayes.io.recording import UnsureError
+from qlvbayes.io.tidy import joined
 
 STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
 NAMES = "Time (s),Displacement (mm),Force (N)"
@@ -172,3 +173,31 @@ def test_the_kept_records_of_strangers():
     assert len(convert([STRANGERS / "no_x_column.lvm"]).tests[0].time) == 486
     with pytest.raises(InputError, match="there is no time"):
         read_measurements(STRANGERS / "no_time.txt")
+
+
+# files of one pad
+
+
+def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):
+    header = "time_s,displacement_mm,force_N"
+    files = [written(tmp_path, f"v{k}.csv", header, *rows_of(TEST)) for k in (1, 2, 3)]
+    path = tmp_path / "P.csv"
+    write_csv(joined(files, "P"), path)
+    (pad,) = read_measurements(path).pads
+    assert (pad.name, [test.name for test in pad.tests]) == ("P", ["v1", "v2", "v3"])
+    alone = read_measurements(files[1]).pads[0].tests[0]
+    for one in ("time", "displacement", "force"):
+        np.testing.assert_array_equal(getattr(pad.tests[1], one), getattr(alone, one))
+    other = written(tmp_path, "other.csv", "time_s,force_N,displacement_mm", *rows_of(TEST))
+    with pytest.raises(InputError, match=r"are not those of v1\.csv"):
+        joined([files[0], other], "P")
+    with pytest.raises(InputError, match="names its pads or tests itself"):
+        joined([files[0], path], "P")
+
+
+@pytest.mark.parametrize("units", [None, "s,mm,N"])
+def test_columns_in_another_order_than_their_units_are_refused(tmp_path, units):
+    path = written(tmp_path, "a.csv", NAMES, *rows_of(TEST))
+    answers = Answers.from_words(columns="Time (s),Force (N),Displacement (mm)", units=units)
+    with pytest.raises(InputError, match="'Force' is taken as the displacement, but N is a unit"):
+        convert([path], answers)
