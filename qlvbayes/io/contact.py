@@ -136,7 +136,7 @@ class FirstContact:
     spacing: float = 0.0  # error due to the rows' distance
 
 
-def find_contact(way: Floats, load: Floats) -> FirstContact | None:
+def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstContact | None:
     r"""Return the first contact of a test that presses to positive; None if it starts in contact.
 
     Up to a share of the peak force
@@ -147,11 +147,13 @@ def find_contact(way: Floats, load: Floats) -> FirstContact | None:
     are mean and sd over them, each weighted by its likelihood with as many independent rows as the
     residual's correlation leaves. The spread over three shares of the peak force (larger ones for a
     quick press) and the spacing of the rows at contact are added in squares. ``way`` and ``load``
-    (n,) may be in any units. Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826.
+    (n,) may be in any units. ``at_zero``: whether it begins at the file's own zero, where a soft
+    rise is taken for no late contact. Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826.
     """
     tried = [_fitted(way, load, level) for level in _LEVELS]
-    for level in _HIGHER:  # only where the rise has too few rows below: a soft one looks late here
-        if sum(one is not None for one in tried) < _WANTED:
+    for level in _HIGHER:  # a soft rise looks late here: below, it has too few rows, or no approach
+        told = sum(one is not None if at_zero else bool(one) for one in tried)
+        if told < _WANTED:
             tried.append(_fitted(way, load, level))
     fits = [fit for some in tried for fit in some or ()]
     if not fits:

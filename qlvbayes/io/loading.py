@@ -411,7 +411,9 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
         remedy = "leave --sign out"
         raise InputError(f"with --sign {answers.sign} {what}", file=one.file, remedy=remedy)
     constant = float(np.ptp(load)) == 0.0
-    contact = None if one.units.dimensionless or constant else find_contact(way, load)
+    contact = None
+    if not (one.units.dimensionless or constant):
+        contact = find_contact(way, load, at_zero=one.begins_at_zero)
     unused = one.recording.unused
     findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
     findings.append(_sign_finding(one, signs, answers))

@@ -364,5 +364,6 @@ def test_a_soft_rise_from_the_first_reading_on_is_no_late_contact(power, speed):
         force = force + share * part
     rng = np.random.default_rng(3)
     for _ in range(15):
-        found = find_contact(depth, force + rng.normal(0.0, 0.003, time.size))
+        noisy = force + rng.normal(0.0, 0.003, time.size)
+        found = find_contact(depth, noisy, at_zero=True)
         assert found is None or abs(found.position) < 3.0 * found.sd

@@ -19,7 +19,9 @@ def contact_of(experiment: Experiment, trial: Trial) -> FirstContact | None:
     first = next((phase for phase in trial.phases if phase.kind == "ramp"), trial.phases[0])
     if experiment.units.dimensionless or first.control == Control.FORCE:
         return None
-    contact = find_contact(trial.test.displacement, trial.test.force)
+    way = trial.test.displacement
+    at_zero = abs(float(way[0])) <= _AT_ZERO * experiment.depth
+    contact = find_contact(way, trial.test.force, at_zero=at_zero)
     if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
         return None
     return contact
