@@ -152,8 +152,8 @@ def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstCo
     """
     tried = [_fitted(way, load, level) for level in _LEVELS]
     for level in _HIGHER:  # a soft rise looks late here: below, it has too few rows, or no approach
-        told = sum(one is not None if at_zero else bool(one) for one in tried)
-        if told < _WANTED:
+        known = sum(one is not None if at_zero else bool(one) for one in tried)
+        if known < _WANTED:
             tried.append(_fitted(way, load, level))
     fits = [fit for some in tried for fit in some or ()]
     if not fits:

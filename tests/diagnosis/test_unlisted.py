@@ -60,14 +60,16 @@ def test_what_is_not_on_the_list_is_left(clipped):
 
 
 def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped):
-    found = structs.replace(clipped.result, tried=clipped.result.tried[:1], group=())
-    support = Support(0.1, 1.0, 0.1, 0.1, 1.0, effects=len(found.tried) + 3)
-    shown = {*found.tried, "none"}
+    *before, last = clipped.result.stages
+    last = structs.replace(last, effects=last.effects[:1])
+    support = Support(0.1, 1.0, 0.1, 0.1, 1.0, effects=len(last.effects) + 3)
+    shown = {*last.effects, "none"}
     ranking = tuple(
         one if one.effect in shown else structs.replace(one, support=support)
-        for one in found.ranking
+        for one in clipped.result.ranking
     )
-    said = "; ".join(_runner_up(structs.replace(found, ranking=ranking)))
+    found = structs.replace(clipped.result, ranking=ranking, stages=(*before, last), group=())
+    said = "; ".join(_runner_up(found))
     assert "to add it with 2 more effects, as in its likeliest hypothesis, would" in said
 
 
