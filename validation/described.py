@@ -24,7 +24,7 @@ from blind.counting import Case, Rate, bound
 from blind.store import Store, run_missing
 from described_pads import Study, make_study
 from lifelike import commit
-from results import Origin, Table, share
+from results import Origin, Table, commits_of, share
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.description.describe import Described, FittedHypothesis
@@ -136,7 +136,7 @@ def keep(cases: Sequence[Case], count: int, seed: int) -> None:
     note = f"{len(cases)} of {count} registered studies were finished; {seconds:.0f} s of CPU each."
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     command = f"python validation/described.py --studies {count} --seed {seed}"
-    origin = Origin(command, Origin.today(), cases[0]["commit"][:8], machine)
+    origin = Origin(command, Origin.today(), commits_of(cases), machine)
     Table(origin, len(cases), ["hidden: law", "studies", "bound"], rows, [note]).write("described")
 
 

@@ -36,7 +36,7 @@ from blind.population import kin
 from blind.store import Store, run_missing
 from lifelike_pads import Lifelike, make_study
 from lifelike_sizes import SEEN
-from results import Origin, Table, share
+from results import Origin, Table, commits_of, share
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -206,7 +206,7 @@ def keep(store: Store, seed: int, count: int) -> None:
     notes = [note, _calibration(cases)]
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     command = f"python validation/lifelike.py --studies {count} --seed {seed}"
-    origin = Origin(command, Origin.today(), cases[0]["commit"][:8], machine)
+    origin = Origin(command, Origin.today(), commits_of(cases), machine)
     Table(origin, len(cases), ["hidden: verdict", "studies", "bound"], rows, notes).write(
         "lifelike"
     )

@@ -119,6 +119,11 @@ def stored(name: str, code: str | None = None) -> Store:
     return Store(BUILD / f"{name}-{code or code_digest()}.jsonl")
 
 
+def commits_of(cases: Sequence[Case]) -> str:
+    """Return the commits that ran studies, first to last: a long run may go on with later code."""
+    return ", ".join(dict.fromkeys(case["commit"][:8] for case in cases))
+
+
 def finished(
     name: str, study: Callable[[Any], Case], indices: Sequence[Any], jobs: int = JOBS
 ) -> list[Case]:
