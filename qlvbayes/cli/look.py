@@ -130,6 +130,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.reading import converted
     from qlvbayes.io.conversion import in_short, write_csv, write_tidy
+    from qlvbayes.io.files import stem_of
     from qlvbayes.io.tidy import joined
     from qlvbayes.pipeline.source import is_tidy
     from qlvbayes.plots.conversion import plot_conversion
@@ -140,9 +141,14 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
     pads = tuple(split_names(inputs.pad_words))
-    if len(files) > 1 and len(pads) == 1 and all(map(is_tidy, files)):
+    stated = inputs.chosen.states_reading
+    if len(files) > 1 and len(pads) == 1 and not stated and all(map(is_tidy, files)):
         write_csv(joined(files, pads[0]), output)
-        out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
+        if as_json:
+            tests = [{"file": str(one), "pad": pads[0], "test": stem_of(one)} for one in files]
+            print(json.dumps(tests))
+        else:
+            out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
         return
     conversion = converted(files, inputs.chosen, pads)
     write_tidy(conversion, output)

@@ -61,6 +61,12 @@ def same_folder(name: str) -> str:
     return unicodedata.normalize("NFKC", name).casefold()
 
 
+def stem_of(file: Path) -> str:
+    """Return a file's name without its kind: of ``B.csv.gz`` B."""
+    name = file.name.removesuffix(".gz")
+    return name.rpartition(".")[0] or name
+
+
 def results_folder(path: Path) -> Path:
     """Make a folder for results and check that it can be written; raise InputError otherwise."""
     probe = path / ".write-test"

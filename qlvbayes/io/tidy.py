@@ -11,6 +11,7 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import LABELS, split_name
+from qlvbayes.io.files import stem_of
 from qlvbayes.io.table import (
     EXPORT,
     HEAD,
@@ -269,7 +270,6 @@ def joined(files: Sequence[Path], pad: str) -> bytes:
         if (header, dialect.decimal) != (head, first.decimal):
             what = f"its columns ({header.strip()}) are not those of {files[0].name}"
             raise InputError(what, file=file, remedy="join files with the same columns")
-        name = file.name.removesuffix(".gz").rpartition(".")[0]
-        named = first.separator.join([pad, name, ""])
+        named = first.separator.join([pad, stem_of(file), ""])
         lines += [named + row for row in rows if row.strip() and not row.startswith("#")]
     return ("\n".join(lines) + "\n").encode()

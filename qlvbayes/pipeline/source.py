@@ -17,7 +17,7 @@ from pathlib import Path
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.conversion import Conversion, convert, tidy_text, write_tidy
 from qlvbayes.io.data import Measurements, Pad, measurements_of, read_measurements
-from qlvbayes.io.files import folder_fault, results_folder, same_folder
+from qlvbayes.io.files import folder_fault, results_folder, same_folder, stem_of
 from qlvbayes.io.formats import known_formats, matching
 from qlvbayes.io.layouts import TWO_CLOCKS
 from qlvbayes.io.loading import Answers
@@ -148,14 +148,13 @@ class Source:
     @property
     def refusal(self) -> InputError:
         """Return the refusal where none of the files has a pad of the names that are wanted."""
-        several = len(self.files) > 1 and len(self.only) == 1
-        names, pad = (str(file) for file in self.files), self.only[0]
-        typed = as_typed("qlvbayes", "look", *names, "-o", f"{pad}.csv", "--pad", pad)
-        remedy = f"each tidy file has pads of its own; this joins tests of one pad: {typed}"
-        return InputError(
-            f"no pad of these files is called {' or '.join(self.only)}",
-            remedy=remedy if several else None,
-        )
+        remedy = None
+        if len(self.files) > 1 and len(self.only) == 1:
+            (pad,), names = self.only, map(str, self.files)
+            typed = as_typed("qlvbayes", "look", *names, "-o", f"{pad}.csv", "--pad", pad)
+            remedy = f"each tidy file has pads of its own; this joins tests of one pad: {typed}"
+        what = f"no pad of these files is called {' or '.join(self.only)}"
+        return InputError(what, remedy=remedy)
 
     def kept(self, out: Path) -> Source:
         """Return the source whose machines' files are read from their tidy copy in ``out``.
@@ -260,7 +259,7 @@ def alone(study: Measurements, pad: Pad) -> Measurements:
 
 def named_after(file: Path, study: Measurements) -> Measurements:
     """Return the study of one file among several, with pad names that no other file has."""
-    stem = _stem(file)
+    stem = stem_of(file)
     pads = []
     for pad in study.pads:
         same = len(study.pads) == 1 and pad.name in (UNNAMED, stem)
@@ -317,17 +316,11 @@ def files_at(path: Path) -> list[Path]:
     return files
 
 
-def _stem(file: Path) -> str:
-    """Return a file's name without its kind: of ``B.csv.gz`` B."""
-    name = file.name.removesuffix(".gz")
-    return name.rpartition(".")[0] or name
-
-
 def _refuse_same_names(files: Sequence[Path]) -> None:
     """Refuse files whose pads would go to one folder."""
     seen: dict[str, Path] = {}
     for file in files:
-        other = seen.setdefault(same_folder(_stem(file)), file)
+        other = seen.setdefault(same_folder(stem_of(file)), file)
         if other != file:
             raise InputError(
                 f"{other.name} and this file give pads one name",

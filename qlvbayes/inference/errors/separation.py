@@ -47,6 +47,11 @@ from qlvbayes.io.arrays import Array
 _SMALLEST = 1e-8
 """Singular values of the scaled Jacobian below this share of the largest are rounding."""
 
+_OF_SLOPES = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows")
+"""What is computed once, and does not depend on the errors of the force;"""
+_CACHED = (*_OF_SLOPES, "_whitened_errors")
+"""and all of it, which does not depend on the scatter."""
+
 
 def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
     """Return an orthonormal basis (R, n) of the span of slopes (F, n) of the block means."""
@@ -133,15 +138,13 @@ class Separation:
 
     def with_scatter(self, scatter: Scatter) -> Separation:
         """Return the separation with other sds of the scales of each group."""
-        known = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
-        return self if scatter == self.scatter else self._changed(known, scatter=scatter)
+        return self if scatter == self.scatter else self._changed(_CACHED, scatter=scatter)
 
     def with_errors(self, errors: Array | None) -> Separation:
         """Return the separation with other errors of the force."""
         if errors is self.errors:
             return self
-        known = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows")
-        return self._changed(known, errors=errors)
+        return self._changed(_OF_SLOPES, errors=errors)
 
     def _changed(self, known: tuple[str, ...], **fields: Any) -> Separation:
         """Return the separation with other fields, on which what is known does not depend."""
@@ -164,8 +167,7 @@ class Separation:
     def forget(self) -> None:
         """Discard what can be computed again in a millisecond, to save a megabyte a point."""
         self._by_size.clear()
-        own = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows", "_whitened_errors")
-        for rows in own:
+        for rows in _CACHED:
             self.__dict__.pop(rows, None)
 
     def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:

@@ -117,25 +117,20 @@ def predict_program(
         for side in sides
     ]
     new = [_of_a_new_test(side, np.random.default_rng(k)) for k, side in enumerate(some)]
-    models, scales = [model for model, _ in new], [scale for _, scale in new]
     warnings: list[str] = []
     if averaged and given.quantity == "force":
-        able = [not without_inverse(model) for model in models]
-        models, averaged, warnings = _stepping(models, averaged)
-        scales = [scale for scale, stays in zip(scales, able, strict=True) if stays]
+        new, averaged, warnings = _stepping(new, averaged)
     kept: np.ndarray | slice = slice(None)
     if given.quantity == "force":
         kept = np.append((np.diff(given.time) > 0.0) | (np.diff(given.value) != 0.0), True)
-    answers = np.concatenate(
-        [_answers(model, given, kept, scale) for model, scale in zip(models, scales, strict=True)]
-    )
-    effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
+    answers = np.concatenate([_answers(model, given, kept, scale) for model, scale in new])
+    effects = tuple(dict.fromkeys(e.name for model, _ in new for e in model.effects))
     time, value = given.time[kept], given.value[kept]
     side = sides[0]
     forecast = Forecast(
         side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
     )
-    warnings += _scattered(sides, averaged)
+    warnings += _scattered(side)
     return replace(forecast, warnings=(*warnings, *_warnings(forecast, side)))
 
 
@@ -157,30 +152,30 @@ def _of_a_new_test(side: Side, rng: np.random.Generator) -> tuple[Model, np.ndar
     return replace(side, draws=draws).models, np.exp(stiffness)
 
 
-def _scattered(sides: list[Side], averaged: tuple[DrawnHypothesis, ...]) -> list[str]:
+def _scattered(side: Side) -> list[str]:
     """Return a sentence on what differs between tests, in the likeliest model."""
-    if not sides[0].scatter:
+    if not side.scatter:
         return []
-    sizes = [f"{name} by {percent(size)}" for name, size in sides[0].scatter.items()]
+    sizes = [f"{name} by {percent(size)}" for name, size in side.scatter.items()]
     sentence = f"tests of one pad differ ({', '.join(sizes)}, one sd): the bands are of a new test"
-    wide = [name for name, size in sides[0].scatter.items() if size >= _MEANINGLESS]
+    wide = [name for name, size in side.scatter.items() if size >= _MEANINGLESS]
     lost = f"; so much that a mean says little: {', '.join(wide)}" if wide else ""
     return [sentence + lost]
 
 
 def _stepping(
-    models: list[Model], averaged: tuple[DrawnHypothesis, ...]
-) -> tuple[list[Model], tuple[DrawnHypothesis, ...], list[str]]:
+    new: list[tuple[Model, np.ndarray]], averaged: tuple[DrawnHypothesis, ...]
+) -> tuple[list[tuple[Model, np.ndarray]], tuple[DrawnHypothesis, ...], list[str]]:
     """Return those hypotheses that go step by step, and a sentence on the others."""
-    able = [not without_inverse(model) for model in models]
+    able = [not without_inverse(model) for model, _ in new]
     if not any(able):
-        check_inverse(models[0])
+        check_inverse(new[0][0])
     lost = [str(one) for one, stays in zip(averaged, able, strict=True) if not stays]
     sentence = (
         f"left out, as they allow no displacement to be computed from a force: {', '.join(lost)}"
     )
     return (
-        [model for model, stays in zip(models, able, strict=True) if stays],
+        [one for one, stays in zip(new, able, strict=True) if stays],
         tuple(one for one, stays in zip(averaged, able, strict=True) if stays),
         [sentence] if lost else [],
     )
