@@ -131,6 +131,44 @@ def test_a_frame_that_rings_after_stops_is_heard():
     assert seen(experiment)["frame_ringing"].value == pytest.approx(0.05, rel=0.3)
 
 
+def late(force_of, delay):
+    """A channel of force that is late by a time (s)."""
+    return lambda time, *motion: np.interp(time - delay, time, force_of(time, *motion))
+
+
+def test_a_force_that_follows_stops_late_is_measured():
+    """A pad that relaxes, with a drag, whose force is 30 ms late at 100 readings a second."""
+
+    def force(time, depth, speed, _):
+        pressed_depth = np.maximum(depth, 0.0)
+        relaxed = np.zeros(depth.size)
+        for k in range(1, depth.size):
+            step = pressed_depth[k] - pressed_depth[k - 1]
+            relaxed[k] = np.exp(-(time[k] - time[k - 1]) / 0.5) * (relaxed[k - 1] + step)
+        return 0.3 * pressed_depth + 0.2 * relaxed + 0.002 * speed
+
+    plain = {"speeds": (1.0, 2.0, 4.0), "ramp_up": 0.1}
+    assert "channel_lag" not in seen(pressed(force, **plain))
+    experiment = pressed(late(force, 0.03), **plain)
+    assert seen(experiment)["channel_lag"].value == pytest.approx(0.03, abs=0.005)
+    assert "channel_lag" in beyond_doubt(experiment)
+
+
+@pytest.mark.parametrize(("drifts", "told"), [(2e-4, True), (0.0, False)])
+def test_a_force_before_contact_that_grows_with_the_clock_is_measured(drifts, told):
+    """Four presses a hundred seconds apart, whose load cell drifts by 0.2 mN a second."""
+    trials = pressed(lambda _, depth, *__: spring(depth), speeds=(1.0, 2.0, 3.0, 4.0)).trials
+    later = [
+        replace(one, force=one.force + drifts * (start + one.time), start_s=start, start_known=True)
+        for start, one in zip((0.0, 100.0, 200.0, 300.0), (t.test for t in trials), strict=True)
+    ]
+    experiment = prepare(Pad("p", tuple(later), UnitSystem("mm", "N")))
+    assert ("force_drift" in seen(experiment)) is told
+    assert ("force_drift" in beyond_doubt(experiment)) is told
+    if told:
+        assert seen(experiment)["force_drift"].value == pytest.approx(drifts, rel=0.05)
+
+
 @pytest.mark.parametrize(("pause", "told"), [(600.0, True), (20.0, False)])
 def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave(pause, told):
     """A tenth is lost from the first test to the second, which a slow mode may also do at first."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
 from qlvbayes.motion.evidence.record import DirectEvidence
-from qlvbayes.motion.evidence.repeating import repeated_seen
-from qlvbayes.motion.evidence.starting import inertia_seen, ringing_seen
+from qlvbayes.motion.evidence.repeating import drift_seen, repeated_seen
+from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
 from qlvbayes.motion.evidence.touching import contact_seen
 from qlvbayes.motion.experiment import Experiment
 
@@ -22,7 +22,9 @@ def direct_evidence(experiment: Experiment, bonded: bool) -> tuple[DirectEvidenc
         *inertia_seen(experiment),
         *friction_seen(experiment),
         *ringing_seen(experiment),
+        *lag_seen(experiment),
         *contact_seen(experiment),
         *repeated_seen(experiment),
+        *drift_seen(experiment),
     )
     return tuple(sorted(every, key=lambda one: not one.beyond_doubt))

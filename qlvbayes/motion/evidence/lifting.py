@@ -16,6 +16,7 @@ from qlvbayes.motion.evidence.record import (
     Place,
     Rows,
     exponent,
+    level_before,
     level_of,
     mean_speed,
     moves_of,
@@ -38,7 +39,6 @@ _REACHED = 0.9  # of the mean speed, at which it has begun
 _LASTS = 20  # readings that are one long place
 _SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
 _AGREE = 1.5  # largest ratio of one friction in two tests
-_STILL = 2.0  # encoder steps, within which the platen has not left its start
 _END = 0.2  # of a movement, at its end
 
 
@@ -105,7 +105,7 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
-    before = _before(experiment, trial)
+    before = level_before(experiment, trial)
     lifts = []
     for move, rest in moves_of(trial):
         if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
@@ -158,22 +158,6 @@ def _pull(
     return Place(trial, phase.kind, zero.value - level.value, sd, speed)
 
 
-def _before(experiment: Experiment, trial: Trial) -> Level | None:
-    """Return the force before the platen first moves."""
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-    if first is None or first.control != Control.DISPLACEMENT:
-        return None
-    path, test = trial.trajectory, trial.test
-    start, depth = path.displacement(np.array([test.time[0], first.stop]))
-    if abs(start) > 0.01 * experiment.depth:
-        return None
-    near = np.abs(path.displacement(test.time) - start) <= max(
-        _STILL * path.resolution, 1e-3 * abs(depth - start)
-    )
-    leaves = int(np.argmin(near)) if not np.all(near) else near.size
-    return level_of(experiment, trial, np.arange(leaves))
-
-
 def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force that turns with the direction, at any speed.
 
@@ -203,7 +187,7 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
 
 
 def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
-    before = _before(experiment, trial)
+    before = level_before(experiment, trial)
     if before is None:
         return []
     places = []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.files import Part
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
@@ -17,6 +18,7 @@ Rows = NDArray[np.intp]
 CLEAR = 5.0
 """Errors, from which on a size is beyond doubt where it is seen in two places."""
 _FEWEST = 3  # readings of a level
+_STILL = 2.0  # encoder steps, within which the platen has not left its start
 
 
 class DirectEvidence(Part, frozen=True):
@@ -70,6 +72,22 @@ def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
         white *= float(np.mean(test.force_sd[rows])) / experiment.sd_scale
     sd = float(np.hypot(white / np.sqrt(rows.size), floor.ou))
     return Level(float(np.mean(test.force[rows])), max(sd, 1e-9 * experiment.peak))
+
+
+def level_before(experiment: Experiment, trial: Trial) -> Level | None:
+    """Return the force before the platen first moves."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    if first is None or first.control != Control.DISPLACEMENT:
+        return None
+    path, test = trial.trajectory, trial.test
+    start, depth = path.displacement(np.array([test.time[0], first.stop]))
+    if abs(start) > 0.01 * experiment.depth:
+        return None
+    near = np.abs(path.displacement(test.time) - start) <= max(
+        _STILL * path.resolution, 1e-3 * abs(depth - start)
+    )
+    leaves = int(np.argmin(near)) if not np.all(near) else near.size
+    return level_of(experiment, trial, np.arange(leaves))
 
 
 def rows_between(trial: Trial, start: float, stop: float) -> Rows:

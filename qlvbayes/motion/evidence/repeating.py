@@ -9,8 +9,10 @@ import numpy as np
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import (
+    CLEAR,
     DirectEvidence,
     Place,
+    level_before,
     mean_speed,
     moves_of,
     names_of,
@@ -23,6 +25,8 @@ _SAME_SPEED = 0.05  # of the speed, within which two ramps are equal
 _SAME_START = 0.01  # of the depth, within which two ramps begin alike
 _DEPTHS = 5  # depths at which two ramps are set side by side
 _FEWEST = 12  # readings of a ramp
+_TESTS = 3  # tests whose forces before contact show a drift; one more, and it is beyond doubt
+_ALIKE = 3.0  # errors, within which these forces lie on one line
 _REMEMBERED = float(np.exp(-1.0))
 """Most that a press of a time T leaves of the force after a rest R, over T/R.
 
@@ -62,6 +66,37 @@ def repeated_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
             f"at equal depth, speed and rest a later loading is lower by {plain(largest.value)} +- "
             f"{plain(largest.sd, 2)} {unit} than an earlier one: it softens, sets or leaks",
             False,  # which of them it is, these loadings do not show
+        ),
+    )  # fmt: skip
+
+
+def drift_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+    """Return the evidence of a force before the platen moves that changes with the clock."""
+    if any(not trial.test.start_known for trial in experiment.trials[1:]):
+        return ()
+    levels = [(one, level_before(experiment, one)) for one in experiment.trials]
+    known = [(trial, level) for trial, level in levels if level is not None]
+    if len(known) < _TESTS:
+        return ()
+    clock = np.array([trial.whole.start_s + float(trial.test.time[0]) for trial, _ in known])
+    force = np.array([level.value for _, level in known])
+    sds = np.array([level.sd for _, level in known])
+    since = clock - np.average(clock, weights=sds**-2)
+    sd = float(np.sum((since / sds) ** 2)) ** -0.5 if np.ptp(clock) > 0.0 else np.inf
+    rate = float(np.sum(since * force / sds**2)) * sd**2 if np.isfinite(sd) else 0.0
+    if abs(rate) <= CLEAR * sd:
+        return ()
+    off = np.abs(force - np.average(force, weights=sds**-2) - rate * since) / sds
+    unit = experiment.units.force
+    places = [Place(trial, "before the ramp", rate, sd) for trial, _ in known]
+    tests, phases = names_of(places)
+    return (
+        DirectEvidence(
+            "force_drift", "change of the force before contact with the clock", rate, sd,
+            f"{unit}/s", tests, phases,
+            f"before the platen moves the force changes by {plain(rate)} +- {plain(sd, 2)} {unit}/s"
+            f" from test to test: the load cell drifts",
+            len(known) > _TESTS and bool(np.max(off) < _ALIKE),
         ),
     )  # fmt: skip
 

@@ -31,6 +31,8 @@ _FEWEST = 40  # and at least so many
 _TONES = 60  # frequencies that are tried
 _FADING = (0.1, 0.25, 0.6)  # decays over a period, in frequencies: all of them ring
 _SAME = 0.1  # of a frequency, within which stops ring alike
+_ABOUT = 40  # readings before and after the stop of a ramp, in which a delay is looked for
+_ALIKE = 3.0  # errors, within which stops have one delay
 
 
 def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -117,6 +119,67 @@ def _impulse(
     counted = max(int(np.count_nonzero(np.abs(spike) > 0.5 * highest)), 1)
     coarse = _COARSE * mass / counted / CLEAR
     return Place(trial, where, mass, float(np.hypot(np.hypot(noise, slow) / change, coarse)))
+
+
+def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+    r"""Return the evidence of a force that stops rising later than the platen stops.
+
+    About a stop at the time s, with depth d and speed v of the platen,
+
+    .. math:: F(t) = a_0 + a_1 d + a_2 d^2 + e\,v + a_3 (t - s) + a_4 (t - s)^2
+
+    where a delay is :math:`-e / a_1`, at any speed. A drag, a film, and a relaxation that is
+    faster than the readings have the other sign.
+    """
+    places = [
+        place
+        for trial in experiment.trials
+        for move, rest in moves_of(trial)
+        if rest is not None and move.kind == "ramp"
+        if move.control == rest.control == Control.DISPLACEMENT
+        for place in [_delay(experiment, trial, move, rest)]
+        if place is not None
+    ]
+    if len(places) < 2:
+        return ()
+    value, sd = pooled(places)
+    if value < CLEAR * sd:
+        return ()
+    clear = [one for one in places if one.is_clear]
+    off = [abs(one.value - value) / np.hypot(one.sd, sd) for one in places]
+    speeds = [one.speed for one in clear]
+    tests, phases = names_of(places)
+    return (
+        DirectEvidence(
+            "channel_lag", "delay of the force after a stop", value, sd, "s", tests, phases,
+            f"at {len(places)} stops the force follows the displacement {plain(value)} +- "
+            f"{plain(sd, 2)} s later: one channel lags",
+            len(clear) > 1 and bool(max(speeds) >= 2.0 * min(speeds) and max(off) < _ALIKE),
+        ),
+    )  # fmt: skip
+
+
+def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Place | None:
+    """Return the delay (s) about the stop of a movement; None where it cannot be measured."""
+    before = rows_between(trial, move.start, move.stop)[-_ABOUT:]
+    rows = np.concatenate([before, rows_between(trial, move.stop, rest.stop)[:_ABOUT]])
+    if rows.size < 2 * _ABOUT:
+        return None
+    time = trial.test.time[rows] - move.stop
+    depth = trial.trajectory.displacement(trial.test.time[rows])
+    speed = trial.trajectory.velocity(trial.test.time[rows])
+    depth -= depth[-1]
+    columns = np.stack([np.ones(rows.size), depth, depth**2, speed, time, time**2], axis=1)
+    scales = np.abs(columns).max(axis=0)
+    left, size, sds = _left(columns / scales, trial.test.force[rows])
+    noise = max(1.0, experiment.floor.total / max(np.sqrt(left / rows.size), 1e-300))
+    slope, drag = size[[1, 3]] / scales[[1, 3]]
+    sd_slope, sd_drag = noise * sds[[1, 3]] / scales[[1, 3]]
+    if not slope > CLEAR * sd_slope:
+        return None
+    delay = -float(drag / slope)
+    sd = float(np.hypot(sd_drag, delay * sd_slope) / slope)
+    return Place(trial, f"stop of {move.kind}", delay, sd, mean_speed(trial, move))
 
 
 def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
