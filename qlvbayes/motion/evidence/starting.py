@@ -183,21 +183,30 @@ def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Pl
 
 
 def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
-    """Return the evidence of a decaying sine after stops, of one frequency in all of them."""
-    found = [
-        place
+    """Return the evidence of a decaying sine after stops, of one frequency in all of them.
+
+    The frequency is that after the fastest stop, and stops as fast as those that ring, ring, too: a
+    specimen that recovers may look like a swing.
+    """
+    stops = [
+        (mean_speed(trial, move), _tone(trial, rest))
         for trial in experiment.trials
-        for _, rest in moves_of(trial)
+        for move, rest in moves_of(trial)
         if rest is not None and rest.control == Control.DISPLACEMENT
-        for place in [_tone(trial, rest)]
-        if place is not None
+        if rows_between(trial, rest.start, rest.stop).size > _FEWEST
     ]
-    if not found:
+    fastest = max(stops, key=lambda one: one[0], default=(0.0, None))[1]
+    if fastest is None:
         return ()
-    middle = float(np.median([one.speed for one in found]))
-    alike = [one for one in found if abs(one.speed - middle) < _SAME * middle]
+    ringing = [
+        (speed, place)
+        for speed, place in stops
+        if place is not None and abs(place.speed - fastest.speed) < _SAME * fastest.speed
+    ]
+    alike = [place for _, place in ringing]
     if len(alike) < 2:
         return ()
+    slowest = min(speed for speed, _ in ringing)
     largest = max(alike, key=lambda one: one.value)
     tests, phases = names_of(alike)
     unit = experiment.units.force
@@ -205,9 +214,9 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         DirectEvidence(
             "frame_ringing", "decaying sine after stops", largest.value, largest.sd, unit, tests,
             phases,
-            f"after {len(alike)} stops the force swings at {plain(middle)} Hz and dies away, by up "
-            f"to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
-            len(alike) > len(found) / 2,
+            f"after {len(alike)} stops the force swings at {plain(fastest.speed)} Hz and dies away, "
+            f"by up to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
+            len(alike) > 0.5 * sum(speed >= slowest for speed, _ in stops),
         ),
     )  # fmt: skip
 
