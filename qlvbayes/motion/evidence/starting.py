@@ -30,6 +30,7 @@ _READINGS = 200  # after a stop, in which a ringing is looked for,
 _FEWEST = 40  # and at least so many
 _TONES = 60  # frequencies that are tried
 _FADING = (0.1, 0.25, 0.6)  # decays over a period, in frequencies: all of them ring
+_SMALLEST = 1e-3  # of the peak, below which a swing may be a bend of the specimen's own
 _SAME = 0.1  # of a frequency, within which stops ring alike
 _ABOUT = 40  # readings before and after the stop of a ramp, in which a delay is looked for
 _ALIKE = 3.0  # errors, within which stops have one delay
@@ -196,7 +197,7 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         if rows_between(trial, rest.start, rest.stop).size > _FEWEST
     ]
     fastest = max(stops, key=lambda one: one[0], default=(0.0, None))[1]
-    if fastest is None:
+    if fastest is None or fastest.value < _SMALLEST * experiment.peak:
         return ()
     ringing = [
         (speed, place)
@@ -214,8 +215,8 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         DirectEvidence(
             "frame_ringing", "decaying sine after stops", largest.value, largest.sd, unit, tests,
             phases,
-            f"after {len(alike)} stops the force swings at {plain(fastest.speed)} Hz and dies away, "
-            f"by up to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
+            f"after {len(alike)} stops the force swings at {plain(fastest.speed)} Hz and dies away"
+            f", by up to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
             len(alike) > 0.5 * sum(speed >= slowest for speed, _ in stops),
         ),
     )  # fmt: skip
