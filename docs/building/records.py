@@ -75,13 +75,19 @@ def _of_docstring(text: str) -> dict[str, str]:
 
 
 def _of_comments(kind: Any) -> dict[str, str]:
-    lines = inspect.getsource(kind).splitlines()
-    found = {}
-    for k, line in enumerate(lines):
-        match = re.match(r"    (\w+): [^#]*?(?:  # (.*))?$", line)
-        if match:
-            above = lines[k - 1].strip()
-            words = match[2] or (above[2:] if above.startswith("# ") else "")
-            if words:
-                found[match[1]] = words.replace("``", "`")
+    """Return what comments say of fields: behind them, or in the lines above the first of some."""
+    found, above = {}, list[str]()
+    for line in inspect.getsource(kind).splitlines():
+        if match := re.match(r"    # (.*)$", line):
+            above.append(match[1])
+        elif match := re.match(r"    (\w+): [^#]*?(?:  # (.*))?$", line):
+            words = match[2] or " ".join(above)
+            several = re.match(r"(\w+(?:, \w+)*): (.*)", words)
+            named = several is not None and match[1] in several[1].split(", ")
+            for name in several[1].split(", ") if several and named else [match[1]]:
+                text = several[2] if several and named else words
+                found |= {name: text.replace("``", "`")} if text else {}
+            above = []
+        else:
+            above = []
     return found

@@ -27,7 +27,7 @@ from qlvbayes.io.arrays import Array
 FEATURES = (
     "evidence",
     "heldout_gain",
-    "heldout_sds",
+    "share_sds",
     "error_left",
     "structure_left",
     "effects",
@@ -35,7 +35,6 @@ FEATURES = (
 """Names of the features, in the order of the weights."""
 STRUCTURE = 0.01
 """P-value of the adequacy test below which a hypothesis counts as leaving structure."""
-_SURE = 5.0  # sds beyond which a gain on tests left out counts as no surer
 LEAST = 0.1
 """Least posterior probability of an effect: less probable ones were not learnt from."""
 
@@ -46,7 +45,7 @@ def features(log_bayes_factor: float, support: Support) -> Array:
         [
             math.asinh(log_bayes_factor),
             support.heldout_gain,
-            min(max(support.heldout_sds, -_SURE), _SURE),
+            math.asinh(support.share_sds),
             support.error_left,
             float(support.p_left < STRUCTURE),
             float(support.effects),
