@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from qlvbayes.diagnosis.nexttest.design import Rig, as_csv
 from qlvbayes.diagnosis.nexttest.knowledge import CAUSE, Knowledge, read_knowledge
 from qlvbayes.diagnosis.nexttest.result import NextTests
-from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.series import Goal, Series, plan_series
-from qlvbayes.diagnosis.nexttest.setpoints import as_csv
 from qlvbayes.diagnosis.nexttest.summary import summarize
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole

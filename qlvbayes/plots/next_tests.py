@@ -9,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.design import Design, Rig
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.result import NextTests
-from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

@@ -7,8 +7,7 @@ import pytest
 from blind.study import measured
 
 from qlvbayes.diagnosis.candidate import candidate_at
-from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.design import Design, Rig
 from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.drifts import ForceDrift, ForceOffset

@@ -18,19 +18,19 @@ from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
 from qlvbayes.diagnosis.nexttest.design import (
     FORGOTTEN,
     LEAST_WAIT,
+    PAUSE,
     Design,
     RecoveryTime,
+    Rig,
+    as_csv,
     draw_designs,
+    set_points,
 )
-from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
-from qlvbayes.diagnosis.nexttest.information import Products, evidence
+from qlvbayes.diagnosis.nexttest.explanations import explanation_of_draws
+from qlvbayes.diagnosis.nexttest.information import Products, evidence, screen
 from qlvbayes.diagnosis.nexttest.knowledge import probable_alternatives
-from qlvbayes.diagnosis.nexttest.records import record_of
-from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors, record_of
 from qlvbayes.diagnosis.nexttest.series import Goal, between, bits_for_constants, plan_series
-from qlvbayes.diagnosis.nexttest.setpoints import PAUSE, as_csv, set_points
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, LawPair

@@ -24,11 +24,9 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from qlvbayes.diagnosis.nexttest.belief import STEP, Belief, Explanation
-from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors, Whitening
-from qlvbayes.diagnosis.nexttest.records import record_of
-from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import whitening
+from qlvbayes.diagnosis.nexttest.design import Design, Rig
+from qlvbayes.diagnosis.nexttest.information import whitening
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors, Whitening, record_of
 from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]

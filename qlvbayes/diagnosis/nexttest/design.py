@@ -1,17 +1,21 @@
-"""A design: a test that is not done yet, of presses, holds and retractions."""
+"""Designs of tests within the limits of a rig, and where the platen has to be in them."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import qmc
 
-from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.io.arrays import Array
-from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import plain
+from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import Kind
 from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.trajectory import Trajectory
@@ -174,3 +178,96 @@ FORGOTTEN = 0.01
 LEAST_WAIT = 30.0
 """Seconds between two tests of any pad, to save the file and start the rig again."""
 _RESTS = np.geomspace(0.1, 3600.0, 300)  # s, rests that are tried
+
+
+SET_POINTS = 1000.0
+"""Set-points a second in the file for the rig, as the paper's controller takes them."""
+_SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The limits of a test on a rig."""
+
+    # depth, speed, acceleration: greatest depth (mm), speed (mm/s) and acceleration (mm/s2)
+    depth: float
+    speed: float
+    acceleration: float
+    interval: float = 1.0 / SET_POINTS  # least time between two readings (s)
+    # number of readings that are kept of a test; long dwells lose readings first
+    rows: int = 10_000_000  # no logger keeps fewer
+    done: int = 0  # number of tests that the pad has had
+
+    @classmethod
+    def from_tests(cls, experiment: Experiment) -> Rig:
+        """Return the limits that the tests reached, and those of their logger."""
+        scales = experiment.scales
+        acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
+        rows = max(trial.test.time.size for trial in experiment.trials)
+        done = len(experiment.trials)
+        return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows, done)
+
+    @classmethod
+    def from_ranges(cls, covered: Covered) -> Rig:
+        """Return the limits from the ranges that the tests cover."""
+        return cls(covered.depth, covered.fastest, covered.fastest**2 / covered.depth)
+
+    def limited(self, depth: float | None, speed: float | None, acceleration: float | None) -> Rig:
+        """Return the rig with the limits that are given."""
+        given = {"depth": depth, "speed": speed, "acceleration": acceleration}
+        for name, value in given.items():
+            if value is not None and not (value > 0.0 and math.isfinite(value)):
+                raise InputError(f"--limits {name}={value:g}", remedy="give it above 0")
+        return replace(
+            self,
+            depth=depth or self.depth,
+            speed=speed or self.speed,
+            acceleration=acceleration or self.acceleration,
+        )
+
+    def slowest(self, longest: float) -> float:
+        """Return the speed (mm/s) at which a ramp takes a quarter of the longest test (s)."""
+        return min(max(_SLOWEST * self.speed, 4.0 * self.depth / longest), self.speed)
+
+
+PAUSE = "pause"
+"""Entry of the column ``test`` while the pad recovers."""
+_DIGITS = 9  # more than any rig resolves
+_ROUNDING = 1e-9  # of the depth
+
+
+def names_of(count: int) -> list[str]:
+    """Return the names of the tests of a series."""
+    return [f"next-{k + 1}" for k in range(count)]
+
+
+def set_points(designs: Sequence[Design]) -> tuple[Array, Array, list[str]]:
+    """Return times (N,) in s, displacements (N,) in mm, and the name of the test of each."""
+    times, displacements, tests = [], [], []
+    begin = 0
+    for k, (name, design) in enumerate(zip(names_of(len(designs)), designs, strict=True)):
+        if k:
+            pause = max(round(design.wait * SET_POINTS) - 1, 0)
+            times.append(begin + 1 + np.arange(pause))
+            displacements.append(np.zeros(pause))
+            tests += [PAUSE] * pause
+            begin += pause + 1
+        count = int(np.ceil(design.duration * SET_POINTS)) + 1
+        own = np.arange(count)
+        times.append(begin + own)
+        displacements.append(design.whole.displacement(own / SET_POINTS))
+        tests += [name] * count
+        begin += count - 1
+    position = np.concatenate(displacements)
+    position = np.where(np.abs(position) > _ROUNDING * position.max(), position, 0.0)
+    return np.concatenate(times) / SET_POINTS, position, tests
+
+
+def as_csv(designs: Sequence[Design], units: UnitSystem) -> str:
+    """Return the text of the file, with the columns time_s, displacement and test."""
+    time, position, tests = set_points(designs)
+    name = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    rows = [
+        f"{t:.3f},{x:.{_DIGITS}g},{test}" for t, x, test in zip(time, position, tests, strict=True)
+    ]
+    return "\n".join([f"time_s,{name},test", *rows]) + "\n"

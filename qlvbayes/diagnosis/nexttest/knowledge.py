@@ -11,12 +11,9 @@ from msgspec.structs import replace as with_fields
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
-from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
-from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
-from qlvbayes.diagnosis.nexttest.records import record_of
-from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.design import Design, Rig
+from qlvbayes.diagnosis.nexttest.explanations import explanation_of_draws, explanation_of_mode
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors, record_of
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult

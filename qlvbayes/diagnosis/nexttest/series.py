@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, draw_designs
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
-from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Rig, draw_designs
+from qlvbayes.diagnosis.nexttest.information import Products, evidence, screen
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError

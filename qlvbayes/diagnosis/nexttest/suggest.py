@@ -11,12 +11,10 @@ import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate, described
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.design import Design, draw_designs
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
-from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
-from qlvbayes.diagnosis.nexttest.information import evidence
-from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screen
+from qlvbayes.diagnosis.nexttest.design import Design, Rig, draw_designs
+from qlvbayes.diagnosis.nexttest.explanations import explanation_of_mode
+from qlvbayes.diagnosis.nexttest.information import TOGETHER, evidence, screen
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.inference.density import Density

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
+from qlvbayes.diagnosis.nexttest.design import Rig, names_of
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors
 from qlvbayes.diagnosis.nexttest.result import (
     Bits,
     ExplanationSummary,
@@ -14,7 +15,6 @@ from qlvbayes.diagnosis.nexttest.result import (
     Proposed,
     Width,
 )
-from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.series import (
     Goal,
     Option,
@@ -24,7 +24,6 @@ from qlvbayes.diagnosis.nexttest.series import (
     bits_for_constants,
     rate,
 )
-from qlvbayes.diagnosis.nexttest.setpoints import names_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 

@@ -1,14 +1,19 @@
-"""The explanations from a diagnosis: hypotheses with normal distributions of their constants."""
+"""Explanations of a pad's tests, each with a normal distribution of its constants."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.arrays import Array
-from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_model
+from qlvbayes.model.parameters import fields_of, filled, unit_kinds
 from qlvbayes.motion.record import Record
 
 _DRAWS = 384  # of each round of importance sampling
@@ -110,3 +115,56 @@ def _root(covariance: Array) -> Array:
     """Return a root (F, F) of a covariance (F, F)."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+_CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
+_FRACTIONS = "c["  # prefix of the constants that sum to one
+
+
+def explanation_of_draws(
+    choices: Choices, names: Sequence[str], draws: Array, depth: float
+) -> Explanation:
+    """Return the explanation from draws (n, P) of a fit; ``depth`` (mm) is the largest."""
+    model = described_model(choices, depth)
+    fields = list(fields_of(model))
+    own = [name for field in fields for name in field.names]
+    values = np.stack([draws[:, list(names).index(name)] for name in own], axis=1)
+    in_log = np.all(values > 0.0, axis=0)
+    scaled = np.where(in_log, np.log(np.where(in_log, values, 1.0)), values)
+    mean, root = scaled.mean(axis=0), _varying_root(np.atleast_2d(np.cov(scaled.T)))
+    shares = np.array([name.startswith(_FRACTIONS) for name in own])
+    sums = bool(shares.any()) and np.allclose(values[:, shares].sum(axis=1), 1.0)
+
+    def constants(z: Array) -> Array:
+        rows = mean + z @ root.T
+        rows[:, in_log] = np.exp(rows[:, in_log])
+        if sums:
+            rows[:, shares] /= rows[:, shares].sum(axis=1, keepdims=True)
+        return rows
+
+    forces = Forces()
+
+    def run(rows: Array, record: Record) -> Array:
+        return forces.over(filled(model, rows.T), len(rows), record)
+
+    whole = filled(model, constants(np.zeros((1, root.shape[1])))[0])
+    fractions, rates = whole.relaxation.spectrum()
+    words = " + ".join((choices.elastic, choices.relaxing, *choices.effects))
+    return Explanation(
+        words,
+        1.0,
+        root.shape[1],
+        tuple(own),
+        tuple(field.unit for field in fields for _ in field.names),
+        constants,
+        run,
+        np.asarray(fractions)[1:],
+        np.asarray(rates),
+    )
+
+
+def _varying_root(covariance: Array) -> Array:
+    """Return a root (P, F) of a covariance (P, P), without directions in which nothing varies."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > _CONSTANT * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
