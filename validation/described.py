@@ -27,9 +27,9 @@ from lifelike import commit
 from results import Origin, Table, commits_of, share
 
 from qlvbayes.cli.console import counting
+from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.description.describe import Described, FittedHypothesis
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.files import write_json
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare

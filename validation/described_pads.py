@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.simulate import ENCODER_STEP, Effect, Move, Step, encode
+from qlvbayes.simulate.hidden.effect import Recipe, stiffness_of
 from qlvbayes.simulate.hidden.mesh import Path
-from qlvbayes.simulate.hidden.recipes import Recipe, stiffness_of
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from blind.laws import log_uniform
 from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.simulate import PAPER_RATES, Effect, Hold, Move, Step
+from qlvbayes.simulate.hidden.effect import Recipe, peak_of, stiffness_of
 from qlvbayes.simulate.hidden.mesh import Path, recur
-from qlvbayes.simulate.hidden.recipes import Recipe, peak_of, stiffness_of
 from qlvbayes.simulate.hidden.sensor_effects import FrameRinging
 from qlvbayes.simulate.motion import Motion, Piece
 

@@ -23,7 +23,7 @@ from lifelike_rig import JerkLimited, Plan, kind_of
 from numpy.typing import NDArray
 
 from qlvbayes.simulate import Effect, HiddenPad
-from qlvbayes.simulate.hidden.recipes import Draw
+from qlvbayes.simulate.hidden.effect import Draw
 
 Array = NDArray[np.float64]
 

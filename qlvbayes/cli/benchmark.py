@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, Seed, WorkOptions, split_names
 from qlvbayes.cli.settings import share_of
 from qlvbayes.io.checks import InputError, check_known

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import out
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, Data, Fitted, Pads, Seed, WorkOptions, known_names
 from qlvbayes.cli.predict import Program, Which, predict_command
 from qlvbayes.io.checks import InputError

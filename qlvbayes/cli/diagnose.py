@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import command_line
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import command_line, waiting
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, InputOptions, Out, SettingsSeed, WorkOptions
 from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.checks import check_known

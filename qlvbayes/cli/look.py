@@ -13,8 +13,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import AsJson, InputOptions, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain

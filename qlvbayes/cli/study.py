@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import command_line, out
-from qlvbayes.cli.groups import with_groups
 from qlvbayes.cli.options import InputOptions, Out, SettingsSeed, WorkOptions
 from qlvbayes.parallel.faults import FailedError
 

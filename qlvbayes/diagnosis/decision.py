@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Self, TypeVar
 
 import numpy as np
@@ -27,7 +28,6 @@ from scipy.special import softmax
 
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.arrays import Array
 
 Key = TypeVar("Key", bound=Hashable)
@@ -204,3 +204,23 @@ def _group(
             break
         group.append(next(iter(left)))
     return tuple(group)
+
+
+class Verdict(StrEnum):
+    """The verdict on one pad; the values are those of ``verdict`` in ``diagnosis.json``."""
+
+    ADEQUATE = "adequate"
+    """No effect is needed, and no phase of any test shows structure that matters."""
+    MISSING_EFFECT = "missing_effect"
+    """The named effects are in the model and leave no structure that matters."""
+    AMBIGUOUS = "ambiguous"
+    """Something is missing, and a group of effects explains it equally well."""
+    PARTLY_EXPLAINED = "partly_explained"
+    """The named effects are in the model, and something unmodelled is there too."""
+    UNEXPLAINED = "unexplained"
+    """Structure remains, and no effect can be named."""
+
+    @property
+    def has_unmodelled(self) -> bool:
+        """True if the verdict says that something is there which no candidate effect is."""
+        return self in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.result import DiagnosisResult, LawPair, Stage
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.wording import joined, pad_title, percent, percent_unbroken, plain
 
 LIKELY = 0.5  # probability that nothing is missing from which the text says so

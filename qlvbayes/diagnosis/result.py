@@ -6,8 +6,8 @@ from typing import Annotated
 
 import msgspec
 
+from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import decimals_of, plain

@@ -19,9 +19,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
-from qlvbayes.diagnosis.amplitudes import scale_amplitudes
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
-from qlvbayes.diagnosis.prior import Families, log_prior
+from qlvbayes.diagnosis.prior import Families, log_prior, scale_amplitudes
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis

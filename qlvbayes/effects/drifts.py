@@ -9,8 +9,7 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import fading
-from qlvbayes.effects.spans import LARGEST, after_ramps, curve, duration
+from qlvbayes.effects.history import LARGEST, after_ramps, curve, duration, fading
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State

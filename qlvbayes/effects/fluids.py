@@ -8,8 +8,7 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import fading, material_duration, material_time
-from qlvbayes.effects.spans import resolved_times
+from qlvbayes.effects.history import fading, material_duration, material_time, resolved_times
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State

@@ -7,8 +7,7 @@ from typing import ClassVar, Self
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.history import material_duration, material_time
-from qlvbayes.effects.spans import resolved_rates
+from qlvbayes.effects.history import material_duration, material_time, resolved_rates
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Spectrum

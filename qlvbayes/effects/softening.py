@@ -9,8 +9,7 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.history import fading, largest
-from qlvbayes.effects.spans import resolved_times
+from qlvbayes.effects.history import fading, largest, resolved_times
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion

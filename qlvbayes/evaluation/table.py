@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from qlvbayes.diagnosis.verdict import Verdict
+from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.evaluation.study import FAILED, NOTHING
 
 _NAMING = (Verdict.MISSING_EFFECT, Verdict.PARTLY_EXPLAINED)

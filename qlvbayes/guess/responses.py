@@ -25,7 +25,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.amplitudes import scale_amplitudes
+from qlvbayes.diagnosis.prior import scale_amplitudes
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.effects.effect import Protocol

@@ -1,16 +1,21 @@
-"""Figures inside the page: what each shows, in words, and its picture, made small."""
+"""Figures inside the page: pictures with what each shows in words, and curves for its zoom."""
 
 from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from qlvbayes.diagnosis.phrases import model_name
+from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.plots.catalogue import FIGURES
+from qlvbayes.report.collect import FitResults, PadResults
 
 _DPI, _CSS_DPI = 200, 96
 _MM = 25.4 / _CSS_DPI  # mm, a pixel of the page
@@ -78,3 +83,89 @@ def _small(path: Path) -> tuple[int, int, bytes]:
     content = io.BytesIO()
     small.save(content, "png")
     return width, height, content.getvalue()
+
+
+_MOST = 3000  # samples of a test
+_BAND = 1.645  # sds on either side that hold 90 % of normal noise
+
+
+def chart_of(pad: PadResults) -> dict | None:
+    """Return the curves that the script draws for one pad; None where there are none."""
+    curves = pad.final.curves
+    if curves is None or not curves.tests:
+        return None
+    before, tests, check = _baseline_means(pad), _by_rate(curves), pad.final.check
+    limits = {(c.test, c.phase): c.limit for c in check.cells} if check else {}
+    return {
+        "unit": curves.force_unit,
+        "name": curves.force_name,
+        "model": model_name(pad.final.effects),
+        "first": _first(pad, [test.test for test in tests]),
+        "tests": [
+            _test(test, before.get(test.test), pad, _floor(test, curves.noise, limits))
+            for test in tests
+        ],
+    }
+
+
+def _first(pad: PadResults, names: list[str]) -> int:
+    """Return the test that is shown first: where a model fails worst, else the fastest."""
+    for model in (pad.final, pad.baseline):
+        worst = model.check.worst if model and model.check else None
+        if worst and worst.test in names:
+            return names.index(worst.test)
+    return len(names) - 1
+
+
+def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
+    """Return the baseline model's curves, by test, where it is not the last model."""
+    baseline: FitResults | None = pad.baseline
+    if baseline is None or baseline.curves is None or baseline.effects == pad.final.effects:
+        return {}
+    return {test.test: test for test in baseline.curves.tests}
+
+
+def _by_rate(curves: Curves) -> list[TestCurves]:
+    """Return the slowest first, as in the figures; tests without a rate are last."""
+    return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
+
+
+def _floor(test: TestCurves, noise: float, limits: dict) -> list[float]:
+    """Return the half width of the band of noise, sample by sample.
+
+    It holds 90 % of the readings, or where noise that moves a whole phase may do more, all that
+    does not count as failing there.
+    """
+    return [max(_BAND * noise, limits.get((test.test, kind)) or 0.0) for kind in test.phase]
+
+
+def _test(test: TestCurves, before: TestCurves | None, pad: PadResults, floor: list[float]) -> dict:
+    rows = list(_rows(test.phase))
+    baseline = before.mean if before and before.time == test.time else None
+    columns = {
+        "t": test.time,
+        "observed": test.observed,
+        "mean": test.mean,
+        "low": test.low,
+        "high": test.high,
+        "floor": floor,
+    }
+    return {
+        "name": test.test,
+        "rate": None if test.rate is None else float(f"{test.rate:.3g}"),
+        "speed": pad.speed_unit,
+        "fitted": test.role == "fit",
+        "phases": [[p.kind, p.start, p.stop] for p in test.phases],
+        **{name: [values[k] for k in rows] for name, values in columns.items()},
+        "plain": None if baseline is None else [baseline[k] for k in rows],
+        "left_out": [[one.time, one.force] for one in test.left_out],
+    }
+
+
+def _rows(phase: Sequence[str]) -> Iterator[int]:
+    """Yield every sample, or evenly spaced ones, with the first and last of every phase."""
+    step = -(-len(phase) // _MOST)
+    for k in range(len(phase)):
+        edge = k in (0, len(phase) - 1) or phase[k] != phase[k - 1] or phase[k] != phase[k + 1]
+        if edge or k % step == 0:
+            yield k

@@ -22,7 +22,6 @@ from qlvbayes.parallel.faults import FailedError
 from qlvbayes.parallel.running import run_all
 from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.report import questions
-from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import (
     PadResults,
     Results,
@@ -33,7 +32,7 @@ from qlvbayes.report.collect import (
     runs_in,
 )
 from qlvbayes.report.errors import repeated
-from qlvbayes.report.figures import Embedder, Picture
+from qlvbayes.report.figures import Embedder, Picture, chart_of
 from qlvbayes.report.methods import exports_of, methods_of, source_name, uses_of
 from qlvbayes.report.overview import is_older, overview_row, shown_constants
 from qlvbayes.report.verdicts import Box, answers, verdict_box

@@ -23,7 +23,6 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
-from .logger import thin
 from .material import Material, Pad, elastic_force
 from .platen import (
     PAPER_ACCELERATION,
@@ -46,7 +45,7 @@ from .rig import (
     simulate_study,
     simulate_test,
 )
-from .sensors import ENCODER_STEP, NOISES, Noise, encode
+from .sensors import ENCODER_STEP, NOISES, Noise, encode, thin
 
 __all__ = [
     "ENCODER_STEP",

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from qlvbayes.io.checks import InputError
 
 from .constants import Constants
-from .logger import thin
 from .rig import PAUSE_S, SAMPLE_RATE, Record, SimulatedTest, stream
-from .sensors import Noise, encode
+from .sensors import Noise, encode, thin
 
 Array = NDArray[np.float64]
 

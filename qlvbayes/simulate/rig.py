@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from qlvbayes.io.checks import InputError
 
 from .constants import Constants
-from .logger import thin
 from .material import Material, Pad
 from .motion import Motion
 from .platen import PAPER_RATES, Platen, Step, paper_protocol
-from .sensors import NOISES, Noise, encode
+from .sensors import NOISES, Noise, encode, thin
 
 SAMPLE_RATE = 1000.0
 """Samples a second of the paper's controller."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from support.hidden_pads import FEW, hidden_pad
 
-from qlvbayes.diagnosis.checks.contact import contact_error, contact_notices
+from qlvbayes.diagnosis.checks.naming import contact_error, contact_notices
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.common_errors import JointWhitener, joint_covariance, stage_changes

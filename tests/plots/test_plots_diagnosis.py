@@ -32,11 +32,11 @@ from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.plots import forces_before_after
+from qlvbayes.plots import forces
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
-from qlvbayes.plots.forces_before_after import plot_forces_before_after
-from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
+from qlvbayes.plots.forces import plot_forces_before_after
+from qlvbayes.plots.residual_map import plot_residuals_before_after
 from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study
 from qlvbayes.simulate.hidden import HiddenPad, draw_effect
 
@@ -158,7 +158,7 @@ every_case_and_width = pytest.mark.parametrize(
 
 def forces_of(found, shown, **options):
     """The figure of curves that were made by hand."""
-    with patch.object(forces_before_after, "curves", lambda diagnosis: shown):
+    with patch.object(forces, "curves", lambda diagnosis: shown):
         return plot_forces_before_after(Diagnosis(found, None), **options)
 
 

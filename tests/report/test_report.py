@@ -36,8 +36,8 @@ from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs
-from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import collect
+from qlvbayes.report.figures import chart_of
 from qlvbayes.report.methods import methods_of
 from qlvbayes.report.verdicts import verdict_box
 

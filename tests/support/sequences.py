@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.simulate.logger import thin
 from qlvbayes.simulate.material import Material
 from qlvbayes.simulate.platen import PAPER_ACCELERATION, Hold, Move, Platen, Step
 from qlvbayes.simulate.rig import SAMPLE_RATE, Record, SimulatedTest, stream
-from qlvbayes.simulate.sensors import Noise, encode
+from qlvbayes.simulate.sensors import Noise, encode, thin
 
 RETURN_SPEED = 20.0
 """Speed at which the platen leaves the pad after a test, mm/s."""

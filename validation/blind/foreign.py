@@ -7,10 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.effect import Effect, Recipe, depth_of, film_of, peak_of, reach_of
 from qlvbayes.simulate.hidden.mesh import Array, Path
 from qlvbayes.simulate.hidden.pad_effects import film, slack
-from qlvbayes.simulate.hidden.recipes import Recipe, depth_of, film_of, peak_of, reach_of
 
 _TERMS = 12  # of the series of diffusion: the rest is below 1.5 % of the share, and faster
 _SLICES = 15  # of a tilted platen, each with its own contact

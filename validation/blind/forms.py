@@ -10,10 +10,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from qlvbayes.simulate.hidden.contact_effects import Adhesion, FrameCompliance
-from qlvbayes.simulate.hidden.effect import Effect
-from qlvbayes.simulate.hidden.mesh import Array, Path
-from qlvbayes.simulate.hidden.pad_effects import film, slack
-from qlvbayes.simulate.hidden.recipes import (
+from qlvbayes.simulate.hidden.effect import (
+    Effect,
     Recipe,
     depth_of,
     film_of,
@@ -22,6 +20,8 @@ from qlvbayes.simulate.hidden.recipes import (
     reach_of,
     stiffness_of,
 )
+from qlvbayes.simulate.hidden.mesh import Array, Path
+from qlvbayes.simulate.hidden.pad_effects import film, slack
 from qlvbayes.simulate.platen import full_retraction_protocol, pull_off_protocol
 
 _NEWTON_ROUNDS = 60  # at most, until the pressure stays within 1e-11 of its scale

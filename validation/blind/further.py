@@ -9,9 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from blind.outside import stream
-from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.effect import Effect, Recipe, peak_of
 from qlvbayes.simulate.hidden.mesh import Array, Path
-from qlvbayes.simulate.hidden.recipes import Recipe, peak_of
 
 
 @dataclass(frozen=True)

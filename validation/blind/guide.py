@@ -8,9 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from qlvbayes.simulate.hidden.effect import Effect
+from qlvbayes.simulate.hidden.effect import Effect, Recipe, depth_of, peak_of
 from qlvbayes.simulate.hidden.mesh import Array, Path
-from qlvbayes.simulate.hidden.recipes import Recipe, depth_of, peak_of
 from qlvbayes.simulate.motion import Motion
 from qlvbayes.simulate.platen import pull_off_protocol
 

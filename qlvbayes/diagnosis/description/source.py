@@ -29,7 +29,7 @@ _IMPORTS = (
     ("qlvbayes.effects.effect", "Level"),
     ("qlvbayes.effects.history", "fading"),
     ("qlvbayes.effects.history", "largest"),
-    ("qlvbayes.effects.spans", "resolved_times"),
+    ("qlvbayes.effects.history", "resolved_times"),
     ("qlvbayes.laws.hereditary", "Relaxing"),
     ("qlvbayes.laws.hereditary", "hereditary_force"),
     ("qlvbayes.laws.hereditary", "hereditary_step"),

@@ -9,8 +9,7 @@ from typing import Any
 from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.contact import contact_notices, is_gap
-from qlvbayes.diagnosis.checks.naming import final_decision
+from qlvbayes.diagnosis.checks.naming import contact_notices, final_decision, is_gap
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
@@ -20,7 +19,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
     unseen,
 )
 from qlvbayes.diagnosis.checks.support import supported
-from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.decision import Decision, Verdict
 from qlvbayes.diagnosis.description.describe import NOTHING, Described, describe
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
@@ -34,7 +33,6 @@ from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.contacts import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array

@@ -7,11 +7,11 @@ from functools import partial
 
 from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
+from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.law import fit_command, law_paragraphs, law_step
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
-from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.effects.catalogue import FORMS
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import capitalized, joined, pad_title, percent, plain, to_noise

@@ -5,10 +5,9 @@ pad, contact and frame to the sensor; see `HiddenPad`.
 """
 
 from .catalogue import HIDDEN, effect_class
-from .draw import draw_effect, draw_effect_in
+from .draw import draw_effect, draw_effect_in, parse_effect
 from .effect import Effect
 from .pad import HiddenPad
-from .parse import parse_effect
 
 _KINDS = {kind.__name__: kind for kind in HIDDEN.values()}
 

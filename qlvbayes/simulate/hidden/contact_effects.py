@@ -9,9 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..platen import full_retraction_protocol
-from .effect import CONTACT, FRAME, Effect
+from .effect import CONTACT, FRAME, Effect, Recipe, depth_of, peak_of, per_depth
 from .mesh import Array, Path, recur, running_max
-from .recipes import Recipe, depth_of, peak_of, per_depth
 
 
 @dataclass(frozen=True)

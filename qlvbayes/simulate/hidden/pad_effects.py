@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..platen import full_retraction_protocol
-from .effect import Effect
+from .effect import Effect, Recipe, film_of, peak_of, per_depth, reach_of, stiffness_of
 from .mesh import Array, Path
-from .recipes import Recipe, film_of, peak_of, per_depth, reach_of, stiffness_of
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from .effect import Effect
+from .effect import Effect, Recipe, peak_of
 from .mesh import Array, Path
-from .recipes import Recipe, peak_of
 
 
 @dataclass(frozen=True)
