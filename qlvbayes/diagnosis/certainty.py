@@ -27,7 +27,7 @@ from qlvbayes.io.arrays import Array
 FEATURES = (
     "evidence",
     "heldout_gain",
-    "share_sds",
+    "heldout_sds",
     "error_left",
     "structure_left",
     "effects",
@@ -35,6 +35,7 @@ FEATURES = (
 """Names of the features, in the order of the weights."""
 STRUCTURE = 0.01
 """P-value of the adequacy test below which a hypothesis counts as leaving structure."""
+_SURE = 5.0  # sds beyond which a gain on tests left out counts as no surer
 LEAST = 0.1
 """Least posterior probability of an effect: less probable ones were not learnt from."""
 
@@ -45,7 +46,7 @@ def features(log_bayes_factor: float, support: Support) -> Array:
         [
             math.asinh(log_bayes_factor),
             support.heldout_gain,
-            math.asinh(support.share_sds),
+            min(max(support.heldout_sds, -_SURE), _SURE),
             support.error_left,
             float(support.p_left < STRUCTURE),
             float(support.effects),

@@ -167,22 +167,15 @@ class Support(Part, frozen=True):
 
     # logarithm of the error on tests left out, where the effect acts, without it over that with it
     heldout_gain: float
-    # share, share_sd: of the change that the effect makes to the prediction of tests left out, how
-    # much is there (1: all of it), and its sd; None of fewer than three tests or phases
-    # (`checks.shares`)
-    share: float | None
-    share_sd: float | None
+    # mean fall of the squared error over the parts left out, over its standard error; 0 of fewer
+    # than three parts
+    heldout_sds: float
     # that error with the effect (N); None where the effect adds no force
     heldout: float | None
     error_left: float  # logarithm of the error of the fit with the effect over the noise floor
     p_left: float  # p-value of the adequacy test with the effect
     effects: int  # number of effects that the hypothesis adds
     strengths: Strengths | None = None  # its strength in each test; None where it has one part
-
-    @property
-    def share_sds(self) -> float:
-        """By how many of its sds the share exceeds zero; 0 where it is not known."""
-        return self.share / self.share_sd if self.share is not None and self.share_sd else 0.0
 
 
 class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):

@@ -16,8 +16,7 @@ from qlvbayes.diagnosis.result import Strengths, Support
 ROOT = Path(__file__).parents[2]
 SUPPORT = Support(
     heldout_gain=1.0,
-    share=1.0,
-    share_sd=0.1,
+    heldout_sds=3.0,
     heldout=0.1,
     error_left=0.2,
     p_left=0.5,
@@ -28,10 +27,10 @@ SUPPORT = Support(
 def test_features_are_what_they_are_called():
     x = features(50.0, SUPPORT)
     assert len(x) == len(FEATURES)
-    expected = [math.asinh(50.0), 1.0, math.asinh(10.0), 0.2, 0.0, 1.0]
+    expected = [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0]
     assert np.allclose(x, expected)
-    unknown = features(50.0, structs.replace(SUPPORT, share=None, share_sd=None, p_left=0.001))
-    assert (unknown[2], unknown[4]) == (0.0, 1.0)
+    surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
+    assert (surely[2], surely[4]) == (5.0, 1.0)
 
 
 def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_doubt():
@@ -40,7 +39,7 @@ def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_do
 
     assert sure(factor=100.0) > sure(factor=5.0)
     assert sure(heldout_gain=1.5) > sure(heldout_gain=0.1)
-    assert sure(share_sd=0.1) > sure(share_sd=1.0)
+    assert sure(heldout_sds=4.0) > sure(heldout_sds=0.5)
     assert sure(effects=3) < sure(effects=1)
     assert sure(p_left=0.0) < sure(p_left=0.5)
     assert sure(error_left=1.0) < sure(error_left=0.1)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from qlvbayes.diagnosis.checks.naming import refusals
 from qlvbayes.diagnosis.decision import (
-    Verdict,
     Weight,
     apply_adequacy,
     decide,
@@ -22,6 +21,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Ranked, Strength, Strengths, Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
+from qlvbayes.diagnosis.verdict import Verdict
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -116,8 +116,7 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
 def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0, heldout=0.1):
     own = Support(
         heldout_gain=gain,
-        share=1.0,
-        share_sd=0.1,
+        heldout_sds=5.0,
         heldout=heldout,
         error_left=0.1,
         p_left=0.5,

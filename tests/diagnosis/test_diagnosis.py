@@ -229,8 +229,7 @@ def test_the_support_of_an_effect_that_is_there():
     support, stages = first.support, drag.result.stages
     before, after = (stages[k].heldout_rmse for k in (0, -1))
     assert support.heldout_gain > np.log(before / after)  # the error falls most where it acts
-    assert support.share == pytest.approx(1.0, abs=3.0 * support.share_sd)
-    assert support.share_sds > 5.0
+    assert support.heldout_sds > 1.0
     assert support.strengths.agreement > 0.9
     assert support.error_left == pytest.approx(np.log(stages[-1].rmse / drag.result.noise), abs=0.1)
     assert support.p_left > 0.01

@@ -32,7 +32,6 @@ class HeldOutPart(NamedTuple):
     density: Density  # posterior density on everything else
     test: int  # index of the test that the part belongs to
     rows: Mask  # which of the test's samples it holds
-    blocks: Mask  # which of the n block means of all tests it holds
 
 
 class Predicted(NamedTuple):
@@ -92,7 +91,7 @@ def errors(
 
 def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:
     """Return each test as a part to be left out, or each phase where there is only one test."""
-    return [HeldOutPart(density.without(out), k, rows, out) for out, k, rows in samples.left_out()]
+    return [HeldOutPart(density.without(out), k, rows) for out, k, rows in samples.left_out()]
 
 
 def predictions(

@@ -94,12 +94,8 @@ class SearchOutcome:
         """Return measured minus predicted force (N) of each part, by a fit to all others."""
         return [
             self.samples.observed[part.test][part.rows] - one.force
-            for part, one in self.predicted(candidate)
+            for part, one in zip(self._parts, self._predicted(candidate), strict=True)
         ]
-
-    def predicted(self, candidate: Candidate) -> list[tuple[HeldOutPart, Predicted]]:
-        """Return each part left out, with what a candidate predicts of it."""
-        return list(zip(self._parts, self._predicted(candidate), strict=True))
 
     def acting(self, candidate: Candidate, effect: str) -> list[Array]:
         """Return the force (N) of an effect of a candidate at the samples of each part."""

@@ -1,14 +1,16 @@
 r"""Measure the support for an effect: signs for or against it in addition to its evidence.
 
 All figures compare the most probable hypothesis that has the effect with the same without it. The
-error on tests left out counts where the effect acts: with e the force that it adds and r the
-residual of a test by a fit to all others, over the samples of all parts left out,
+errors on tests left out count where the effect acts: with e the force that it adds and r the
+residual of a test by a fit to all others, over the samples of the n parts left out,
 
 .. math:: E^2 = \frac{\sum e^2 r^2}{\sum e^2}, \quad
-          \text{gain} = \ln \frac{E_{without}}{E_{with}}.
+          \text{gain} = \ln \frac{E_{without}}{E_{with}}, \quad
+          \text{sds} = \frac{\bar d}{s_d / \sqrt n},\ d = \sum_{part}
+          e^2 (r_{without}^2 - r_{with}^2).
 
 A drag acts in ramps, which have few of the samples: what something unlisted does in long holds
-says nothing about it. Whether the tests agree on it, `checks.shares` measures.
+says nothing about it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,6 @@ from msgspec import structs
 
 from qlvbayes.diagnosis.certainty import LEAST, certainty
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
-from qlvbayes.diagnosis.checks.shares import share_that_is_there
 from qlvbayes.diagnosis.checks.strengths import strengths
 from qlvbayes.diagnosis.result import Ranked, Support
 from qlvbayes.io.arrays import finite_or_none
@@ -62,11 +63,9 @@ def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
         for left in map(outcome.heldout_residuals, (without, having))
     ]
     noise = outcome.experiment.floor.total
-    share, share_sd = share_that_is_there(outcome, without, having) or (None, None)
     return Support(
         heldout_gain=0.5 * _log_ratio(*(float(one.sum()) for one in squares)),
-        share=share,
-        share_sd=share_sd,
+        heldout_sds=_paired(*squares),
         heldout=finite_or_none(math.sqrt(float(squares[1].sum()) / total)) if adds else None,
         error_left=_log_ratio(outcome.samples.error(outcome.residuals(having)), noise),
         p_left=outcome.adequacy(having).p_value,
@@ -82,3 +81,12 @@ def _log_ratio(first: float, second: float) -> float:
     if not (first > 0.0 and second > 0.0):  # false for NaN
         return 0.0
     return math.log(first / second)
+
+
+def _paired(before: np.ndarray, after: np.ndarray) -> float:
+    """Return the mean of before - after over its standard error; 0 of fewer than three parts."""
+    falls = before - after
+    if falls.size < 3 or not np.isfinite(falls).all():
+        return 0.0
+    error = falls.std(ddof=1) / math.sqrt(falls.size)
+    return float(falls.mean() / error) if error > 0.0 else 0.0

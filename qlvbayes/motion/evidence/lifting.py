@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.io.arrays import Mask
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.accelerating import speed_changes
@@ -55,15 +56,18 @@ class Lift:
 def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force of the other sign after contact; empty for bonded pads.
 
-    It counts from the lowest of the file's zero and what the test shows before the contact and at
-    its end, so that a tare that is off or a guide that rubs is none. A drag pulls too, by a power
+    It counts from the lowest of the file's zero and what the test shows before the contact, on the
+    way in and at its end, so that a tare that is off, a drive that ripples or a guide that rubs is
+    none. A drag pulls too, by a power
     of the speed, and no longer when the platen rests; it is there at once as the platen moves back,
     as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where it lasts at
-    rest, does not grow with the speed, or comes gradually.
+    rest, does not grow with the speed, or comes gradually, in most tests that move back: what is
+    sticky sticks in all of them.
     """
     if bonded or experiment.units.dimensionless:
         return ()
     lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial)]
+    back = {one.moving.trial.name for one in lifts}
     least = _LEAST * experiment.peak
     resting = [
         (one.resting, one.lasts)
@@ -96,7 +100,7 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
             "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
             f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
             f"{len(tests)} of {len(experiment.trials)} tests, {why}",
-            at_rest or speedless or gradual,
+            (at_rest or speedless or gradual) and 2 * len(tests) > len(back),
         ),
     )  # fmt: skip
 
@@ -105,7 +109,7 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
-    before = level_before(experiment, trial)
+    before, inward = level_before(experiment, trial), _lowest_inward(experiment, trial, steady)
     lifts = []
     for move, rest in moves_of(trial):
         if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
@@ -114,17 +118,15 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
         end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
         # a specimen that is still pressed at the end has its own zero in the file's
         flat = _flat(experiment, trial, move, rest)
-        every = (before, end, flat, Level(0.0, experiment.floor.ou))
+        every = (before, inward, end, flat, Level(0.0, experiment.floor.ou))
         levels = [one for one in every if one is not None]
         rows = rows_between(trial, move.start, move.stop)
         rows = rows[steady[rows]]
         if end is None or rows.size < _WIDTH:
             continue
         zero = min(levels, key=lambda one: one.value)
-        means = np.convolve(test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
-        lowest = int(np.argmin(means))
         speed = mean_speed(trial, move)
-        moving = _pull(experiment, trial, move, rows[lowest : lowest + _WIDTH], zero, speed)
+        moving = _pull(experiment, trial, move, _lowest(trial, rows), zero, speed)
         begin = rest.start + _AFTER * (rest.stop - rest.start)
         early = rows_between(trial, begin, rest.start + 2.0 * _AFTER * (rest.stop - rest.start))
         resting = _pull(experiment, trial, rest, early, zero, speed)
@@ -133,6 +135,23 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
             at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
             lifts.append(Lift(moving, resting, early.size >= _LASTS, at_once))
     return lifts
+
+
+def _lowest(trial: Trial, rows: Rows) -> Rows:
+    """Return the readings in a row whose mean force is the lowest."""
+    means = np.convolve(trial.test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
+    lowest = int(np.argmin(means))
+    return rows[lowest : lowest + _WIDTH]
+
+
+def _lowest_inward(experiment: Experiment, trial: Trial, steady: Mask) -> Level | None:
+    """Return the lowest force of the first ramp; None where it has too few readings."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    if first is None:
+        return None
+    rows = rows_between(trial, first.start, first.stop)
+    rows = rows[steady[rows]]
+    return level_of(experiment, trial, _lowest(trial, rows)) if rows.size >= _WIDTH else None
 
 
 def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float) -> Place | None:
