@@ -12,7 +12,7 @@ from typing import Any
 
 from qlvbayes.plots.catalogue import FIGURES
 
-_MODULES = {f"plot_{one.name}": one.name for one in FIGURES} | {
+_MODULES = {f"plot_{one.name}": one.file or one.name for one in FIGURES} | {
     "figure_of": "files",
     "save_figure": "files",
     "using": "style",
@@ -22,7 +22,7 @@ __all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    """Import the name that is asked for; a figure's module is called like its function."""
+    """Import the name that is asked for; a figure's module is in the catalogue."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -1,6 +1,7 @@
 """The one list of figures: which command leaves each, what it shows, and what to see in it.
 
-A figure is a function ``plot_NAME`` in the file ``NAME.py`` of this folder. Its entry here puts it
+A figure is a function ``plot_NAME`` in the file ``NAME.py`` of this folder, or in that of a figure
+that is drawn alike. Its entry here puts it
 into the command and that command's help, and has the report's words for it. Its position in the
 report is a line ``parts.figure(...)`` in a template of ``report/templates/``.
 """
@@ -18,7 +19,7 @@ from typing import Any
 class Figure:
     """A figure, and the command that leaves it."""
 
-    name: str  # name of its file and, after ``plot_``, of its function
+    name: str  # name of its function after ``plot_``, and of its file unless it shares one
     command: str  # the command that leaves it
     # shows, see: what it shows, also for those who cannot see it, with ``{of}`` for the pad; and
     # what to look for. Both are empty where the report does not have it.
@@ -29,13 +30,20 @@ class Figure:
     takes: Callable[..., tuple[Any, ...]] | None = None
     # whether there is anything to draw, from the same
     applies: Callable[..., bool] = lambda *computed: True
+    file: str = ""  # name of the file that it shares
 
     def draw(self, *computed: Any) -> Any:
         """Draw the figure from what its command has computed of one pad; return its axes."""
         if self.takes is None:
             raise TypeError(f"{self.name} is not a figure of one pad")
-        module = import_module(f"qlvbayes.plots.{self.name}")  # with Matplotlib, only now
-        return getattr(module, f"plot_{self.name}")(*self.takes(*computed))
+        return self.function(*self.takes(*computed))
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function that draws it, imported with Matplotlib only now."""
+        module = import_module(f"qlvbayes.plots.{self.file or self.name}")
+        found: Callable[..., Any] = getattr(module, f"plot_{self.name}")
+        return found
 
 
 FIGURES = (
@@ -55,6 +63,7 @@ FIGURES = (
         "The area between loading and unloading is the energy lost. Where the loops of dots and "
         "line differ, the model loses too much or too little.",
         lambda checked: (checked.predictions, checked.experiment.units),
+        file="forces",
     ),
     Figure(
         "residual_map", "check", takes=lambda checked: (checked.check, checked.experiment.units)
@@ -73,6 +82,7 @@ FIGURES = (
         "3 too unless they have a frame. What is dark on the left and light on the right was "
         "explained by what was added.",
         lambda diagnosis: (diagnosis.result,),
+        file="residual_map",
     ),
     Figure(
         "evidence",
@@ -96,6 +106,7 @@ FIGURES = (
         "Does the error stay in the hold or end with the motion? Does it grow with speed, with "
         "depth, with time?",
         lambda diagnosis: (diagnosis,),
+        file="forces",
     ),
     Figure(
         "strengths",
@@ -105,6 +116,7 @@ FIGURES = (
         "effect grows with it. Dots on both sides of zero: something else looks like it.",
         lambda diagnosis: (diagnosis.result,),
         lambda diagnosis: bool(diagnosis.result.strengths),
+        file="error_staircase",
     ),
     Figure(
         "pairs",
