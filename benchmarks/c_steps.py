@@ -16,7 +16,7 @@ import arviz_base
 import numpy as np
 
 from qlvbayes.simulate import TABLE_1
-from qlvbayes.use.exports.write import export
+from qlvbayes.use.exports.target import export
 
 REPEATS = 5  # of which the fastest counts, in processor time: what else runs here only adds
 PAD = TABLE_1["B"]

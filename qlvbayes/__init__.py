@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from qlvbayes.report.firstlook.result import FirstLook
     from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
-    from qlvbayes.use.exports.write import export
+    from qlvbayes.use.exports.target import export
     from qlvbayes.use.prescribed.forecast import predict_program
     from qlvbayes.use.prescribed.hypotheses import Hypotheses
     from qlvbayes.use.stepper import Stepper

@@ -36,7 +36,7 @@ from simulators import of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
-from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
+from qlvbayes.use.exports.simulators import hunt_crossley, soft_constraint
 
 PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 CONTACTS = ROOT / "docs" / "pictures" / "exports_contacts.png"

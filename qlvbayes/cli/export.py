@@ -41,7 +41,7 @@ def export_command(
     tested, the 90 % intervals, and what it cannot represent.
     """
     # imported here, so that the help does not wait for them
-    from qlvbayes.use.exports.write import export, find
+    from qlvbayes.use.exports.target import export, find
 
     names = split_names(to)
     if not names:

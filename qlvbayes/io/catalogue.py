@@ -38,7 +38,7 @@ from qlvbayes.io.runtime import cache_folder
 ELASTIC = {
     "exponential": "laws.elastic.exponential.Exponential",
     "linear": "laws.elastic.polynomial.Linear",
-    "hertz": "laws.elastic.hertz.HertzPower",
+    "hertz": "laws.elastic.polynomial.HertzPower",
     "polynomial:2": "laws.elastic.polynomial.Quadratic",
     "polynomial:3": "laws.elastic.polynomial.Cubic",
     "toe": "laws.elastic.exponential.ToeExponential",
@@ -64,14 +64,14 @@ SAMPLERS = {"emcee": "fitting.ensemble.sample"}
 METHODS = (*SAMPLERS, "least-squares", "two-step")
 """Ways to the constants."""
 TARGETS = {
-    "c": "use.exports.c_header.CHeader",
-    "fmu": "use.exports.fmu.Fmu",
-    "mujoco": "use.exports.mujoco.MuJoCo",
-    "drake": "use.exports.drake.Drake",
-    "matlab": "use.exports.matlab.MatlabFunction",
-    "abaqus": "use.exports.abaqus.Abaqus",
-    "febio": "use.exports.febio.FEBio",
-    "prony": "use.exports.prony.PronyTable",
+    "c": "use.exports.code.CHeader",
+    "fmu": "use.exports.code.Fmu",
+    "mujoco": "use.exports.simulators.MuJoCo",
+    "drake": "use.exports.simulators.Drake",
+    "matlab": "use.exports.code.MatlabFunction",
+    "abaqus": "use.exports.finite_elements.Abaqus",
+    "febio": "use.exports.finite_elements.FEBio",
+    "prony": "use.exports.finite_elements.PronyTable",
     "curves": "use.exports.curves.ViscoelasticCurves",
     "json": "use.exports.json_file.JsonFile",
 }

@@ -27,11 +27,10 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import folder_fault
 from qlvbayes.io.wording import as_typed, computed, prints, visible
 from qlvbayes.plots.style import shortened, style, using
-from qlvbayes.use.exports.c_header import CHeader
 from qlvbayes.use.exports.card import card, commented, in_comment, template
+from qlvbayes.use.exports.code import CHeader
 from qlvbayes.use.exports.pad import identifier
-from qlvbayes.use.exports.target import Geometry
-from qlvbayes.use.exports.write import TARGETS
+from qlvbayes.use.exports.target import TARGETS, Geometry
 
 PARTS = [
     '"""; print("x"); """', "'", '"', "\\", "\n", "\r", "\x1b[2J", "\u2028", "\u202e", "[/]",
@@ -161,7 +160,7 @@ def test_exported_comments_end_where_they_should(pad, name):
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
 def test_every_target_has_the_same_code_whatever_the_name(pad, target, monkeypatch):
-    monkeypatch.setattr("qlvbayes.use.exports.fmu._binary", lambda sources: None)
+    monkeypatch.setattr("qlvbayes.use.exports.code._binary", lambda sources: None)
     hostile = replace(pad, name='*/ --> "]]> <x> \n%}\x1b', source="a*/b--c")
     files = target().files(hostile, Geometry(10.0, 200.0))
     for name, content in files.items():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from qlvbayes.diagnosis.verdict import Verdict
 
 from qlvbayes.diagnosis.checks.naming import refusals
 from qlvbayes.diagnosis.decision import (
@@ -21,7 +22,6 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Ranked, Strength, Strengths, Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
-from qlvbayes.diagnosis.verdict import Verdict
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")

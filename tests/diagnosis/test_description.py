@@ -28,7 +28,7 @@ from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.code import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
 TERMS = {term.name: term for term in grammar()}

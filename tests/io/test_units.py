@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.io.units import PAD, STRAIN, SUFFIXES, column_name
-from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.polynomial import HertzPower
 
 
 def test_pad_units_are_those_of_the_paper():

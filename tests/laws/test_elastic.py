@@ -9,8 +9,7 @@ from numpy.polynomial.legendre import leggauss
 from qlvbayes.laws.catalogue import LAWS as KNOWN
 from qlvbayes.laws.conformance import check_law
 from qlvbayes.laws.elastic.exponential import Exponential, ToeExponential
-from qlvbayes.laws.elastic.hertz import HertzPower
-from qlvbayes.laws.elastic.polynomial import Cubic, Linear, Quadratic
+from qlvbayes.laws.elastic.polynomial import Cubic, HertzPower, Linear, Quadratic
 from qlvbayes.laws.elastic.spline import Spline
 
 NODES, WEIGHTS = leggauss(40)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from qlvbayes.laws.elastic.exponential import Exponential
-from qlvbayes.laws.elastic.hertz import HertzPower
-from qlvbayes.laws.elastic.polynomial import Linear
+from qlvbayes.laws.elastic.polynomial import HertzPower, Linear
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.model import Model

@@ -31,8 +31,7 @@ from qlvbayes.fitting.runs import RunLog, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import number, percent_unbroken
 from qlvbayes.laws.elastic.exponential import Exponential
-from qlvbayes.laws.elastic.hertz import HertzPower
-from qlvbayes.laws.elastic.polynomial import Linear
+from qlvbayes.laws.elastic.polynomial import HertzPower, Linear
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs

@@ -14,10 +14,8 @@ from support.endtoend import PADS, call
 from support.exported_pad import exported, write_fit
 
 from qlvbayes.io.table import digest
-from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint
-from qlvbayes.use.exports.drake import Drake
-from qlvbayes.use.exports.mujoco import MuJoCo
 from qlvbayes.use.exports.reduction import pressing
+from qlvbayes.use.exports.simulators import Drake, MuJoCo, hunt_crossley, soft_constraint
 from qlvbayes.use.exports.target import Geometry
 
 BLOCK = Geometry(height=10.0, area=200.0)

@@ -9,8 +9,7 @@ from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
 from support.exported_pad import exported
 
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.c_header import CHeader
-from qlvbayes.use.exports.fmu import Fmu
+from qlvbayes.use.exports.code import CHeader, Fmu
 
 fmpy = pytest.importorskip("fmpy", reason="no FMPy here: the FMU is not simulated")
 

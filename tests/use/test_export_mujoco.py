@@ -10,8 +10,8 @@ from support.compiled_pad import GCC, CompiledPad
 from support.exported_pad import exported, missed
 
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.mujoco import MuJoCo
 from qlvbayes.use.exports.reduction import pressing
+from qlvbayes.use.exports.simulators import MuJoCo
 
 pytestmark = pytest.mark.integration
 WITH = ("viscous_drag", "friction", "stress_softening", "frame_compliance")

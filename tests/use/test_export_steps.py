@@ -18,10 +18,9 @@ from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.code import CHeader, MatlabFunction
 from qlvbayes.use.exports.expressions import _PAIRS, _SINGLES
 from qlvbayes.use.exports.layers import elastic_functions
-from qlvbayes.use.exports.matlab import MatlabFunction
 
 EXACT = 1e-12  # of the largest force: rounding a million times in another order
 TOGETHER = ("viscous_drag", "fluid_pressure", "stress_softening", "friction", "force_offset")

@@ -16,15 +16,11 @@ from support.exported_pad import DATE, RELAXATION, TESTED, exported, missed, wri
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.abaqus import Abaqus
-from qlvbayes.use.exports.drake import Drake
-from qlvbayes.use.exports.febio import FEBio
+from qlvbayes.use.exports.finite_elements import POISSON, Abaqus, FEBio, PronyTable
 from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.material import POISSON
-from qlvbayes.use.exports.prony import PronyTable
 from qlvbayes.use.exports.reduction import pressing
-from qlvbayes.use.exports.target import Geometry
-from qlvbayes.use.exports.write import TARGETS, find
+from qlvbayes.use.exports.simulators import Drake
+from qlvbayes.use.exports.target import TARGETS, Geometry, find
 
 EXACT = 1e-12
 BLOCK = Geometry(height=10.0, area=200.0)

@@ -5,8 +5,7 @@ A new target is one class in one file here, under ``target.AbstractTarget``, and
 few lines.
 """
 
-from qlvbayes.use.exports.target import AbstractTarget, Geometry
-from qlvbayes.use.exports.write import TARGETS, export
+from qlvbayes.use.exports.target import TARGETS, AbstractTarget, Geometry, export
 
 __all__ = [
     "TARGETS",

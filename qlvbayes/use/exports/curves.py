@@ -11,7 +11,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import NO_CONTACT, card, commented
-from qlvbayes.use.exports.material import POISSON, moduli
+from qlvbayes.use.exports.finite_elements import POISSON, moduli
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
