@@ -51,6 +51,7 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/endurance.py kills --count $(call size,10,50)
 	$(BIN)/python validation/endurance.py inputs --count $(call size,1000,6500)
 	$(BIN)/python validation/wide.py repeated --again --paper --seed 518 --studies $(call size,18,200) --note "the present version"
+	$(BIN)/python validation/evidence.py --pads $(call size,10,100) --jobs 2
 	$(BIN)/python validation/lifelike.py --studies $(call size,10,80) --seed 1141 --jobs 2 -o build/validation/lifelike
 	$(BIN)/python validation/described.py --studies $(call size,14,140) --seed 2207 --jobs 2 -o build/validation/described
 	$(BIN)/python validation/reliability.py

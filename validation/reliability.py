@@ -298,6 +298,16 @@ answer says that this is not testable. Without noise only low p-values mean anyt
     ),
     (
         """
+## Is direct evidence right?
+
+What readings show beyond doubt without a model is in every hypothesis of a diagnosis. It is counted
+on pads of the lifelike and of the wide population, by the rules of names; nothing is fitted. The
+bound is one-sided, 95 %, of pads for which something is beyond doubt that is not there.
+""",
+        lambda: Table.read("evidence").markdown(),
+    ),
+    (
+        """
 ## Does what is fitted follow the readings?
 
 Of the most probable fit without effects (*plain*), of the *answer* and of `qlvbayes fit` (*fit*):
