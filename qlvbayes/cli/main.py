@@ -9,9 +9,11 @@ import sys
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
+from qlvbayes import __version__
 from qlvbayes.cli.command import Command
 from qlvbayes.io.files import bundled
 from qlvbayes.io.wording import as_typed, joined, visible
@@ -88,8 +90,25 @@ def _empty_application() -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
     )
-    app.callback()(lambda: None)  # without a callback, typer takes no name for a single command
+    app.callback()(_general)  # without a callback, typer takes no name for a single command
     return app
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"qlvbayes {__version__}")
+        raise typer.Exit
+
+
+def _general(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Take the options of no command."""
 
 
 def run() -> None:

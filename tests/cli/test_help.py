@@ -7,6 +7,7 @@ import pytest
 from support.endtoend import environment
 from typer.testing import CliRunner
 
+from qlvbayes import __version__
 from qlvbayes.cli.main import _COMMANDS, _HIDDEN, application
 from qlvbayes.plots.catalogue import figures_of
 
@@ -37,6 +38,11 @@ def test_the_help_of_a_command_is_wrapped_for_the_terminal_alone(command):
     assert all("\n" not in paragraph for paragraph in entry.help.split("\n\n"))
     assert all(one.name in entry.help for one in figures_of(command))
     assert "FIGURES" not in entry.help
+
+
+def test_the_version_is_printed():
+    done = CliRunner().invoke(application(), ["--version"])
+    assert (done.exit_code, done.output) == (0, f"qlvbayes {__version__}\n")
 
 
 def test_the_list_of_commands_imports_none_of_them():
