@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qlvbayes.io.arrays import Array
@@ -24,7 +26,7 @@ from qlvbayes.motion.phases import Phase
 _AROUND = 5  # readings before and after a start, whose means are levels
 _REACHED = 0.9  # of the mean speed, at which a start is over
 _RETURNS = 0.25  # of a spike, that may be left after it
-_SCATTER = 0.5  # of the mass, by which single starts and stops may differ
+_SCATTER = 0.5  # of the impulses that a mass makes, by which single ones may differ
 _COARSE = 0.5  # of an impulse, that its sum over one reading is off by
 _READINGS = 200  # after a stop, in which a ringing is looked for,
 _FEWEST = 40  # and at least so many
@@ -53,9 +55,8 @@ def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     starts = [one for one in places if one.phase.startswith("start")]
     if len(places) < 2:
         return ()
-    value, sd = pooled(places)
-    scatter = float(np.std([one.value for one in places]))
-    if value < CLEAR * sd or scatter > _SCATTER * value or any(one.value < 0.0 for one in places):
+    value, sd, scatter = _mass(places)
+    if value < CLEAR * sd or scatter > _SCATTER:
         return ()  # a specimen's force, which bends
     tests, phases = names_of(places)
     unit = f"{experiment.units.force} s2/{experiment.units.displacement}"
@@ -69,6 +70,21 @@ def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
             0 < len(starts) < len(places),
         ),
     )  # fmt: skip
+
+
+def _mass(places: Sequence[Place]) -> tuple[float, float, float]:
+    """Return the mass of all impulses, its sd, and their scatter over what the mass makes.
+
+    Whatever else happens at starts and stops adds an impulse that does not grow with the change of
+    speed, so that slow ones tell little of a mass.
+    """
+    masses, sds, speeds = np.array([(one.value, one.sd, one.speed) for one in places]).T
+    mass = float(masses @ speeds**2 / (speeds @ speeds))
+    left = float(np.mean((speeds * (masses - mass)) ** 2))
+    weights = speeds**2 / ((speeds * sds) ** 2 + left)
+    mass = float(masses @ weights / weights.sum())
+    made = abs(mass) * float(np.sqrt(np.mean(speeds**2)))
+    return mass, float(weights.sum()) ** -0.5, float(np.sqrt(left)) / max(made, 1e-300)
 
 
 def _start(experiment: Experiment, trial: Trial, move: Phase) -> Place | None:
@@ -119,7 +135,8 @@ def _impulse(
     mass = float(np.trapezoid(spike, time[rows])) / change
     counted = max(int(np.count_nonzero(np.abs(spike) > 0.5 * highest)), 1)
     coarse = _COARSE * mass / counted / CLEAR
-    return Place(trial, where, mass, float(np.hypot(np.hypot(noise, slow) / change, coarse)))
+    sd = float(np.hypot(np.hypot(noise, slow) / change, coarse))
+    return Place(trial, where, mass, sd, abs(change))
 
 
 def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
