@@ -179,13 +179,3 @@ def test_the_worked_example_keeps_the_rules_and_competes(own_effects):
     ranked = {one.effect: one for one in found.ranking}
     assert ranked["quadratic_drag"].log_bayes_factor < ranked["squeeze_film"].log_bayes_factor
     assert found.effects == ("squeeze_film",)
-
-
-@pytest.mark.slow
-def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
-    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "60")
-    status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)
-    assert status == 0, err
-    summary = read_json(tmp_path / "out" / "C" / "summary.json")
-    assert summary["effects"] == ["quadratic_drag"]
-    assert "quadratic_drag.k" in summary["parameters"]

@@ -8,7 +8,6 @@ from support.posteriors import PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.comparison.compare import compare
 from qlvbayes.comparison.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
-from qlvbayes.comparison.words import paragraphs
 from qlvbayes.io.checks import InputError
 
 MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))
@@ -117,12 +116,6 @@ def test_fluids_are_compared_with_the_spread_of_their_specimens(fluids):
     # far wider than one specimen's own interval: specimens spread by 5 %, their posteriors by 1 %
     value = fluids["m"].first
     assert value.high / value.low > np.exp(2 * 1.645 * 1.5 * WIDTHS["m"])
-
-
-def test_the_words_say_how_many_specimens(fluids):
-    words = paragraphs(fluids)
-    assert words[0].startswith("Yes: oil and glycerin differ")
-    assert any("3 specimens" in text for text in words)
 
 
 @pytest.mark.slow

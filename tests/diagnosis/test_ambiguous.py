@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as changed
-from support.hidden_pads import FEW, hidden_pad, with_changes
+from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.checks.outcome import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -71,39 +70,6 @@ def test_constants_are_those_of_the_base_law_and_less_sure(either):
     for name, found in either.result.constants.items():
         # of one hypothesis alone, the share of its weight is the least that its variance keeps
         assert found.sd >= last[name].sd * np.sqrt(weight) * 0.99
-
-
-@pytest.mark.slow
-def test_words_and_json_give_the_averaged_constants(either):
-    said = either.text()
-    m = either.result.constants["m"]
-    assert f"Averaged over all that the tests do not rule out, m = {m}" in said
-    assert either.result.as_dict()["constants"]["m"] == {"unit": "N/mm", "mean": m.mean, "sd": m.sd}
-
-
-@pytest.mark.slow
-def test_what_is_not_ruled_out_is_told_beside_the_name(either):
-    """A set's probability is summed over all base laws; the likeliest come first."""
-    listed = either.result.not_ruled_out
-    assert [one.probability for one in listed] == sorted(
-        (one.probability for one in listed), reverse=True
-    )
-    assert sum(one.probability for one in listed) <= 1.0 + 1e-9
-    named = with_changes(either, verdict="missing_effect", effects=("viscous_drag",), group=())
-    said = " ".join(named.paragraphs()).partition("do not rule out")[2]
-    for one in listed:
-        if one.effects not in ((), ("viscous_drag",)):
-            assert f"{' and '.join(one.effects)} (" in said
-
-
-@pytest.mark.slow
-def test_sets_beyond_those_listed_are_told_together(either):
-    first, *_ = either.result.not_ruled_out
-    named = with_changes(either, verdict="missing_effect", group=(), effects=("friction",))
-    alone = with_changes(named, not_ruled_out=(changed(first, probability=0.83),))
-    assert "or others (17 % together)" in " ".join(alone.paragraphs())
-    certain = with_changes(named, not_ruled_out=(changed(first, probability=1.0),))
-    assert "others" not in " ".join(certain.paragraphs())
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from support.endtoend import call, read_json
 from support.posteriors import drawn, vectors, written
 from support.savedfit import REACH, draws
 
-from qlvbayes import InputError, predict_program
+from qlvbayes import predict_program
 from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.fitting.results import load, save
 from qlvbayes.io.units import PAD
@@ -105,11 +105,6 @@ def test_tests_that_differ_widen_the_displacement_under_a_force():
     assert np.median(back) > np.median(found.answers[:, -1])
 
 
-def test_a_file_holds_them_whole(tmp_path):
-    BOTH.write(tmp_path / FILE)
-    assert Hypotheses.read(tmp_path / FILE) == BOTH
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A pad with a fit and a diagnosis, and one with a diagnosis alone."""
@@ -163,11 +158,3 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     status, _, err = call("predict", tmp_path, "--program", PROGRAM)
     assert status == 0
     assert "its diagnosis is of other tests than its fit" in err.replace("\n", " ")
-
-
-def test_a_folder_with_neither_is_refused(tmp_path):
-    status, _, err = call("predict", tmp_path, "--program", PROGRAM)
-    assert status == 2
-    assert "no fit in this folder" in err
-    with pytest.raises(InputError, match="cannot be read as results"):
-        Hypotheses.from_json('{"schema": 1, "pad": "B"}')

@@ -149,24 +149,6 @@ def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
     ]
 
 
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (("--size", "200%"), "give a share of the peak force"),
-        (("--effects", "rust"), "no effect 'rust'"),
-        (("--specimen", "X"), "no pad 'X'"),
-        (("--noise", "pink"), "no noise 'pink'"),
-        ((PADS,), "several pads: A, B, C"),
-        (("--programme", "jump 1 mm"), "'jump' is not understood"),
-    ],
-)
-def test_what_cannot_be_simulated_is_one_line(tmp_path, words, problem):
-    status, out, err = call("benchmark", *words, "-o", tmp_path)
-    assert (status, out) == (2, "")
-    assert problem in err
-    assert err.count("\n") == 1
-
-
 @pytest.mark.slow
 def test_drag_is_named_in_the_tests_of_the_file(session):
     simulated = Benchmark(session, 0.1, 0)

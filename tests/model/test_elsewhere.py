@@ -114,12 +114,6 @@ def results(tmp_path_factory):
     return folder
 
 
-def test_check_needs_the_data_and_says_so(results):
-    status, _, err = call("check", results)
-    assert status == 2
-    assert "does not say where its measurements are; say where they are with --data FILE" in err
-
-
 def test_check_predicts_from_a_posterior_made_elsewhere(tmp_path):
     """Draws about the truth: a test that nobody fitted is predicted to a few per cent."""
     written(tmp_path / "B", vectors(drawn()))

@@ -6,7 +6,6 @@ import io
 import json
 import math
 import os
-import subprocess
 import sys
 from pathlib import Path
 from unittest import mock
@@ -51,12 +50,6 @@ def true_value(name):
 def environment():
     """Return an environment in which stdout is buffered, as it is for users."""
     return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-
-
-def qlvbayes(*words):
-    """Run the command in a process of its own; stdout and stderr are pipes."""
-    line = [str(COMMAND), *map(str, words)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=900, env=environment())
 
 
 def call(*words, drawn=False):
