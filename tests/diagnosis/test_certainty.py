@@ -15,12 +15,7 @@ from qlvbayes.diagnosis.result import Strengths, Support
 
 ROOT = Path(__file__).parents[2]
 SUPPORT = Support(
-    heldout_gain=1.0,
-    heldout_sds=3.0,
-    heldout=0.1,
-    error_left=0.2,
-    p_left=0.5,
-    effects=1,
+    heldout_gain=1.0, heldout_sds=3.0, heldout=0.1, error_left=0.2, p_left=0.5, effects=1
 )
 
 
@@ -47,11 +42,7 @@ def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_do
 
 @pytest.mark.parametrize(
     ("probability", "factor", "own"),
-    [
-        (0.5 * LEAST, 20.0, SUPPORT),
-        (0.99, None, SUPPORT),
-        (0.99, 20.0, None),
-    ],
+    [(0.5 * LEAST, 20.0, SUPPORT), (0.99, None, SUPPORT), (0.99, 20.0, None)],
     ids=["hardly likely", "nothing to compare with", "no support"],
 )
 def test_what_no_study_showed_has_no_certainty(probability, factor, own):

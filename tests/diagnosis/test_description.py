@@ -13,13 +13,7 @@ from support.exported_pad import exported, reference
 from support.lawmotions import retracting
 
 from qlvbayes.diagnosis.description.grammar import grammar
-from qlvbayes.diagnosis.description.source import (
-    References,
-    formula_of,
-    load,
-    name_of,
-    source_of,
-)
+from qlvbayes.diagnosis.description.source import References, formula_of, load, name_of, source_of
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN

@@ -21,12 +21,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.simulate import (
-    HIDDEN,
-    TABLE_1,
-    full_retraction_protocol,
-    paper_protocol,
-)
+from qlvbayes.simulate import HIDDEN, TABLE_1, full_retraction_protocol, paper_protocol
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 OF_UNLOADING = tuple(map(find, ("adhesion", "stress_softening")))

@@ -325,12 +325,7 @@ def test_a_pad_has_recovered_when_its_modes_have():
     assert one.time(0.001) < 0.2  # nothing was excited
 
 
-@given(
-    st.integers(0, 1000),
-    st.floats(0.1, 5.0),
-    st.floats(1.0, 100.0),
-    st.floats(50.0, 5000.0),
-)
+@given(st.integers(0, 1000), st.floats(0.1, 5.0), st.floats(1.0, 100.0), st.floats(50.0, 5000.0))
 @settings(max_examples=20, deadline=None)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig = Rig(depth, speed, acceleration)

@@ -456,13 +456,7 @@ def test_what_a_protocol_cannot_show():
     )
     blind = {kind.name for kind in EFFECTS if kind.blind(poor)}
     turning = {"stress_softening", "permanent_set", "backlash", "interface_slip"}
-    assert blind == {
-        *turning,
-        "adhesion",
-        "inertia",
-        "conditioning",
-        "strain_dependent_strength",
-    }
+    assert blind == {*turning, "adhesion", "inertia", "conditioning", "strain_dependent_strength"}
     assert Inertia.blind(poor) == "no acceleration is resolved"
     slow = replace(full, interval=0.2)
     assert find("frame_ringing").blind(slow) == "fewer than 4 readings fall in a period of 2 Hz"

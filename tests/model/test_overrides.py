@@ -15,15 +15,7 @@ from qlvbayes.model.noise import NOISES, Correlated
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import draw_priors, fields_of, names, unconstrained, unit_kinds
 from qlvbayes.motion.record import Blocks, Record, batch
-from qlvbayes.priors import (
-    Dirichlet,
-    HalfNormal,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Ordered,
-    Uniform,
-)
+from qlvbayes.priors import Dirichlet, HalfNormal, LogNormal, LogUniform, Normal, Ordered, Uniform
 
 SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
 MODEL = default_model(SCALES)

@@ -4,17 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.stepped import (
-    DEPTH,
-    DT,
-    PRONY,
-    SHALLOW,
-    TIME,
-    batch,
-    relative,
-    solved,
-    stepped,
-)
+from support.stepped import DEPTH, DT, PRONY, SHALLOW, TIME, batch, relative, solved, stepped
 
 from qlvbayes import Model
 from qlvbayes.laws import (

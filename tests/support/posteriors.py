@@ -3,11 +3,7 @@
 import arviz_base
 import numpy as np
 
-from qlvbayes.fitting.marginal_likelihood import (
-    discrepancy_of,
-    floor_likelihood,
-    white_likelihood,
-)
+from qlvbayes.fitting.marginal_likelihood import discrepancy_of, floor_likelihood, white_likelihood
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.model.choices import Choices

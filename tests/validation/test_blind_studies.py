@@ -8,15 +8,7 @@ import pytest
 import registration
 from blind.catalogue import FOREIGN, FURTHER
 from blind.contact import NearContact
-from blind.counting import (
-    Rate,
-    is_grouped,
-    is_named,
-    lower,
-    names_kin,
-    names_wrongly,
-    upper,
-)
+from blind.counting import Rate, is_grouped, is_named, lower, names_kin, names_wrongly, upper
 from blind.disturbed import RECORDS, unequal_holds
 from blind.laws import ELASTIC, RELAXATION, Law, draw_law
 from blind.loadcell import CELLS, LoadCell, draw_cell

@@ -7,18 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ranks import (
-    _LOGNORMAL,
-    DRAWS,
-    Kind,
-    band,
-    drawn,
-    inside,
-    p_of_uniform,
-    passes,
-    row,
-    run,
-)
+from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes, row, run
 
 ROOT = Path(__file__).parents[2]
 
