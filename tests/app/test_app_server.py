@@ -29,6 +29,7 @@ from qlvbayes.diagnosis.description.source import References, source_of  # noqa:
 from qlvbayes.io.files import DESCRIBED  # noqa: E402
 from qlvbayes.io.units import PAD  # noqa: E402
 
+pytestmark = pytest.mark.integration
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
 PLAIN = {"elastic": "exponential", "relaxation": "prony:2", "effects": []}

@@ -45,9 +45,6 @@ def test_same_rates_are_told_equal_where_they_are_sharp_and_left_open_where_not(
     """The paper's open question: its v1 and v2 are the same for oil and for glycerin."""
     assert oil_and_glycerin["v[1]"].answer == "equal"
     assert oil_and_glycerin["v[2]"].answer == "cannot tell"
-    words = " ".join(paragraphs(oil_and_glycerin))
-    assert "v[1]" in words.split("the data say equal within 10 %")[0]
-    assert "the data cannot tell" in words
 
 
 def test_what_engineers_read_is_compared_too(oil_and_glycerin):

@@ -60,6 +60,9 @@ def test_one_of_the_group_is_there_by_the_posterior(either):
     held = [r.inclusion for r in result.ranking if r.effect in result.group]
     assert sum(held) >= DiagnosisSettings().covered
     assert max(held) < DiagnosisSettings().named
+    listed = [one.probability for one in result.not_ruled_out]
+    assert listed == sorted(listed, reverse=True)
+    assert sum(listed) <= 1.0 + 1e-9
 
 
 @pytest.mark.slow

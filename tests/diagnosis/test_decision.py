@@ -52,9 +52,41 @@ def test_an_effect_is_named_by_its_probability_over_everything_else():
     assert found.base[HERTZ] == pytest.approx(0.3)
 
 
-def test_two_that_do_as_well_make_a_group():
-    found = decide([weight("drag", 0.55), weight("film", 0.43), weight("", 0.02)])
-    assert (found.verdict, found.effects, found.group) == ("ambiguous", (), ("drag", "film"))
+def left(weights):
+    return apply_adequacy(decide(weights), weights, adequate=False)
+
+
+@pytest.mark.parametrize(
+    ("decided", "weights", "verdict", "effects", "group"),
+    [
+        (decide, {"drag": 0.55, "film": 0.43, "": 0.02}, "ambiguous", "", "drag film"),
+        # a group may stand beside a named effect
+        (decide, {"inertia drag": 0.6, "inertia film": 0.38, "": 0.02}, "ambiguous", "inertia",
+         "drag film"),
+        # structure is left beside what is named or not
+        (left, {"": 0.6, "drag": 0.4}, "unexplained", "", ""),
+        (left, {"drag": 0.99, "": 0.01}, "partly_explained", "drag", ""),
+        # what is measured is in every hypothesis that counts, unless no hypothesis has it
+        (lambda weights: decide(require(weights, {"adhesion"})),
+         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "adhesion", ""),
+        (lambda weights: decide(require(weights, {"inertia"})),
+         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "drag", ""),
+        # what is likely only beside a refused effect is not named
+        (decide, {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect",
+         "drag film lag", ""),
+        (lambda weights: decide(restrict_to(weights, {"drag", "lag"})),
+         {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect", "drag", ""),
+    ],
+)  # fmt: skip
+def test_the_verdict_follows_from_the_probabilities(decided, weights, verdict, effects, group):
+    found = decided([weight(names, p) for names, p in weights.items()])
+    assert found.verdict == verdict
+    assert (set(found.effects), set(found.group)) == (set(effects.split()), set(group.split()))
+
+
+def test_what_is_named_beside_something_outside_is_part_of_the_truth():
+    found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
+    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
 
 
 def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
@@ -67,32 +99,9 @@ def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
     assert one_of(alone, ("set", "softening"), 3) == alone
 
 
-def test_a_group_may_stand_beside_a_named_effect():
-    found = decide([weight("inertia drag", 0.6), weight("inertia film", 0.38), weight("", 0.02)])
-    assert (found.verdict, found.effects) == ("ambiguous", ("inertia",))
-    assert found.group == ("drag", "film")
-
-
-def test_what_is_named_beside_something_outside_is_part_of_the_truth():
-    found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
-    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
-
-
 def test_what_stands_for_the_answer_has_just_the_effects_named():
     weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
     assert weights[decide(weights).selected].effects == {"drag"}
-
-
-def test_what_is_left_and_unnamed_is_unexplained():
-    weights = [weight("", 0.6), weight("drag", 0.4)]
-    found = apply_adequacy(decide(weights), weights, adequate=False)
-    assert (found.verdict, found.effects, found.group) == ("unexplained", (), ())
-
-
-def test_what_is_named_stays_named_beside_structure():
-    weights = [weight("drag", 0.99), weight("", 0.01)]
-    found = apply_adequacy(decide(weights), weights, adequate=False)
-    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
 
 
 def test_what_passes_as_noise_is_not_outside():
@@ -163,25 +172,11 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
-def test_what_is_measured_is_in_every_hypothesis_that_counts():
-    weights = [weight("drag", 0.9), weight("adhesion", 0.1), weight("adhesion drag", 1e-6)]
-    found = decide(require(weights, {"adhesion"}))
-    assert (found.verdict, found.effects) == ("missing_effect", ("adhesion",))
-    assert decide(require(weights, {"inertia"})).effects == ("drag",)  # no hypothesis has it
-
-
 def test_what_is_likely_without_a_refused_effect_is_named():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
     found = decide(restrict_to(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.selected].effects == {"inertia"}
-
-
-def test_what_is_likely_only_beside_a_refused_effect_is_not_named():
-    weights = [weight("drag film lag", 0.98), weight("drag", 0.0195), weight("drag lag", 0.0005)]
-    assert set(decide(weights).effects) == {"drag", "film", "lag"}
-    found = decide(restrict_to(weights, {"drag", "lag"}))
-    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_what_takes_the_place_of_a_refused_effect_is_not_named():

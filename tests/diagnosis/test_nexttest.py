@@ -144,30 +144,13 @@ def test_a_part_is_never_told_more_of_than_the_whole(seed, rank):
     assert (found + found).bits_for(0, part)[0] >= found.bits_for(0, part)[0]
 
 
-@given(st.integers(0, 10_000))
-@settings(max_examples=15, deadline=None)
-def test_bits_for_the_cause_lie_between_their_bounds(seed):
-    """Against Monte Carlo over the exact mixture of normals."""
+@given(st.integers(0, 10_000), st.sampled_from([[[0], [1], [2]], [[0, 2], [1]]]))
+@settings(max_examples=25, deadline=None)
+def test_bits_for_the_cause_lie_between_their_bounds(seed, groups):
+    """Against Monte Carlo over the exact mixture: explanations 0 and 2 may be of one cause."""
     rng = np.random.default_rng(seed)
-    parts = [rng.normal(size=(2, 3)) for _ in range(3)]
+    parts = [(4 - len(groups)) * rng.normal(size=(2, 3)) for _ in range(3)]
     p = rng.dirichlet(np.full(3, 3.0))
-    low, high = (x[0] for x in products(*parts).bits_for_cause(p))
-    normals = [multivariate_normal(x[0], np.eye(3) + np.outer(x[1], x[1])) for x in parts]
-    exact = 0.0
-    for own, share in zip(normals, p, strict=True):
-        y = own.rvs(4000, random_state=rng)
-        logs = np.stack([other.logpdf(y) for other in normals])
-        exact += share * np.mean(own.logpdf(y) - logsumexp(logs.T + np.log(p), axis=1))
-    assert low - 0.04 < exact / np.log(2.0) < high + 0.04  # of 12 000 draws
-
-
-@given(st.integers(0, 10_000))
-@settings(max_examples=15, deadline=None)
-def test_bits_for_a_cause_of_several_explanations_lie_between_their_bounds(seed):
-    """Against Monte Carlo over the exact mixture: explanations 0 and 2 are of one cause."""
-    rng = np.random.default_rng(seed)
-    parts = [2.0 * rng.normal(size=(2, 3)) for _ in range(3)]
-    p, groups = rng.dirichlet(np.full(3, 3.0)), [[0, 2], [1]]
     low, high = (x[0] for x in products(*parts).bits_for_cause(p, groups))
     normals = [multivariate_normal(x[0], np.eye(3) + np.outer(x[1], x[1])) for x in parts]
     exact = 0.0
@@ -447,9 +430,6 @@ def test_bad_input_is_one_line(fitted, words, says):
 
 
 def test_a_folder_without_results_is_named(tmp_path):
-    status, _, err = call("design", tmp_path)
-    assert status == 2
-    assert "no results in this folder; run qlvbayes study" in one_line(err)
     with pytest.raises(InputError, match="neither a fit nor a diagnosis"):
         design_into(tmp_path, "B", (), minutes=1.0, tests=1)
 

@@ -147,11 +147,3 @@ def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
     assert [one["index"] for one in read["cases"]] == [
         f"{name} {number}" for number in (0, 1) for name in (NOTHING, "friction", "inertia")
     ]
-
-
-@pytest.mark.slow
-def test_drag_is_named_in_the_tests_of_the_file(session):
-    simulated = Benchmark(session, 0.1, 0)
-    found = simulated.run(("viscous_drag", 0))
-    assert outcome(found) in ("named", "grouped"), found
-    assert outcome(simulated.run((NOTHING, 0))) == "silent"

@@ -134,3 +134,8 @@ def test_the_kept_stages(folder, contact):
     (zero,) = {test.zero for test in tests}
     assert abs(zero - contact) < 2.0 * tests[0].zero_sd
     assert tests[0].zero_sd < 0.02
+    if folder == "one_stage":
+        known = {test.test: test for test in tests}
+        assert "p4_dead" not in known
+        # 0.112 N of which 25 mN are the cell's own
+        assert known["p3_late"].force[0] == pytest.approx(0.112 - 0.025, abs=0.004)

@@ -1,7 +1,6 @@
 """Records of kinds on which something went wrong: our own of each, and those kept elsewhere."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -94,19 +93,6 @@ def test_a_late_start_has_the_zero_of_the_others_on_its_stage(tmp_path):
     assert "3 other files agree: this one begins beyond it" in " ".join(found.tests[-1].findings)
     with pytest.raises(UnsureError, match="begins in contact, with"):
         convert([late])
-
-
-def test_a_contact_apart_from_all_others_is_a_doubt(tmp_path):
-    files, _ = stage(tmp_path)
-    other = written(tmp_path, "moved", pressed(0.4, speed=2.0, seed=5), 7.6)
-    found = convert([*files, other])
-    assert abs(found.tests[-1].zero - 7.6) < 3.0 * found.tests[-1].zero_sd
-    said = " ".join(found.tests[-1].findings)
-    others = re.search(r"doubt: the pad's 3 other files have it at (\S+) \+- (\S+) mm", said)
-    assert others is not None
-    place, sd = map(float, others.groups())
-    assert abs(place - 7.0) < 3.0 * sd
-    assert not any("doubt" in line for test in found.tests[:-1] for line in test.findings)
 
 
 def test_a_dead_cell_is_named_and_the_rest_is_read(tmp_path):
@@ -298,34 +284,9 @@ def test_noise_that_ends_at_once_is_known_where_it_is(seed):
 # those kept elsewhere
 
 
-@pytest.mark.parametrize(
-    ("name", "low", "high"),
-    [
-        ("sphere.csv", 2.9, 3.1),
-        ("one_stage/p1.csv", 6.96, 7.04),
-        ("one_stage/p2.csv", 6.96, 7.04),
-        ("one_stage/p5.csv", 6.94, 7.06),
-        ("one_stage/p6_quick.csv", 6.96, 7.08),
-    ],
-)
-def test_contact_of_the_kept_records(name, low, high):
-    (found,) = convert([shared(name)]).tests
-    true = 3.0 if name == "sphere.csv" else 7.0
-    assert low < found.zero < high
-    assert abs(found.zero - true) < 2.0 * found.zero_sd
-
-
-def test_the_kept_stage_as_a_whole(tmp_path):
-    files = sorted(shared("one_stage").glob("*.csv"))
-    found = convert(files, Answers.from_words(pads=("P",)), without_faulty=True)
-    assert [Path(fault.file).name for fault in found.faults] == ["p4_dead.csv"]
-    assert len(found.tests) == 5
-    for test in found.tests:
-        assert abs(test.zero - 7.0) < 2.0 * test.zero_sd
-    late = found.tests[2]
-    assert late.test == "p3_late"
-    # 0.112 N of which 25 mN are the cell's own
-    assert late.force[0] == pytest.approx(0.112 - 0.025, abs=0.004)
+def test_contact_of_the_kept_sphere():
+    (found,) = convert([shared("sphere.csv")]).tests
+    assert abs(found.zero - 3.0) < min(0.1, 2.0 * found.zero_sd)
 
 
 @pytest.mark.parametrize("name", ["moves_at_once.csv", "coarse.csv"])

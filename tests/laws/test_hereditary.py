@@ -207,51 +207,35 @@ def test_a_loose_pad_is_not_touched_at_negative_displacement(paper_model):
 
 
 RELAXATION = Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([6.0, 0.5]))
-REST = np.zeros(4)
-CURVE = np.array([0.0, 1.6, 1.1, 0.6])
+STEPS, CURVE = np.arange(4.0), np.array([0.0, 1.6, 1.1, 0.6])
+
+
+def hostile(b=1.0, time=STEPS, depth=CURVE, rates=(6.0, 0.5)):
+    """Law, relaxation, times and depths."""
+    relaxation = Prony(RELAXATION.c, jnp.array(rates))
+    return Exponential(0.4, b), relaxation, np.array(time), np.array(depth)
+
+
 HOSTILE = {
-    "growth cancels decay": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), CURVE),
-    "one mode never relaxes": (
-        Exponential(0.4, 1.0),
-        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([6.0, 0.0])),
-        np.arange(4.0),
-        CURVE,
+    "growth cancels decay": hostile(),
+    "one mode never relaxes": hostile(rates=(6.0, 0.0)),
+    "a mode barely relaxes": hostile(rates=(1e-12, 1e-300)),
+    "no stiffening": hostile(0.0),
+    "almost no stiffening": hostile(1e-14),
+    "softening": hostile(-1.0),
+    "no motion": hostile(depth=np.zeros(4)),
+    "standing at depth": hostile(depth=np.full(4, 0.7)),
+    "jump at the first sample": hostile(depth=CURVE + 0.5),
+    "late start": hostile(time=1e3 + STEPS),
+    "repeated points": hostile(
+        time=[0.0, 0.0, 1.0, 1.0, 2.0, 2.0], depth=[0.0, 0.0, 1.6, 1.6, 0.8, 0.8]
     ),
-    "a mode barely relaxes": (
-        Exponential(0.4, 1.0),
-        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([1e-12, 1e-300])),
-        np.arange(4.0),
-        CURVE,
-    ),
-    "no stiffening": (Exponential(0.4, 0.0), RELAXATION, np.arange(4.0), CURVE),
-    "almost no stiffening": (Exponential(0.4, 1e-14), RELAXATION, np.arange(4.0), CURVE),
-    "softening": (Exponential(0.4, -1.0), RELAXATION, np.arange(4.0), CURVE),
-    "no motion": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), REST),
-    "standing at depth": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), REST + 0.7),
-    "jump at the first sample": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), CURVE + 0.5),
-    "late start": (Exponential(0.4, 1.0), RELAXATION, 1e3 + np.arange(4.0), CURVE),
-    "repeated points": (
-        Exponential(0.4, 1.0),
-        RELAXATION,
-        np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]),
-        np.array([0.0, 0.0, 1.6, 1.6, 0.8, 0.8]),
-    ),
-    "a jump within the record": (
-        Exponential(0.4, 1.0),
-        RELAXATION,
-        np.array([0.0, 1.0, 1.0, 2.0]),
-        np.array([0.0, 0.2, 1.6, 0.8]),
-    ),
-    "very stiff mode": (
-        Exponential(0.4, 1.0),
-        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([1e4, 0.5])),
-        np.arange(4.0),
-        CURVE,
-    ),
-    "one point": (Exponential(0.4, 1.0), RELAXATION, np.zeros(1), np.array([0.7])),
-    "two points": (Exponential(0.4, 1.0), RELAXATION, np.arange(2.0), CURVE[:2]),
-    "three points": (Exponential(0.4, 1.0), RELAXATION, np.arange(3.0), CURVE[:3]),
-    "five points": (Exponential(0.4, 1.0), RELAXATION, np.arange(5.0), np.append(CURVE, 0.6)),
+    "a jump within the record": hostile(time=[0.0, 1.0, 1.0, 2.0], depth=[0.0, 0.2, 1.6, 0.8]),
+    "very stiff mode": hostile(rates=(1e4, 0.5)),
+    "one point": hostile(time=[0.0], depth=[0.7]),
+    "two points": hostile(time=STEPS[:2], depth=CURVE[:2]),
+    "three points": hostile(time=STEPS[:3], depth=CURVE[:3]),
+    "five points": hostile(time=np.arange(5.0), depth=np.append(CURVE, 0.6)),
 }
 
 
@@ -305,10 +289,10 @@ def numbers(low, high, size):
     return st.lists(st.floats(low, high), min_size=size, max_size=size).map(np.array)
 
 
-STEPS, DEPTHS = numbers(0.0, 3.0, PATH), numbers(-0.3, 1.6, PATH)
+GAPS, DEPTHS = numbers(0.0, 3.0, PATH), numbers(-0.3, 1.6, PATH)
 
 
-@given(steps=STEPS, depth=DEPTHS, places=numbers(0.0, 1.0, PATH - 1))
+@given(steps=GAPS, depth=DEPTHS, places=numbers(0.0, 1.0, PATH - 1))
 @QUICK
 def test_points_on_the_straight_lines_change_nothing(steps, depth, places):
     model = bonded(Exponential(0.34, 1.165), RELAXATION)
@@ -321,7 +305,7 @@ def test_points_on_the_straight_lines_change_nothing(steps, depth, places):
     assert np.allclose(finer[last], coarse, rtol=1e-11, atol=1e-12)
 
 
-@given(steps=STEPS, one=DEPTHS, two=DEPTHS)
+@given(steps=GAPS, one=DEPTHS, two=DEPTHS)
 @QUICK
 def test_a_linear_solid_superposes_displacements(steps, one, two):
     model = bonded(Linear(0.4), RELAXATION)
@@ -335,7 +319,7 @@ LAWS = [Exponential(0.34, 1.165), Linear(0.4), HertzPower(0.5, 1.5)]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=repr)
-@given(steps=STEPS, depth=DEPTHS)
+@given(steps=GAPS, depth=DEPTHS)
 @QUICK
 def test_modes_add_up(law, steps, depth):
     time = np.cumsum(steps)
@@ -348,7 +332,7 @@ def test_modes_add_up(law, steps, depth):
     assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
 
 
-@given(steps=STEPS, depth=DEPTHS, others=DEPTHS, now=st.integers(1, PATH - 1))
+@given(steps=GAPS, depth=DEPTHS, others=DEPTHS, now=st.integers(1, PATH - 1))
 @QUICK
 def test_force_does_not_foresee_the_motion(steps, depth, others, now):
     model = bonded(Exponential(0.34, 1.165), RELAXATION)
@@ -357,7 +341,7 @@ def test_force_does_not_foresee_the_motion(steps, depth, others, now):
     assert np.array_equal(force(model, time, depth)[:now], force(model, time, changed)[:now])
 
 
-@given(steps=STEPS, depth=DEPTHS, shift=st.floats(-50.0, 50.0))
+@given(steps=GAPS, depth=DEPTHS, shift=st.floats(-50.0, 50.0))
 @QUICK
 def test_force_does_not_depend_on_the_clock(steps, depth, shift):
     model = bonded(Exponential(0.34, 1.165), RELAXATION)

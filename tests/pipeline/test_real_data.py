@@ -37,12 +37,6 @@ def muscle(tmp_path_factory):
     return fit_and_check(tmp_path_factory.mktemp("muscle"), MUSCLE, "calcium")
 
 
-@pytest.fixture(scope="module")
-def adhesive(tmp_path_factory):
-    """Glued to both plates: it pulls."""
-    return fit_and_check(tmp_path_factory.mktemp("adhesive"), ADHESIVE, "updown", "--bonded")
-
-
 def test_muscle_is_in_kpa_and_converges(muscle):
     summary, _ = muscle
     assert summary["converged"] is True

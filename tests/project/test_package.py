@@ -97,18 +97,16 @@ def completed(shell, *words):
     return done.stdout
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_completes_commands(shell):
-    found = completed(shell, "di")
-    assert "diagnose" in found
-    assert "study" not in found
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_completes_the_options_of_a_command(shell):
-    found = completed(shell, "effects", "--laws")
-    assert "--laws-file" in found
-    assert "--seed" not in found
+@pytest.mark.parametrize(
+    ("words", "there", "gone"),
+    [(["di"], "diagnose", "study"), (["effects", "--laws"], "--laws-file", "--seed")],
+)
+def test_a_shell_completes_commands_and_options(shell, words, there, gone):
+    found = completed(shell, *words)
+    assert there in found
+    assert gone not in found
 
 
 def test_export_takes_the_only_pad_and_asks_which_of_several(tmp_path):

@@ -260,35 +260,6 @@ def test_drags_follow_the_speed():
         assert added("growing_drag", platen, middle) == pytest.approx([0.004 * rate, 0.0])
 
 
-def test_friction_does_not_depend_on_the_rate_and_stays_in_the_hold():
-    platens = [Platen((Move(1.6, rate), Hold(5.0), Move(1.2, rate))) for rate in (0.1, 30.0)]
-    ends = [np.array([p.pieces[2].start, p.pieces[3].start, p.duration]) for p in platens]
-    slow, fast = (added("friction", p, t, bonded=True) for p, t in zip(platens, ends, strict=True))
-    assert slow == pytest.approx(fast, abs=1e-6)
-    assert fast == pytest.approx([0.08, 0.08, -0.08], rel=2e-3)
-
-
-def test_a_leak_and_a_drift_go_by_the_clock_of_the_study():
-    for name, later in (("fluid_leak", np.exp(-0.5)), ("saturating_leak", None)):
-        forces = []
-        for start in (0.0, 500.0):
-            platen, times = paired(paper_protocol, start_s=start)
-            forces.append(force_of(effect(name), platen=platen, times=times))
-        assert np.all(forces[1] <= forces[0])
-        if later is not None:
-            assert forces[1] == pytest.approx(later * forces[0])
-    platen, times = paired(paper_protocol, start_s=500.0)
-    assert added("force_drift", platen, times) == pytest.approx(1e-4 * (500.0 + times))
-
-
-def test_adhesion_pulls_with_its_strength_at_most():
-    platen = Platen((Move(1.6, 20.0), Hold(10.0), Move(0.0, 20.0)))
-    times = np.linspace(platen.pieces[4].start, platen.duration, 5000)
-    for strength in (0.02, 0.1):
-        force = force_of(effect("adhesion", strength=strength), platen=platen, times=times)
-        assert force.min() == pytest.approx(-strength, rel=1e-3)
-
-
 def study(protocol, pad):
     programs = {f"{rate:g}": protocol(rate) for rate in PAPER_RATES}
     return record_study({"P": pad}, programs, NOISES["none"], 0, 500)

@@ -427,6 +427,7 @@ def ran(tmp_path_factory):
     return root, time, depth, back
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here: the function is not run")
 @every_case
 @pytest.mark.few(6)

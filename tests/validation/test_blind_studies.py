@@ -177,6 +177,7 @@ def test_unequal_holds_change_rests_alone(protocol):
     assert np.all(np.diff(starts) > own.pause)
 
 
+@pytest.mark.slow
 def test_a_held_force_stays_while_the_platen_goes_on():
     """The force of a path that is found is solved finer along that path, and again by its rest."""
     wanted = {"protocol": "paper", "logger": "uniform"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from blind.study import make_study
-from budget import MOST, by_fit, least_squares, paired, rises, rows
+from budget import MOST, by_fit, least_squares, paired, rises
 from registration import Registration
 
 from qlvbayes.diagnosis.searchsetup import build_search
@@ -46,28 +46,3 @@ def test_a_fit_is_set_against_least_squares_of_the_same_tests():
     found = by_fit(experiment, Choices())
     assert found["ratio"] == found["rms_N"] / found["least_N"] >= 1.0
     assert 0.0 < found["least_N"] < 0.1 * experiment.scales.force
-
-
-def case(kind, plain, answer, steps, lowered=()):
-    return {
-        "index": f"{kind}/x/{plain}", "kind": kind, "verdict": "adequate", "effects": [],
-        "plain": {"rms_N": plain, "least_N": 1.0, "ratio": plain}, "steps": steps,
-        "answer": {"rms_N": answer, "least_N": 1.0, "ratio": answer}, "rises": rises(steps),
-        "fit": {"rms_N": 1.0, "least_N": 1.0, "ratio": 1.0}, "lowered": list(lowered),
-    }  # fmt: skip
-
-
-def test_the_rows_count_by_kind():
-    lowered = [
-        {"effect": "friction", "fall_N2": f, "error_N2": e} for f, e in ((2.0, 1.0), (1.0, 2.0))
-    ]
-    unsure = {"effect": "inertia", "fall_N2": None, "error_N2": None}
-    found = [
-        case("real", 8.0, 1.2, [8.0, 9.6]),
-        case("real", 1.0, 1.0, [1.0], [*lowered, unsure]),
-        {"index": "real/y/z", "kind": "real", "error": "ValueError: no"},
-        case("none", 1.01, 1.0, [1.0, 0.9]),
-    ]
-    real, none, _ = rows(found)
-    assert " ".join(real) == "real 3 1 8.00 1 1.20 0 1.00 1 1.20 1 of 2 1"
-    assert " ".join(none) == "none 1 0 1.01 0 1.00 0 1.00 0 1.00 0 of 0 0"

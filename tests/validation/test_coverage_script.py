@@ -90,16 +90,6 @@ def test_a_line_cut_short_is_fitted_again(tmp_path):
     assert kept.path.read_text() == text
 
 
-def test_the_table_names_what_is_outside():
-    origin = Origin("command", "2026-01-01", "abc1234", "2 cores")
-    setting = Setting("white", 500)
-    good = table({setting: normal_fits(1000)}, origin).markdown()
-    assert "All are within it" in good
-    assert "abc1234" in good
-    bad = table({setting: normal_fits(1000, stretch=0.5)}, origin).markdown()
-    assert "Outside of it are m" in bad
-
-
 @pytest.fixture(scope="module")
 def two_fits():
     settings = Settings(min_steps=100, max_steps=400, stretch=100)

@@ -4,13 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from pairs import pooled_coverage, table
-from results import Origin
+from pairs import pooled_coverage
 from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
 
 from qlvbayes import Settings
-
-ORIGIN = Origin("command", "today", "commit", "machine")
 
 
 def pair(index, rng, width=1.0, differ=None):
@@ -37,18 +34,6 @@ def test_right_intervals_hold_nine_in_ten_and_narrow_ones_fewer():
     assert error == pytest.approx(np.sqrt(0.09 / 1000), rel=0.15)
     share, error = pooled_coverage([pair(k, rng, width=0.5) for k in range(500)])
     assert abs(share - 0.589) < 4.0 * error  # erf(0.5 * 1.6449 / sqrt(2))
-
-
-def test_the_table_says_what_is_met_and_what_is_not():
-    rng = np.random.default_rng(1)
-    good = table([pair(k, rng) for k in range(400)], ORIGIN).markdown()
-    assert "Equal pairs called different: 0 of 200 (asked: at most 5%): **met**" in good
-    assert "**not met**" not in good
-    bad = table([pair(k, rng, width=0.3, differ=True) for k in range(400)], ORIGIN).markdown()
-    assert bad.count("**not met**") == 2
-    assert "| equal | 200 | 200 | 0 | 0 |" in bad
-    few = table([pair(k, rng) for k in range(4)], ORIGIN).markdown()
-    assert "within two standard errors of the bound" in few
 
 
 def test_pairs_are_equal_near_or_far():

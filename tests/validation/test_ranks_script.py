@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes, row, run
+from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes, run
 
 ROOT = Path(__file__).parents[2]
 
@@ -101,10 +101,3 @@ print([float(abs(a - b)) for a, b in zip(before, after)])
     assert done.returncode == 0, done.stderr
     prior, likelihood = json.loads(done.stdout)
     assert (prior > 0.1, likelihood > 0.1) == (broken == "jacobian", broken == "noise")
-
-
-def test_a_row_has_the_least_p_and_the_range_of_shares():
-    cells = row(Kind(), fits_of(range(DRAWS + 1)))
-    assert cells[:3] == ["as it is", "100", "uniform"]
-    assert cells[-1] == "90% to 90%"
-    assert "**not uniform**" in row(Kind("noise"), fits_of([5] * 100))
