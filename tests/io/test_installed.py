@@ -1,4 +1,4 @@
-"""Effects, laws and formats that installed packages add by entry points."""
+"""Names that users choose, and effects, laws and formats that installed packages add."""
 
 from __future__ import annotations
 
@@ -11,10 +11,17 @@ import pytest
 
 from qlvbayes.effects.catalogue import installed_effects
 from qlvbayes.io import catalogue
+from qlvbayes.io.catalogue import ELASTIC, NOISES, RELAXATION, TARGETS, loaded
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats import FORMATS, known_formats
 from qlvbayes.laws.catalogue import installed_laws
 from qlvbayes.model.choices import Choices
+
+
+@pytest.mark.parametrize("paths", [ELASTIC, RELAXATION, NOISES, TARGETS])
+def test_a_class_is_called_as_it_is_listed(paths):
+    assert [kind.name for kind in loaded(paths).values()] == list(paths)
+
 
 EFFECT = '''
 from typing import ClassVar

@@ -1,18 +1,47 @@
-"""A look of one's own, in Python and as a file, and how figures are imported."""
+"""The list of figures; a look of one's own, in Python and as a file; how figures are imported."""
 
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib
 import pytest
 from typer.testing import CliRunner
 
-import qlvbayes.plots as plots
+from qlvbayes import plots
 from qlvbayes.cli.main import application
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD
+from qlvbayes.plots.catalogue import FIGURES, figures_of
 from qlvbayes.plots.style import COLOURS, colours, style, using
+
+FOLDER = Path(plots.__file__).parent
+TEMPLATES = FOLDER.parent / "report" / "templates"
+
+
+def test_every_file_with_a_figure_is_listed_once():
+    files = {
+        path.stem for path in FOLDER.glob("*.py") if f"\ndef plot_{path.stem}(" in path.read_text()
+    }
+    assert sorted(files) == sorted(one.name for one in FIGURES)
+    assert {f"plot_{name}" for name in files} <= set(plots.__all__)
+
+
+@pytest.mark.parametrize("figure", [one for one in FIGURES if one.shows], ids=lambda one: one.name)
+def test_the_report_shows_every_figure_that_has_words(figure):
+    text = "".join(path.read_text() for path in TEMPLATES.glob("*.j2"))
+    assert f"figures.{figure.name}" in text or f"figure({figure.name})" in text
+    assert figure.see
+    assert ("{of}" in figure.shows) == (figure.takes is not None or figure.command == "compare")
+
+
+def test_a_figure_of_all_pads_is_not_drawn_for_one():
+    (constants,) = (one for one in FIGURES if one.name == "constants")
+    assert constants not in figures_of("fit")
+    with pytest.raises(TypeError, match="constants is not a figure of one pad"):
+        constants.draw(None)
+
 
 FOUND = CheckResult(
     pad="B", noise=0.01, cells=(Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.endtoend import call
+from support.endtoend import Listener, call
 from support.written_results import (
     FIGURES,
     NOISE,
@@ -34,7 +34,6 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import collect
@@ -307,16 +306,6 @@ def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
 
 def collect_runs(folder):
     return RunLog.read(folder / "run.json").runs
-
-
-class Listener(Watcher):
-    """Watcher that keeps its notices."""
-
-    def __init__(self):
-        self.notices = []
-
-    def notice(self, text):
-        self.notices.append(text)
 
 
 def test_many_pads_are_not_all_compared_unasked(tmp_path):

@@ -1,32 +1,16 @@
 """The report in a real browser: offline, without errors, zoomed, on a phone and on paper."""
 
-import shutil
-
 import pytest
 from support.written_results import write_study
 
 from qlvbayes import write_report
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: report not opened")
 pytestmark = pytest.mark.integration
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     return write_report(write_study(tmp_path_factory.mktemp("results")))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A browser of this machine; none is downloaded."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed: the report was not opened in one")
-    with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield running
-        running.close()
 
 
 class Visit:

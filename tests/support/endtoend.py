@@ -18,6 +18,7 @@ from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots import files as plots_files
 from qlvbayes.simulate import TABLE_1
 
@@ -26,6 +27,19 @@ COMMAND = Path(sys.executable).with_name("qlvbayes")
 TRUTH = TABLE_1["B"]
 CONSTANTS = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
 SHORT = Settings(max_steps=40)
+
+
+class Listener(Watcher):
+    """A watcher that keeps what it is told."""
+
+    def __init__(self):
+        self.notices = []
+
+    def starting(self, lines):
+        self.notices += lines
+
+    def notice(self, text):
+        self.notices.append(text)
 
 
 def with_tests(path, *tests, data=PADS):
