@@ -5,7 +5,6 @@ import json
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray
 
 from qlvbayes.effects.catalogue import find
 from qlvbayes.model.choices import Choices
@@ -13,8 +12,10 @@ from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.simulate import TABLE_1
 from qlvbayes.use.exports.pad import read_pad
+from support.posteriors import vectors, written
 
 DATE = "2026-01-31"
+PLAIN = Choices()
 TESTED = {"depth": 1.6, "slowest": 0.1, "fastest": 40.0, "quickest": 0.05, "hold": 30.0, "tests": 6}
 ELASTIC = {
     "exponential": {"m": 0.34, "b": 1.165},
@@ -97,17 +98,9 @@ def reference(choices):
 
 
 def write_fit(
-    out,
-    choices=Choices(),  # noqa: B008
-    *,
-    pad="B",
-    covered=TESTED,
-    units=("mm", "N"),
-    seed=0,
-    spread=0.02,
-    source="data/pads.csv",
-    sha256="",
-):
+    out, choices=PLAIN, *, pad="B", covered=TESTED, units=("mm", "N"), seed=0, spread=0.02,
+    source="data/pads.csv", sha256="",
+):  # fmt: skip
     """OUT/<pad>/posterior.nc with draws within 2 % of a pad like B; shares keep their sum."""
     rng = np.random.default_rng(seed)
     values = constants_of(choices)
@@ -116,38 +109,18 @@ def write_fit(
         total = sum(draws[name] for name in shares)
         draws |= {name: draws[name] / total for name in shares}
     draws["noise.white"] = np.full((4, 50), 0.01)
-    variables, coords = {}, {}
-    for key in dict.fromkeys(name.partition("[")[0] for name in draws):
-        members = [name for name in draws if name.partition("[")[0] == key]
-        if "[" not in members[0]:
-            variables[key] = (("chain", "draw"), draws[key])
-            continue
-        at = f"{key}_index"
-        coords[at] = [int(name.partition("[")[2][:-1]) for name in members]
-        variables[key] = (("chain", "draw", at), np.stack([draws[x] for x in members], axis=-1))
-    tree = xarray.DataTree.from_dict({"posterior": xarray.Dataset(variables, coords)})
-    tree.attrs.update(
-        pad=pad,
-        method="emcee",
-        converged=1,
-        choices=json.dumps(choices.as_dict()),
-        fitted_tests=json.dumps([f"{pad}-20"]),
-        all_tests=0,
-        fluid="",
-        covered=json.dumps(covered) if covered else "",
-        source=str(source),
-        sha256=sha256,
-        displacement_unit=units[0],
-        force_unit=units[1],
-    )
-    folder = out / pad
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "posterior.nc").write_bytes(tree.to_netcdf(engine="h5netcdf"))
+    attrs = {
+        "pad": pad, "method": "emcee", "converged": 1, "choices": json.dumps(choices.as_dict()),
+        "fitted_tests": json.dumps([f"{pad}-20"]), "all_tests": 0, "fluid": "",
+        "covered": json.dumps(covered) if covered else "", "source": str(source), "sha256": sha256,
+        "displacement_unit": units[0], "force_unit": units[1],
+    }  # fmt: skip
+    written(out / pad, vectors(draws), attrs)
     assert {n for f in fields_of(described_model(choices)) for n in f.names} <= set(draws)
     return out
 
 
-def exported(tmp_path, choices=Choices(), draws=16, **options):  # noqa: B008
+def exported(tmp_path, choices=PLAIN, draws=16, **options):
     """The pad as targets get it."""
     write_fit(tmp_path, choices, **options)
     return read_pad(tmp_path, options.get("pad", "B"), draws=draws, date=DATE)

@@ -1,18 +1,9 @@
 """The validation script: its statistics on numbers whose answer is known, and two small fits."""
 
-import json
-
 import numpy as np
 import pytest
 from blind.store import Store
 from calibration import alarms, calibrations, predicted
-from coverage import table
-from results import Origin
-from simulated_fits import Setting, run
-
-from qlvbayes import Settings
-
-PAD = ("m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]")
 
 
 def normal_fits(n, stretch=1.0, shift=0.0, seed=0):
@@ -88,33 +79,3 @@ def test_a_line_cut_short_is_fitted_again(tmp_path):
     assert sorted(again.cases) == [0, 1]
     again.add(normal_fits(3)[2])
     assert kept.path.read_text() == text
-
-
-@pytest.fixture(scope="module")
-def two_fits():
-    settings = Settings(min_steps=100, max_steps=400, stretch=100)
-    setting = Setting("white", 300, (20.0,))
-    return [run(setting, 3, index, settings) for index in (0, 1)]
-
-
-@pytest.mark.slow
-def test_a_fit_covers_every_constant_once(two_fits):
-    for fit in two_fits:
-        assert tuple(fit["parameters"]) == PAD
-        shares = [fit["parameters"][f"c[{k}]"]["truth"] for k in range(3)]
-        assert sum(shares) == pytest.approx(1.0)
-        for row in fit["parameters"].values():
-            assert row["low"] < row["mean"] < row["high"]
-            # a right model and 300 samples: ten sds off would be a wrong name or unit
-            assert abs(row["mean"] - row["truth"]) < 10 * row["sd"]
-
-
-@pytest.mark.slow
-def test_fits_survive_the_file_and_make_a_table(two_fits, tmp_path):
-    kept = Store(tmp_path / "fits.jsonl")
-    for fit in two_fits:
-        kept.add(json.loads(json.dumps(fit)))
-    results = {Setting("white", 300, (20.0,)): Store(kept.path).first(2)}
-    text = table(results, Origin("command", "2026-01-01", "abc1234", "2 cores")).markdown()
-    assert all(f"| {name} |" in text for name in PAD)
-    assert len({fit["parameters"]["m"]["truth"] for fit in kept.cases.values()}) == 2

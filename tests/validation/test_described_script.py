@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import described
 import numpy as np
-import pytest
 from described_pads import BLOCK, OUTSIDERS, item, make_study
 
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
@@ -65,11 +64,6 @@ def test_cases_are_counted_by_scene() -> None:
     ]
     found = {words: (rate.hits, rate.n) for words, (rate, _) in described.rates(cases).items()}
     assert list(found.values()) == [(2, 3), (2, 3), (1, 3), (1, 3), (0, 1), (0, 0)]
-
-
-@pytest.mark.slow
-def test_a_pad_without_anything_hidden_is_not_described() -> None:
-    assert _law_of(NOTHING)[1].record is None
 
 
 def test_noise_free_fresh_tests() -> None:

@@ -1,13 +1,9 @@
 """The validation of comparisons: its statistics on numbers whose answer is known, and one pair."""
 
-import json
-
 import numpy as np
 import pytest
 from pairs import pooled_coverage
-from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
-
-from qlvbayes import Settings
+from simulated_pairs import KINDS, NEAR, draw_pair
 
 
 def pair(index, rng, width=1.0, differ=None):
@@ -48,15 +44,3 @@ def test_pairs_are_equal_near_or_far():
     assert np.std(shifts) == pytest.approx(NEAR, rel=0.15)
     first, second = draw_pair("far", rng)
     assert first.m != second.m
-
-
-@pytest.mark.slow
-def test_one_pair_from_simulation_to_truth():
-    """An equal pair: a short chain of one test each, and every true difference is 0."""
-    found = run_pair(1, 0, Settings(max_steps=20), rates=(20.0,))
-    assert found["kind"] == "equal"
-    assert len(found["contrasts"]) == 23
-    for contrast in found["contrasts"].values():
-        assert contrast["first"] == contrast["second"]
-        assert contrast["low"] < contrast["high"]
-    assert json.loads(json.dumps(found, allow_nan=False)) == found

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes, run
+from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,14 +58,6 @@ def test_the_truth_is_drawn_from_the_priors_that_the_fit_gets():
         assert np.std(np.log(values)) == pytest.approx(spread, rel=0.07)
     assert all(p.v[0] > p.v[1] for p in pads)
     assert f"m=lognormal({_LOGNORMAL['m'][0]!r},0.4)" in Kind().choices.priors
-
-
-@pytest.mark.slow
-def test_a_pad_has_a_rank_of_each_constant_and_repeats():
-    one = run(Kind(), 1, 3)
-    assert set(one["ranks"]) == {"m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"}
-    assert all(0 <= rank <= DRAWS for rank in one["ranks"].values())
-    assert json.loads(json.dumps(one)) == run(Kind(), 1, 3)
 
 
 @pytest.mark.parametrize("broken", ["jacobian", "noise"])
