@@ -128,9 +128,6 @@ def opened(served, two):
     return session
 
 
-# who may ask
-
-
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -198,9 +195,6 @@ def test_what_is_not_there_is_told(served, opened):
         assert answer.json()["error"]["text"]
 
 
-# files
-
-
 def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
     """And the name that it came with is never a path."""
     file = tmp_path / "broken.csv"
@@ -236,9 +230,6 @@ def test_questions_come_one_after_another_and_stay_until_they_are_answered(serve
     assert served.client.post(f"{path}/answers", json={"answers": several}).status_code == 409
     served.client.delete(path).raise_for_status()
     assert served.client.get(path).status_code == 404
-
-
-# the model by hand
 
 
 def test_curves_are_those_of_the_public_api(served, opened, two):
@@ -345,9 +336,6 @@ def test_a_model_that_is_none_is_told(served, opened):
         answer = served.client.post(path, json=model)
         assert answer.status_code == 422
         assert answer.json()["error"]["text"]
-
-
-# processes
 
 
 @LINUX

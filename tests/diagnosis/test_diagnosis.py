@@ -161,14 +161,6 @@ def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, w
     assert f"b would be {words}" in said
 
 
-@pytest.mark.slow
-def test_an_added_effect_is_part_of_the_plain_model(drag):
-    experiment = drag.work.experiment
-    with_it = diagnose(experiment, Choices(effects=("viscous_drag",)), kinds=FEW)
-    assert with_it.result.verdict == "adequate"
-    assert "viscous_drag" not in [ranked.effect for ranked in with_it.result.ranking]
-
-
 def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         diagnose(measured(rates=(20.0,)), Choices(priors=("b=lognormal(9,0.1)",)))

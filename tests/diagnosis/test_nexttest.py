@@ -84,9 +84,6 @@ def law(slopes, probability=1.0, force=0.0, power=1.0):
     )
 
 
-# closed forms
-
-
 def test_bits_are_those_of_the_textbook():
     """One constant with slopes 1 and 2 in units of the noise: half log2 of 1 + 5."""
     found = products([[0.0, 0.0], [1.0, 2.0]])
@@ -177,9 +174,6 @@ def test_of_causes_that_differ_little_a_third_of_the_way_between_the_bounds_is_e
     assert between(low, high)[0] == pytest.approx(exact, rel=0.01)
 
 
-# causes
-
-
 def test_laws_of_one_cause_are_one_answer():
     """Two explanations far apart tell nothing of a cause that both have."""
     far = replace(law([0.001], 0.4, force=0.1), cause="drag")
@@ -237,9 +231,6 @@ def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
     assert best.expected_cause > expected[np.argmax(rates)]
 
 
-# nested Monte Carlo, by which the closed form is validated
-
-
 def test_marginals_of_a_linear_law_are_exact():
     """Nested Monte Carlo gives the closed form, for one of two constants and for the cause."""
     belief = Belief.from_explanations([law([0.02, 0.01], 0.6), law([0.02], 0.4, force=0.01)])
@@ -277,9 +268,6 @@ def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
     assert nested.cause == 0.0
 
 
-# noise and what the model misses
-
-
 def test_more_noise_tells_less(pad):
     loud = replace(ERRORS, floor=NoiseFloor(0.012, 0.016, 0.5))
     assert np.all(bits(pad, loud) < bits(pad, ERRORS))
@@ -296,9 +284,6 @@ def test_what_the_model_misses_makes_a_test_less_sure():
     assert clear.bits_for_cause(half)[0][0] > 0.3
     assert doubtful.bits_for_cause(half)[1][0] < 0.5 * clear.bits_for_cause(half)[0][0]
     assert evidence(doubtful)[0] < 0.1 * evidence(clear)[0]
-
-
-# designs
 
 
 def test_a_pad_has_recovered_when_its_modes_have():
@@ -382,9 +367,6 @@ def test_set_points_go_through_predict(tmp_path):
     assert found.median.max() == pytest.approx(
         predict_program(saved(), words, draws=5).median.max(), rel=0.01
     )
-
-
-# the command
 
 
 @pytest.fixture(scope="module")

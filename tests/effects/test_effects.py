@@ -89,9 +89,6 @@ def force(model, path=PRESS):
     return np.asarray(model.force(path))
 
 
-# the rules
-
-
 @ALL
 @pytest.mark.few(5)
 def test_every_effect_keeps_the_rules(kind):
@@ -143,9 +140,6 @@ def test_the_order_of_adding_does_not_matter():
         "stress_softening",
     ]
     assert nested[-1] == "channel_lag"
-
-
-# user-made effects that break a rule
 
 
 class Good(AbstractEffect):
@@ -248,9 +242,6 @@ def test_all_broken_rules_are_named_and_each_check_is_its_own():
     assert "\n".join(broken.values()) == str(raised.value)
 
 
-# helpers
-
-
 def test_the_largest_depth_so_far_has_the_slope_of_its_point():
     depth = jnp.array([0.0, 0.3, 0.2, 0.3, 0.5, 0.1])
     assert np.array_equal(largest(depth), [0.0, 0.3, 0.3, 0.3, 0.5, 0.5])
@@ -262,9 +253,6 @@ def test_material_time_is_the_integral_along_straight_lines():
     time, depth = jnp.array([0.0, 1.0, 1.5]), jnp.array([0.0, 0.8, 0.8])
     expected = [0.0, np.expm1(0.8 * 2.0) / 1.6, np.expm1(1.6) / 1.6 + 0.5 * np.exp(1.6)]
     assert np.allclose(material_time(time, depth, 2.0), expected, rtol=1e-14)
-
-
-# physics
 
 
 def test_power_law_drag_of_exponent_one_is_viscous():
@@ -442,9 +430,6 @@ def test_slopes_are_those_of_differences(kind):
         difference = (trial.both(at + step)[0] - trial.both(at - step)[0]) / (2.0 * step[k])
         wrong = np.abs(difference - slope) > 1e-4 * np.max(np.abs(slope))
         assert np.mean(wrong) < 0.02  # a kink, as where contact is lost, may lie between
-
-
-# which protocols show them
 
 
 def test_what_a_protocol_cannot_show():

@@ -48,9 +48,6 @@ STRAINED = Scales(
 )
 
 
-# the rules
-
-
 def test_a_form_is_of_a_listed_family_and_an_outsider_of_none():
     assert len(set(names(EVERY))) == len(EVERY)
     assert {kind.family() for kind in FORMS} <= set(names(EFFECTS))
@@ -97,9 +94,6 @@ def test_a_posterior_of_another_program_is_told_by_the_constants_names(kind):
 def test_a_diagnosis_looks_for_the_list_alone():
     assert Choices().candidates == EFFECTS
     assert set(Choices().kinds) == set(EVERY)
-
-
-# against differential equations
 
 
 @dataclass(frozen=True)
@@ -330,9 +324,6 @@ def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
     found, wanted = np.asarray(general.force(carried)), np.asarray(special.force(carried))
     assert np.allclose(found[4:], wanted[4:], atol=1e-12)
     assert np.max(np.abs(wanted - np.asarray(plain.force(carried)))[4:]) > 1e-4
-
-
-# what single constants do
 
 
 def test_the_spreading_lags_slope_at_zero_is_minus_the_forces_rate(paper_model):

@@ -136,9 +136,6 @@ def test_muscle_with_measured_standard_deviation():
     assert study.pad("calcium").tests[2].start_s == 719.002
 
 
-# Round trip -----------------------------------------------------------------------------------
-
-
 @st.composite
 def written_studies(draw):
     """Text of a random study in random units, and its arrays in its own, by (pad, test)."""
@@ -192,9 +189,6 @@ def test_what_is_written_in_any_unit_is_read_back(case):
         got = (test.time, test.displacement, test.force, test.force_sd)
         for array, column in zip(got, columns, strict=True):
             np.testing.assert_allclose(array, column, rtol=1e-12, atol=0)
-
-
-# Size -----------------------------------------------------------------------------------------
 
 
 def big_text(n):

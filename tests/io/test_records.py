@@ -38,9 +38,6 @@ def written(folder, name, test, zero=0.0):
     return path
 
 
-# contact
-
-
 def rise(power, seed, *, speed=2.0, rate=200.0, noise=0.003):
     """A press of 1.2 mm whose force is a power of the depth and relaxes by a third as it rises."""
     rng = np.random.default_rng(seed)
@@ -127,9 +124,6 @@ def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path)
         read_measurements(tidy)
 
 
-# files
-
-
 def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
     pytest.importorskip("python_calamine")
     path = workbook(tmp_path / "a.xlsx", ["AA1", "AA2", "BB1"])
@@ -164,9 +158,6 @@ def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
 def test_a_pattern_is_suggested_for_the_names_of_a_file(names, pads):
     pattern = pattern_of(suggested_pattern(names))
     assert [pad_in(name, pattern) for name in names] == pads
-
-
-# comparing, cutting, exporting, programmes
 
 
 def side(name, rates, hold, quickest=0.5):
@@ -257,9 +248,6 @@ def test_a_fit_heeds_the_error_of_contact():
     assert abs(found[0.01, 0.01][0] - true) < 2.0 * found[0.01, 0.01][1]
 
 
-# noise
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_that_ends_at_once_is_known_where_it_is(seed):
     """A step of stress of 0.06 held for 60 s, under noise of 3, 0.1 and 0.001 one after another."""
@@ -279,9 +267,6 @@ def test_noise_that_ends_at_once_is_known_where_it_is(seed):
     late = time > 3.5
     weights = 1.0 / found[late] ** 2
     assert weights @ stress[late] / weights.sum() == pytest.approx(0.06, rel=0.01)
-
-
-# those kept elsewhere
 
 
 def test_contact_of_the_kept_sphere():

@@ -361,31 +361,6 @@ def test_every_length_is_the_beginning_of_a_longer_one(paper_model, points):
     assert np.allclose(part, whole[:points], rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.slow
-def test_compiled_and_eager_agree(paper_model):
-    time, depth = protocol_points(20)
-    model = paper_model("C")
-    with jax.disable_jit():
-        eager = force_of(model, time, depth)
-    assert np.allclose(force(model, time, depth), eager, rtol=1e-13, atol=1e-14)
-
-
-@pytest.mark.slow
-def test_a_batch_is_its_members_one_by_one(paper_model):
-    rng = np.random.default_rng(3)
-    time = np.cumsum(rng.exponential(0.2, (3, 40)), axis=1)
-    depth = rng.uniform(0.0, 1.6, (3, 40))
-    model = paper_model("A")
-    together = jax.vmap(force_of, in_axes=(None, 0, 0))(model, time, depth)
-    alone = np.stack([force(model, t, d) for t, d in zip(time, depth, strict=True)])
-    assert np.allclose(together, alone, rtol=1e-13, atol=1e-14)
-    values = jnp.stack([constants_of(paper_model(pad)) for pad in TABLE_1])
-    models = jax.vmap(lambda x: with_constants(model, x))(values)
-    many = jax.vmap(force_of, in_axes=(0, None, None))(models, time[0], depth[0])
-    single = [force(paper_model(pad, bonded=True), time[0], depth[0]) for pad in TABLE_1]
-    assert np.allclose(many, single, rtol=1e-13, atol=1e-14)
-
-
 @pytest.mark.parametrize("n", [1.5, 2.5])
 def test_hertz_converges_at_second_order_or_better(n):
     """From first touch, where the force is least smooth, and back, against the finest grid."""

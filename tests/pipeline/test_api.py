@@ -108,18 +108,6 @@ def test_a_choice_that_cannot_be_used_is_refused_when_it_is_made(given):
         q.Choices(**given)
 
 
-@pytest.mark.slow
-def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, study):
-    head, *rows = Path(study.source).read_text().splitlines()
-    text = head.replace("displacement_mm", "strain").replace("force_N", "stress_kPa")
-    (tmp_path / "strain.csv").write_text("\n".join([text, *rows]) + "\n")
-    pad = q.read_study(tmp_path / "strain.csv")["C"]
-    fit = pad.fit(method="least-squares", all_tests=True)
-    assert fit.choices.bonded
-    assert len(fit.trials) == 2
-    assert not pad.fit(q.Choices(), method="least-squares").choices.bonded
-
-
 def documented(function):
     """Names in the section Parameters of a docstring (numpydoc)."""
     text = inspect.getdoc(function).partition("Parameters\n----------\n")[2]

@@ -65,9 +65,6 @@ def nothing(verdict="adequate", **more):
     return case(kind="none", names=(), verdict=verdict, effects=effects, **more)
 
 
-# the population
-
-
 def test_the_papers_strata_are_levels_of_all_strata():
     """Less white noise, which a user may ask for."""
     assert set(PAPER_STRATA) == set(STRATA)
@@ -94,9 +91,6 @@ def test_only_the_chosen_effects_are_hidden_alone():
         Population(0, effects=("rust",))
     with pytest.raises(InputError, match="no noise"):
         Population(0, noise="pink")
-
-
-# one study
 
 
 def index_of(population, kind):
@@ -139,9 +133,6 @@ def test_a_program_that_stops_is_stored_as_a_failure(monkeypatch):
     (failed,) = (count for count in COUNTS if count.name == "failed")
     assert counted([found, nothing(index=1)], failed) == Rate(1, 2)
     json.dumps(found, allow_nan=False)
-
-
-# rates, errors, coverage
 
 
 def test_the_standard_error_is_binomial_and_never_zero():

@@ -37,9 +37,6 @@ from qlvbayes.simulate.motion import Piece, Track
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 
 
-# the population
-
-
 def test_every_level_comes_equally_often():
     items = [Population(3).item(k) for k in range(240)]
     for stratum, levels in STRATA.items():
@@ -69,9 +66,6 @@ def test_hidden_effects_are_of_their_kind():
         want = {"none": (0, 0), "single": (1, 1), "double": (2, 2), "form": (1, 0)}
         want |= {"outside": (1, 0), "outside_beside": (2, 1)}
         assert (len(names), len(listed)) == want[kind]
-
-
-# disturbed records
 
 
 def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
@@ -207,9 +201,6 @@ def both(one, two):
     return one.motions.values(), two.motions.values()
 
 
-# motion, law, noise
-
-
 def test_the_sine_is_one():
     track = sine(1.6, 0.5, 3)
     t = np.linspace(0.0, track.duration, 5000, endpoint=False)
@@ -288,9 +279,6 @@ def test_readings_are_steps_and_errors_grow_with_force():
     reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
     np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
     assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
-
-
-# effects of no list
 
 
 NEW = {**FOREIGN, **FURTHER}
@@ -374,9 +362,6 @@ def test_contact_comes_where_the_gap_ends():
     assert depth[2] == pytest.approx(0.98, abs=1e-6)
 
 
-# a study
-
-
 @pytest.fixture(scope="module")
 def place():
     """The first study with one listed effect, three tests and a thinned record."""
@@ -395,9 +380,6 @@ def test_a_study_repeats_and_its_effect_counts(place):
     found = visible(one)
     assert set(found) == set(one.item.names)
     assert found == visible(two)
-
-
-# the count
 
 
 def case(kind="single", names=("friction",), verdict="missing_effect", effects=(), group=()):
@@ -470,9 +452,6 @@ def test_bounds_are_those_of_clopper_and_pearson():
     assert lower(Rate(30, 30)) == pytest.approx(0.05 ** (1 / 30))
     assert lower(Rate(0, 30)) == 0.0
     assert upper(Rate(30, 30)) == 1.0
-
-
-# registration
 
 
 def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
