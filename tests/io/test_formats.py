@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.machine_files import FIXTURES, LAG, STORED, bluehill, of_layout, pressed
+from support.machine_files import CORPUS, FIXTURES, LAG, STORED, bluehill, of_layout, pressed
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import split_header
@@ -208,28 +208,7 @@ def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
         assert unit_of(text, quantity) is None
 
 
-OWN = """
-from typing import ClassVar
-import numpy as np
-from qlvbayes.io.recording import AbstractFormat, Channel, Recording, Sight
-
-class Bench(AbstractFormat):
-    name: ClassVar[str] = "bench"
-    machine: ClassVar[str] = "our bench"
-    marks: ClassVar[str] = "a first line BENCH"
-    reads: ClassVar[str] = "three columns"
-    reference: ClassVar[str] = "our notebook"
-
-    @staticmethod
-    def sniff(head):
-        return Sight.from_marks({"a first line BENCH": head.startswith(b"BENCH")})
-
-    @staticmethod
-    def read(path):
-        t, d, f = np.loadtxt(path, skiprows=1, ndmin=2).T
-        return (Recording(Channel("time", t, "s", "t"), Channel("displacement", d, "mm", "d"),
-                          Channel("force", f, "N", "f")),)
-"""
+OWN = (CORPUS / "own" / "format.txt").read_text("utf-8")
 
 
 def test_a_format_of_one_s_own(tmp_path):

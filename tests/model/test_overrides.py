@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 from support.endtoend import experiment
+from support.machine_files import refusals
 
 from qlvbayes.fitting.posterior import Predictor
 from qlvbayes.io.checks import InputError
@@ -107,80 +108,19 @@ def test_dirichlet_takes_any_number_of_concentrations():
     assert prior.alpha.tolist() == [1.0, 2.0, 0.5]
 
 
-BAD_TEXTS = [
-    ("m", "write for example"),
-    ("=3", "write for example"),
-    ("v [1]=normal(0,1)", "write for example"),
-    ("m=gamma(1,2)", "use one of normal, lognormal"),
-    ("m=lognormal(1,2", "use one of normal, lognormal"),
-    ("m=0.3", "use one of normal, lognormal"),
-    ("m=", "use one of normal, lognormal"),
-    ("m=lognormal()", "write a number"),
-    ("m=lognormal(1,nan)", "write a number"),
-    ("m=lognormal(1,x)", "write a number"),
-    ("m=lognormal(1)", "takes log_median, log_sd"),
-    ("m=halfnormal(1,2)", "takes sd"),
-    ("m=lognormal(1,0)", "log_sd must be positive"),
-    ("m=normal(1,-1)", "sd must be positive"),
-    ("m=uniform(2,1)", "lower bound must be below"),
-    ("m=loguniform(0,1)", "lower bound must be positive"),
-    ("c=dirichlet(1)", "two or more positive"),
-    ("c=dirichlet(1,0,1)", "two or more positive"),
-]
-
-
-@pytest.mark.parametrize(("text", "remedy"), BAD_TEXTS)
-def test_what_is_not_a_prior_is_refused_with_a_remedy(text, remedy):
-    with pytest.raises(InputError, match=remedy):
-        parse(text, fixed=False)
-
-
 @pytest.mark.parametrize("text", ["v[2]=", "v[2]=inf", "v[2]=nan", "v[2]=lognormal(1,1)"])
 def test_what_is_not_a_number_is_refused(text):
     with pytest.raises(InputError, match="write a number"):
         parse(text, fixed=True)
 
 
-BAD_PRIORS = [
-    ("k=normal(0,1)", "use one of m, b, c.0., c.1., c.2., v.1., v.2."),
-    ("m[0]=lognormal(0,1)", "use one of m, b"),
-    ("v[0]=lognormal(0,1)", "use one of v.1., v.2."),
-    ("v[3]=lognormal(0,1)", "use one of v.1., v.2."),
-    ("v=lognormal(0,1)", "name v.1."),
-    ("v[1]=uniform(1,10)", "use lognormal or halfnormal"),
-    ("v[1]=normal(6,1)", "use lognormal, halfnormal, loguniform"),
-    ("m=normal(1,1)", "use lognormal, halfnormal, loguniform"),
-    ("m=uniform(-1,1)", "use lognormal, halfnormal, loguniform"),
-    ("m=dirichlet(1,1,1)", "give it a prior of one number"),
-    ("c[0]=uniform(0,1)", "write c=dirichlet"),
-    ("c=uniform(0,1)", "write c=dirichlet"),
-    ("c=dirichlet(1,1)", "write c=dirichlet"),
-    ("noise.white=lognormal(0,1)", "use one of m, b"),
-]
-
-
-@pytest.mark.parametrize(("text", "remedy"), BAD_PRIORS)
-def test_a_prior_that_does_not_fit_its_constant_is_refused(text, remedy):
+@pytest.mark.parametrize(("how", "texts", "remedy"), refusals("statements"))
+def test_what_is_no_prior_or_does_not_fit_its_constant_is_refused_with_a_remedy(how, texts, remedy):
     with pytest.raises(InputError, match=remedy):
-        applied(text)
-
-
-BAD_NUMBERS = [
-    (("m=0",), "positive number"),
-    (("m=-1",), "positive number"),
-    (("v[1]=0",), "positive number"),
-    (("v[1]=0.1", "v[2]=6"), "exchange the fixed rates"),
-    (("c[0]=1",), "fix fewer or smaller"),
-    (("c[0]=-0.1",), "fix fewer or smaller"),
-    (("c[0]=0.2", "c[1]=0.2"), "fix fewer or smaller"),
-    (("c=0.3",), "write c=dirichlet"),
-]
-
-
-@pytest.mark.parametrize(("texts", "remedy"), BAD_NUMBERS)
-def test_a_number_out_of_range_is_refused(texts, remedy):
-    with pytest.raises(InputError, match=remedy):
-        applied(*texts, fixed=True)
+        if how == "prior":
+            parse(texts, fixed=False)
+        else:
+            applied(*texts.split(), fixed=how == "fixed")
 
 
 def test_messages_are_one_line():
