@@ -116,11 +116,9 @@ def test_what_is_not_a_number_is_refused(text):
 
 @pytest.mark.parametrize(("how", "texts", "remedy"), refusals("statements"))
 def test_what_is_no_prior_or_does_not_fit_its_constant_is_refused_with_a_remedy(how, texts, remedy):
+    given = [texts] if how == "prior" else texts.split()
     with pytest.raises(InputError, match=remedy):
-        if how == "prior":
-            parse(texts, fixed=False)
-        else:
-            applied(*texts.split(), fixed=how == "fixed")
+        applied(*given, fixed=how == "fixed")
 
 
 def test_messages_are_one_line():
