@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.compiled_pad import STRICT, CompiledPad, needs_gcc
-from support.exported_pad import exported, reference
+from support.exported_pad import described, exported, reference
 from support.lawmotions import retracting
 
 from qlvbayes.diagnosis.description.grammar import grammar
@@ -21,7 +21,6 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.c_header import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
@@ -116,10 +115,7 @@ def test_forces_on_many_sets_are_those_of_each() -> None:
      ("force_of_remembered_largest_depth",)],
 )  # fmt: skip
 def test_the_exported_header_has_the_law(tmp_path, names: tuple[str, ...]) -> None:
-    path = tmp_path / "described_effect.py"
-    path.write_text(_source(*names), encoding="utf-8")
-    name = name_of([TERMS[one] for one in names])
-    choices = Choices(effects=(name,), effects_file=str(path))
+    choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)
     program = CompiledPad(tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-DONE_WAY"))
     time, depth = retracting()

@@ -15,9 +15,7 @@ from hypothesis import strategies as st
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.readings import no_readings, wrong_signs
-from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
-
-REAL = Path(__file__).parents[3] / "shared" / "real"
+from qlvbayes.io.units import PAD, SAME, SUFFIXES, column_name
 
 
 def ramp(n=20, step=0.05):
@@ -107,33 +105,6 @@ def test_signs_in_doubt_pass():
     assert wrong_signs(-displacement, force) == ("displacement",)
     assert wrong_signs(5.0 - displacement, force) == ("displacement",)
     assert wrong_signs(-displacement, -force) == ("displacement", "force")
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
-def test_adhesive_in_shear():
-    study = read_measurements(REAL / "adhesive_shear.csv")
-    sizes = {pad.name: [test.time.size for test in pad.tests] for pad in study.pads}
-    assert sizes == {"stairs": [432, 370, 370, 370], "updown": [590]}
-    assert [test.role for test in study.pad("stairs").tests] == [
-        "validate",
-        "validate",
-        "fit",
-        "validate",
-    ]
-    assert study.units == PAD
-    assert study.pad("updown").tests[0].force.max() == 8.86436
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
-def test_muscle_with_measured_standard_deviation():
-    study = read_measurements(REAL / "muscle_ramps.csv")
-    assert [pad.name for pad in study.pads] == ["relaxed", "calcium", "mavacamten-calcium"]
-    assert [sum(test.time.size for test in pad.tests) for pad in study.pads] == [416, 400, 400]
-    assert study.units == STRAIN
-    tests = [test for pad in study.pads for test in pad.tests]
-    assert all(test.force_sd is not None and test.force_sd.min() > 0 for test in tests)
-    assert min(test.force.min() for test in tests) < 0  # kept as measured
-    assert study.pad("calcium").tests[2].start_s == 719.002
 
 
 @st.composite

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import stages
 from support.endtoend import PADS, call, read_json, with_tests
-from support.stages import film_press
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
@@ -21,11 +21,7 @@ QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 def stage(tmp_path_factory):
     """Three recordings of one pad on one stage, as a machine writes them."""
     folder = tmp_path_factory.mktemp("stage")
-    for seed, speed in enumerate((0.5, 2.0, 10.0)):
-        test = film_press(speed, seed, step=0.01)
-        rows = zip(test.time, test.way + 12.4, test.load, strict=True)
-        lines = "".join(f"{t:.4f},{d:.4f},{f:.4f}\n" for t, d, f in rows)
-        (folder / f"at_{speed:g}.csv").write_text("Time,Extension,Load\n(s),(mm),(N)\n" + lines)
+    stages.stage(folder, 12.4, (0.5, 2.0, 10.0), step=0.01)
     return folder
 
 

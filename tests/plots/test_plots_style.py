@@ -6,10 +6,8 @@ from pathlib import Path
 
 import matplotlib
 import pytest
-from typer.testing import CliRunner
 
 from qlvbayes import plots
-from qlvbayes.cli.main import application
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD
@@ -112,14 +110,3 @@ def test_what_is_no_look_is_refused(tmp_path):
         pass
     with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
         pass
-
-
-@pytest.mark.parametrize("command", ["fit", "check", "diagnose", "study", "compare"])
-def test_every_command_that_draws_takes_a_style(command, tmp_path):
-    words = [command, "--style", str(tmp_path / "none.mplstyle"), "-o", str(tmp_path / "out"), "x"]
-    if command in ("check", "compare"):
-        words = [*words[:3], "x"]
-    found = CliRunner().invoke(application(), words)
-    assert isinstance(found.exception, InputError)
-    assert "none.mplstyle" in str(found.exception)
-    assert not (tmp_path / "out").exists()

@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
-from support.exported_pad import exported
+from support.exported_pad import described, exported
 
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.c_header import CHeader
@@ -232,16 +232,8 @@ def test_sources_are_inside_and_strict(tmp_path, effects):
 @needs_gcc
 def test_a_described_law_is_in_it(tmp_path):
     """A law that a diagnosis described, with a state and in the force, as in the header."""
-    from qlvbayes.diagnosis.description.grammar import grammar
-    from qlvbayes.diagnosis.description.source import References, name_of, source_of
-    from qlvbayes.io.units import PAD
-
-    wanted = ("factor_of_remembered_elastic_force", "power_drag_of_depth_squared")
-    terms = [next(one for one in grammar() if one.name == name) for name in wanted]
-    path = tmp_path / "described_effect.py"
-    references = References(1.6, 100.0, 1000.0, 1.5, 500.0)
-    path.write_text(source_of(terms, references, PAD, "It describes tests."), encoding="utf-8")
-    choices = Choices(effects=(name_of(terms),), effects_file=str(path))
+    names = "factor_of_remembered_elastic_force", "power_drag_of_depth_squared"
+    choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)
     unit = tmp_path / "pad_B.fmu"
     unit.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
