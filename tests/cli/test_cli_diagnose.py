@@ -169,10 +169,14 @@ def test_effects_lists_all_by_family():
             assert families[place - 1] == entry["family"]
 
 
-def test_the_worked_example_keeps_the_rules_and_competes(own_effects):
+def test_the_worked_example_keeps_the_rules(own_effects):
+    check_effect(Choices(effects_file=str(own_effects)).candidates[-1])
+
+
+@pytest.mark.slow
+def test_the_worked_example_competes(own_effects):
     """Beside the effect that is hidden in the bundled case, in four of its tests."""
     own = Choices(effects_file=str(own_effects)).candidates[-1]
-    check_effect(own)
     (pad,) = read_study(HIDDEN).pads
     some = replace(pad, tests=pad.tests[::2] + pad.tests[-1:])
     found = diagnose(prepare(some), kinds=(own, find("squeeze_film"))).result

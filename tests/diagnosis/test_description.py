@@ -46,6 +46,7 @@ def _source(*names: str) -> str:
 
 
 @pytest.mark.parametrize("name", QUICK)
+@pytest.mark.few(3)
 def test_terms_keep_the_rules_of_effects(name: str) -> None:
     check_effect(load(_source(name)))
 

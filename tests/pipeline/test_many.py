@@ -166,6 +166,7 @@ def test_a_folder_is_fitted_and_the_bad_file_named_at_the_end(alone):
     assert (out / "constants.csv").read_text().count(",m,") == 2
 
 
+@pytest.mark.integration
 def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
     out, expected = alone
     status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--jobs", "2", drawn=True)

@@ -37,6 +37,7 @@ def muscle(tmp_path_factory):
     return fit_and_check(tmp_path_factory.mktemp("muscle"), MUSCLE, "calcium")
 
 
+@pytest.mark.slow
 def test_muscle_is_in_kpa_and_converges(muscle):
     summary, _ = muscle
     assert summary["converged"] is True
@@ -45,6 +46,7 @@ def test_muscle_is_in_kpa_and_converges(muscle):
     assert (units["b"], units["v[1]"], units["noise.tau"]) == ("1", "1/s", "s")
 
 
+@pytest.mark.slow
 def test_muscle_is_predicted_to_the_order_of_its_stress(muscle):
     """Separable and linear, the model cannot follow muscle over all rates; on the one it does."""
     _, checked = muscle

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.endtoend import experiment, fitted
+from support.endtoend import SHORT, experiment, fitted
 from support.pages import keeps_the_page
 
 from qlvbayes.fitting import fit
@@ -42,7 +42,7 @@ def test_a_sampler_finds_the_posterior_that_emcee_finds(monkeypatch):
 
 
 def test_a_figure_is_drawn_and_saved(tmp_path):
-    axis = example("plot_strengths")(fitted(), width=85.0)
+    axis = example("plot_strengths")(fitted(settings=SHORT), width=85.0)
     assert keeps_the_page(figure_of(axis), 85.0)
     assert sum(bar.get_height() * bar.get_width() for bar in axis.patches) == pytest.approx(1.0)
     assert save_figure(axis, tmp_path / "strengths").read_bytes()[:4] == b"\x89PNG"
