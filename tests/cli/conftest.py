@@ -17,8 +17,9 @@ FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_s
 def done(tmp_path_factory):
     """Fit and check pad B: its folder, and what each command gave."""
     folder = tmp_path_factory.mktemp("done") / "out"
-    fit = call("fit", PADS, "-o", folder, "--pads", "B", drawn=("forces",))
-    check = call("check", folder, drawn=("residual_map",))
+    shown = "forces", "residual_map"
+    fit = call("fit", PADS, "-o", folder, "--pads", "B", drawn=shown)
+    check = call("check", folder, drawn=shown)
     return folder / "B", fit, check
 
 
