@@ -52,10 +52,6 @@ def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(eithe
     assert {"viscous_drag", "power_law_drag"} <= set(either.result.group)
     assert either.result.suggestions
     assert either.result.suggestions[0].evidence > 0.0
-
-
-@pytest.mark.slow
-def test_one_of_the_group_is_there_by_the_posterior(either):
     result = either.result
     held = [r.inclusion for r in result.ranking if r.effect in result.group]
     assert sum(held) >= DiagnosisSettings().covered
@@ -63,10 +59,6 @@ def test_one_of_the_group_is_there_by_the_posterior(either):
     listed = [one.probability for one in result.not_ruled_out]
     assert listed == sorted(listed, reverse=True)
     assert sum(listed) <= 1.0 + 1e-9
-
-
-@pytest.mark.slow
-def test_constants_are_those_of_the_base_law_and_less_sure(either):
     last = either.result.stages[-1].parameters
     assert set(either.result.constants) == {name for name in last if "." not in name}
     weight = either.result.alternatives[0].probability

@@ -70,9 +70,6 @@ def test_what_the_user_put_in_takes_its_family():
     assert prior({"a2"}, baseline=baseline) == pytest.approx(1 / 2)
     assert prior({"a2", "c"}, baseline=baseline) == pytest.approx(1 / 4 / 3)
     assert prior({"a2", "a"}, baseline=baseline) == 0.0
-
-
-def test_forms_have_all_where_the_listed_law_is_no_candidate():
     alone = Families({"a2": "a", "a3": "a", "c": "c"})
     assert prior({"a2"}, alone) == pytest.approx(1 / 4 / 2 / 2)
 

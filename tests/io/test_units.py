@@ -7,18 +7,12 @@ from qlvbayes.io.units import PAD, STRAIN, SUFFIXES, column_name
 from qlvbayes.laws.elastic.hertz import HertzPower
 
 
-def test_pad_units_are_those_of_the_paper():
+def test_units_follow_from_displacement_and_force():
     units = (PAD.displacement, PAD.force, *map(PAD.of, ("stiffness", "exponent", "rate", "speed")))
     assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
     assert not PAD.bonded_default
-
-
-def test_the_factor_of_a_power_law_carries_the_power():
     assert PAD.of(HertzPower.units["m"]) == "N/mm^n"
     assert STRAIN.of(HertzPower.units["m"]) == "kPa"
-
-
-def test_strain_has_a_modulus_in_kilopascal_and_a_dimensionless_exponent():
     units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.of("exponent"))
     assert units == ("1", "kPa", "kPa", "1")
     assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
@@ -48,12 +42,9 @@ def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
     assert values[0] == ours
 
 
-def test_every_quantity_has_our_own_unit_first_and_unscaled():
+def test_every_quantity_has_our_own_unit_first_and_columns_carry_suffixes():
     for scales in SUFFIXES.values():
         first = next(iter(scales.values()))
         assert (first.up, first.down) == (1, 1)
-
-
-def test_column_names_carry_the_suffix_if_there_is_one():
     assert column_name("force", "mN") == "force_mN"
     assert column_name("strain", "") == "strain"

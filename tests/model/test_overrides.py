@@ -127,33 +127,24 @@ def test_messages_are_one_line():
     assert "\n" not in str(caught.value)
 
 
-def test_scalars_are_replaced_and_nothing_else():
+def test_what_is_named_is_replaced_and_nothing_else():
     model = applied("m=lognormal(-1,0.2)")
     assert model.elastic.m.describe() == "lognormal(-1, 0.2)"
     assert model.elastic.b is MODEL.elastic.b
     assert model.relaxation is not None
     assert applied("b=0.577", fixed=True).elastic.b == 0.577
     assert applied("m=uniform(0,1)").elastic.m.describe() == "uniform(0, 1)"
-
-
-def test_rates_are_replaced_one_by_one():
     model = applied("v[1]=lognormal(1.8,0.5)")
     model = applied("v[2]=0.14", part=model, fixed=True)
     rates = model.relaxation.v
     assert isinstance(rates, Ordered)
     assert rates.describe() == "lognormal(1.8, 0.5) > 0.14"
     assert rates.size == 1
-
-
-def test_fixed_fractions_survive_a_new_dirichlet():
     model = applied("c[0]=0.3", fixed=True)
     model = applied("c=dirichlet(1,2,3)", part=model)
     fractions = model.relaxation.c
     assert fractions.describe() == "dirichlet(1, 2, 3), [0] = 0.3"
     assert fractions.size == 1
-
-
-def test_noise_is_named_with_its_prefix():
     noise = applied("noise.white=0.01", part=NOISE, fixed=True)
     assert noise.white == 0.01
     assert noise.ou is NOISE.ou

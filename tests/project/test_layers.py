@@ -78,14 +78,11 @@ FILES = sorted(ROOT.rglob("*.py"))
 IMPORTS = sorted({pair for path in FILES for pair in imports(path)})
 
 
-def test_every_module_is_in_exactly_one_layer():
+def test_every_module_is_in_exactly_one_layer_and_its_tests_in_a_folder_of_its_name():
     entries = [entry for row in LAYERS for entry in row]
     assert len(entries) == len(set(entries))
     present = {path.relative_to(ROOT).parts[0].removesuffix(".py") for path in FILES}
     assert present - {Path(name).stem for name in FRONTS} == set(entries)
-
-
-def test_the_tests_lie_in_folders_of_the_same_names():
     folders = {path.parent.name for path in TESTS.rglob("test_*.py")}
     assert folders - {"project", "validation"} == set(PLACE) - {"xp", "pytree"}
 

@@ -20,21 +20,12 @@ def ran():
     return names
 
 
-def test_without_the_model_the_grip_relaxes(ran):
+def test_the_page_does_what_it_says(ran):
     """By the share that relaxes in half a minute, less what relaxed during the grip."""
     c = ran["TABLE_1"]["B"].c
     without = ran["without"]
     fall = 1.0 - without[-1] / without[0]
     assert 0.5 < fall < 1.0 - c[0]
-
-
-def test_with_it_the_force_stays_within_3_percent(ran):
     assert abs(ran["with_model"] / ran["GRIP"] - 1.0).max() < 0.03
-
-
-def test_the_platen_only_ever_goes_on(ran):
     assert (ran["command"][1:] > ran["command"][:-1]).all()
-
-
-def test_the_live_band_holds_the_force(ran):
     assert ran["low"] < ran["with_model"][-1] < ran["high"]

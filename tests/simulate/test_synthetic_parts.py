@@ -149,9 +149,13 @@ def test_noise_has_the_stated_covariance_at_uneven_times(kind):
     assert np.all(np.abs(draws.mean(axis=0)) < Z * np.sqrt(spread / len(draws)))
 
 
-def test_both_kinds_have_a_total_of_0_01_newton():
+def test_noise_has_the_size_that_is_stated():
     for kind in ("correlated", "white"):
         assert np.hypot(NOISES[kind].white, NOISES[kind].correlated) == pytest.approx(0.01)
+    record = simulate_test(
+        TABLE_1["B"], paper_protocol(20.0), NOISES["none"], np.random.default_rng(5)
+    )
+    assert np.array_equal(record.force, record.true_force)
 
 
 def test_neighbouring_samples_of_a_test_differ_by_the_white_noise_alone():
@@ -162,13 +166,6 @@ def test_neighbouring_samples_of_a_test_differ_by_the_white_noise_alone():
     expected = 2 * 0.006**2 + 2 * 0.008**2 * -np.expm1(-0.001 / 0.5)
     # Differences of white noise correlate by -1/2 with their neighbours: variance 3 / n.
     assert abs(np.mean(steps**2) / expected - 1) < Z * np.sqrt(3 / steps.size)
-
-
-def test_no_noise_leaves_the_true_force():
-    record = simulate_test(
-        TABLE_1["B"], paper_protocol(20.0), NOISES["none"], np.random.default_rng(5)
-    )
-    assert np.array_equal(record.force, record.true_force)
 
 
 @given(st.lists(st.floats(-2.0, 2.0), min_size=1), st.sampled_from([0.001, 0.01]))

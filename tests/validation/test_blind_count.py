@@ -141,23 +141,17 @@ def test_the_standard_error_is_binomial_and_never_zero():
     assert str(Rate(0, 0)) == "-"
 
 
-def test_coverage_of_the_constants_before_and_after():
+def test_rates_have_binomial_errors_and_coverage_is_of_the_papers_constants():
     found = coverage([case(m=TRUE_M + 0.016), case(m=TRUE_M + 0.017), case(seen=False)])
     assert found["m"].before == Rate(0, 2)
     assert found["m"].after == Rate(1, 2)
     assert found["m"].error_before == pytest.approx(5.0)
     assert found["all"].after == Rate(1, 2)
-
-
-def test_a_study_of_other_laws_says_nothing_of_the_papers_constants():
     other = case() | {"law": LAW | {"elastic": "hertz", "curve": [1.0]}}
     assert not coverage([other])
     changed = case()
     changed["stages"][-1]["base"] = ["hertz", LAWS[1]]
     assert not coverage([changed])
-
-
-def test_constants_of_rivals_are_scored_by_their_average():
     off = case(verdict="ambiguous", m=TRUE_M + 0.03)
     assert coverage([off])["m"].after == Rate(0, 1)
     assert coverage([off | {"found": {"m": [TRUE_M + 0.02, 0.02]}}])["m"].after == Rate(1, 1)

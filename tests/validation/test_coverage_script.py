@@ -33,22 +33,16 @@ def test_exact_posteriors_are_called_calibrated():
     assert row.within
 
 
-def test_overconfident_and_biased_posteriors_are_found():
+def test_overconfident_biased_and_too_wide_posteriors_are_found():
     (narrow,) = calibrations(normal_fits(1000, stretch=0.5))
     assert not narrow.within
     assert narrow.z_sd == pytest.approx(2.0, rel=0.1)
     (biased,) = calibrations(normal_fits(1000, shift=1.5))
     assert not biased.within
     assert biased.z_mean == pytest.approx(1.5, abs=0.15)
-
-
-def test_too_wide_posteriors_are_found():
     (wide,) = calibrations(normal_fits(1000, stretch=2.0))
     assert wide.inside > 0.95
     assert not wide.within
-
-
-def test_error_is_not_zero_where_every_interval_held():
     (row,) = calibrations(normal_fits(20, stretch=20.0))
     assert row.inside == 1.0
     assert row.error > 0.0
