@@ -58,9 +58,6 @@ def test_what_is_hidden_takes_the_error_to_the_noise(bench, first, dragged):
     without = bench.remove(dragged, "squeeze_film")
     assert bench.look(without).error == pytest.approx(before, rel=0.02)
     assert not any(name.startswith("squeeze_film") for name in without.values)
-
-
-def test_the_error_left_out_falls_with_what_is_hidden(bench, first, dragged):
     *steps, before = bench.held_out(first)
     assert steps == [None] * len(TESTS)
     *_, after = bench.held_out(dragged)

@@ -147,7 +147,7 @@ def test_the_joint_test_is_the_chi_square_of_the_difference():
     assert found.p_value == pytest.approx(2 * norm.sf(abs(gap) / np.sqrt(spread)))
 
 
-def test_different_effects_are_compared_on_what_they_share():
+def test_what_both_do_not_share_is_left_out_and_told():
     rng = np.random.default_rng(7)
     first, second = posterior(table_1("B"), rng), posterior(table_1("C"), rng)
     drag = second | {"viscous_drag.eta": np.full(300, 0.003)}
@@ -155,18 +155,12 @@ def test_different_effects_are_compared_on_what_they_share():
     assert "viscous_drag.eta" not in [c.quantity for c in found.contrasts]
     assert {c.quantity for c in found.of_group("constants")} == set(ORDER)
     assert any("only C was fitted with viscous_drag" in notice for notice in found.notices)
-
-
-def test_different_numbers_of_modes_leave_c_and_v_out():
     rng = np.random.default_rng(8)
     one = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "b": np.ones(500)}
     one |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
     found = compare(one, posterior(table_1("B"), rng), **PLACES)
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert any("different numbers of relaxation modes" in notice for notice in found.notices)
-
-
-def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities():
     rng = np.random.default_rng(9)
     hertz = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "n": np.full(500, 1.5)}
     hertz |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
@@ -176,9 +170,6 @@ def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities(
     assert len(found.contrasts) == 9
     assert "no constant is shared" in " ".join(found.notices)
     assert paragraphs(found)[0].startswith("Cannot tell")
-
-
-def test_a_constant_fixed_in_both_is_not_compared():
     rng = np.random.default_rng(10)
     first, second = (posterior(table_1("B"), rng) | {"v[2]": np.full(300, 0.14)} for _ in "ab")
     found = compare(first, second, **PLACES)

@@ -242,35 +242,26 @@ def test_all_broken_rules_are_named_and_each_check_is_its_own():
     assert "\n".join(broken.values()) == str(raised.value)
 
 
-def test_the_largest_depth_so_far_has_the_slope_of_its_point():
+def test_largest_depth_and_material_time():
     depth = jnp.array([0.0, 0.3, 0.2, 0.3, 0.5, 0.1])
     assert np.array_equal(largest(depth), [0.0, 0.3, 0.3, 0.3, 0.5, 0.5])
     slopes = jax.jacobian(largest)(depth)
     assert np.array_equal(np.argmax(slopes, axis=1), [0, 1, 1, 3, 4, 4])
-
-
-def test_material_time_is_the_integral_along_straight_lines():
     time, depth = jnp.array([0.0, 1.0, 1.5]), jnp.array([0.0, 0.8, 0.8])
     expected = [0.0, np.expm1(0.8 * 2.0) / 1.6, np.expm1(1.6) / 1.6 + 0.5 * np.exp(1.6)]
     assert np.allclose(material_time(time, depth, 2.0), expected, rtol=1e-14)
 
 
-def test_power_law_drag_of_exponent_one_is_viscous():
+def test_drags_follow_their_laws():
     assert np.allclose(
         force(bonded(PowerLawDrag(0.01, 1.0))), force(bonded(ViscousDrag(0.01))), atol=1e-14
     )
-
-
-def test_power_law_drag_grows_with_the_power_of_the_speed():
     drag = [
         force(bonded(PowerLawDrag(0.01, 0.3)), p) - force(bonded(), p)
         for p in map(press_and_return, (1.0, 100.0))
     ]
     assert np.isclose(drag[1][0] / drag[0][0], 100.0**0.3)
     assert drag[0][HELD] == 0.0
-
-
-def test_a_thick_film_is_a_viscous_drag_and_a_thin_one_stiffens():
     assert np.allclose(
         force(bonded(SqueezeFilm(0.01, 1e9))), force(bonded(ViscousDrag(0.01))), rtol=1e-8
     )
@@ -297,17 +288,14 @@ def test_leak_and_drift_go_by_the_clock_of_the_pad():
     assert np.allclose(drift, 1e-3 * later.clock)
 
 
-def test_an_extra_mode_is_one_more_prony_term():
+def test_an_extra_mode_is_one_more_prony_term_and_is_hastened_by_depth_too():
     mixed = bonded()
     shares = jnp.concatenate([0.9 * mixed.relaxation.c, jnp.array([0.1])])
     prony = Prony(shares, jnp.array([6.2, 0.14, 40.0]))
     assert np.allclose(
         force(bonded(ExtraRelaxationMode(0.1, 40.0))), force(replace(mixed, relaxation=prony))
     )
-
-
-def test_an_extra_mode_is_hastened_by_depth_too():
-    """In a hold at one depth its rate is v e^{alpha d}."""
+    # in a hold at one depth its rate is v e^{alpha d}
     step = motion([0.0, 0.1, 0.5], [1.0, 1.0, 1.0])
     mode, rate_factor = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
     found = force(bonded(rate_factor, mode), step)
@@ -341,16 +329,13 @@ def test_a_set_pad_is_left_before_zero_depth_and_moves_slower_while_it_sets():
     assert np.allclose(extra[back][depth < 0.1599], 0.0)
 
 
-def test_friction_holds_and_turns_round_on_the_way_back():
+def test_friction_holds_turns_round_and_does_not_depend_on_speed():
     extra = force(bonded(Friction(0.1, 0.05))) - force(bonded())
     assert np.isclose(extra[199], 0.1 * -np.expm1(-1.6 / 0.05))
     assert np.isclose(extra[HELD], extra[199])
     way = 1.6 - float(PRESS.displacement[HELD + 20])
     expected = -0.1 + (extra[HELD] + 0.1) * np.exp(-way / 0.05)
     assert np.isclose(extra[HELD + 20], expected)
-
-
-def test_friction_does_not_depend_on_speed():
     slow, fast = (
         force(bonded(Friction(0.1, 0.05)), p) - force(bonded(), p)
         for p in (press_and_return(1.0), press_and_return(100.0))
@@ -358,7 +343,7 @@ def test_friction_does_not_depend_on_speed():
     assert np.allclose(slow, fast, atol=1e-12)
 
 
-def test_a_lag_takes_the_force_of_an_earlier_time():
+def test_a_lag_takes_all_forces_below_it_of_an_earlier_time():
     dense = press_and_return(points=400)
     lagged = force(bonded(ChannelLag(0.01)), dense)
     plain = force(bonded(), dense)
@@ -367,16 +352,11 @@ def test_a_lag_takes_the_force_of_an_earlier_time():
     # a whole number of grid steps: exactly
     step = float(dense.time[10])
     assert np.allclose(force(bonded(ChannelLag(step)), dense)[10:400], plain[:390], atol=1e-12)
-
-
-def test_a_lag_shifts_everything_below_it():
     extras = Inertia(1e-3), ViscousDrag(0.01), PermanentSet(0.05), Friction(0.1, 0.05)
     step = float(PRESS.time[10])
     plain, lagged = force(bonded(*extras)), force(bonded(*extras, ChannelLag(step)))
     assert np.allclose(lagged[10:200], plain[:190], atol=1e-12)
 
-
-def test_the_lags_slope_at_zero_is_minus_the_forces_rate():
     def delayed(delay):
         return bonded(ChannelLag(delay)).force(PRESS)
 

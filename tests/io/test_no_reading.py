@@ -84,7 +84,7 @@ def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
     assert caught.value.file == str(file)
 
 
-def test_an_endless_line_takes_no_memory(tmp_path):
+def test_an_endless_line_takes_no_memory_and_an_endless_field_is_refused(tmp_path):
     lines = of_layout("cellscale-a.csv").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:5], "," * ENDLESS, *lines[5:]]) + "\n")
     tracemalloc.start()
@@ -93,9 +93,6 @@ def test_an_endless_line_takes_no_memory(tmp_path):
     tracemalloc.stop()
     assert peak < 50 * ENDLESS  # bytes
     assert test.dropped["lines without numbers"] == 1
-
-
-def test_an_endless_field_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text(
         f"pad,time_s,displacement_mm,force_N\n{'x' * 140_000},0,0,0\nB,1,1,1\n"
     )

@@ -71,16 +71,13 @@ def test_step_without_decay_is_the_difference_of_the_elastic_force(law):
         assert np.isclose(step(law, start, stop, 0.0), change, rtol=1e-13, atol=1e-16)
 
 
-def test_step_is_exact_where_stiffening_and_decay_cancel():
+def test_step_is_exact_where_stiffening_and_decay_cancel_and_for_hertz_of_power_2():
     """B dd + v h = 0 on ordinary unloading: the integrand is the constant e^{b d1}."""
     law = Exponential(0.34, 1.25)
     start, stop, decay = 1.5, 0.7, 1.0
     assert law.b * (stop - start) + decay == pytest.approx(0.0, abs=1e-15)
     expected = 0.34 * np.exp(1.25 * stop) * (stop - start)
     assert np.isclose(step(law, start, stop, decay), expected, rtol=1e-14)
-
-
-def test_hertz_step_is_exact_when_the_force_is_quadratic_in_depth():
     law = HertzPower(0.5, 2.0)
     for decay in DECAYS:
         exact = integral(law, 0.2, 1.4, decay)
@@ -103,15 +100,12 @@ def test_every_elastic_law_keeps_the_rules(kind):
     check_law(kind)
 
 
-def test_the_toe_meets_the_exponential_with_one_force_and_one_stiffness():
+def test_a_toe_meets_the_exponential_and_of_no_length_is_it():
     law = ToeExponential(0.3, 1.2, 0.45)
     below, above = (jnp.asarray(0.45 + x) for x in (-1e-9, 1e-9))
     assert np.isclose(law.force(below), law.force(above), rtol=1e-8)
     assert np.isclose(law.stiffness(below), law.stiffness(above), rtol=1e-8)
     assert law.stiffness(jnp.asarray(1.45)) == pytest.approx(0.3 * np.exp(1.2))
-
-
-def test_a_toe_of_no_length_is_the_exponential_law():
     depth = jnp.linspace(0.0, 1.6, 20)
     toe, plain = ToeExponential(0.34, 1.165, 0.0), Exponential(0.34, 1.165)
     np.testing.assert_allclose(toe.force(depth), plain.force(depth), rtol=1e-14)

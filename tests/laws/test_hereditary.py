@@ -387,14 +387,11 @@ def test_linear_is_exponential_without_stiffening(paper_model):
         assert np.max(np.abs(bent - linear)) < 2.0 * b * np.max(linear)
 
 
-def test_a_relaxed_pad_keeps_the_share_that_never_relaxes():
+def test_a_hold_follows_the_relaxation_curve_to_the_share_that_stays():
     model = bonded(Exponential(0.34, 1.165), RELAXATION)
     held = force(model, np.array([0.0, 0.1, 500.0]), np.array([0.0, 1.6, 1.6]))[-1]
     elastic = 0.34 / 1.165 * np.expm1(1.165 * 1.6)
     assert np.isclose(held, RELAXATION.c[0] * elastic, rtol=1e-12)
-
-
-def test_hold_after_a_step_follows_the_relaxation_curve():
     model = bonded(Exponential(0.34, 1.165), RELAXATION)
     time = np.geomspace(1e-3, 40.0, 30) - 1e-3
     held = force(model, time, np.full(30, 0.9))

@@ -15,7 +15,7 @@ def forces(stepper, depths=DEPTH):
     return np.stack([stepper.force(depth) for depth in depths[1:]])
 
 
-def test_every_draw_is_the_batch_answer():
+def test_steps_are_the_batch_answer_of_every_draw_there_and_back():
     given = draws()
     found = forces(Stepper(given, DT, draws=3))
     for row, place in zip(found.T, (0, 99, 199), strict=True):
@@ -23,17 +23,11 @@ def test_every_draw_is_the_batch_answer():
         c = np.array([given[f"c[{k}]"][place] for k in range(3)])
         model = Model(Exponential(given["m"][place], given["b"][place]), Prony(c, v))
         assert relative(row, np.asarray(model.force(motion_of(TIME, DEPTH)))[1:]) < 1e-12
-
-
-def test_the_step_length_does_not_matter_on_ramps():
     coarse, fine = Stepper(draws(), 0.01), Stepper(draws(), 0.002)
     for depth in np.linspace(0.1, 1.6, 16):
         between = np.linspace(depth - 0.1, depth, 6)[1:]
         there = coarse.force(depth)
         assert np.allclose([fine.force(x) for x in between][-1], there, rtol=1e-12)
-
-
-def test_there_and_back_within_a_loop():
     forward, back = Stepper(draws(), DT, draws=8), Stepper(draws(), DT, draws=8)
     for depth in DEPTH[1:150]:
         assert np.allclose(back.displacement(forward.force(depth)), depth, rtol=1e-11)

@@ -136,14 +136,11 @@ def alive(process):
         return False
 
 
-def test_one_process_does_it_here():
+def test_one_process_does_it_here_and_a_list_does_not():
     assert process_of(0) == os.getpid()
     with opened_engine(1) as engine:
         assert engine is None
         assert [one.answer for one in run_all(process_of, range(2), engine)] == [os.getpid()] * 2
-
-
-def test_what_takes_no_work_is_refused():
     with pytest.raises(InputError, match="a list takes no work"):
         engine_of([])
 

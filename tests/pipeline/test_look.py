@@ -136,15 +136,12 @@ def test_softening_and_a_set_are_told_apart_by_growing_depths(tmp_path, second, 
     assert answers(seen(tmp_path, tests)[0])["stress_softening"].answer == "yes"
 
 
-def test_relaxation_is_shown_up_to_the_longest_hold(tmp_path):
+def test_relaxation_is_shown_up_to_the_longest_hold_and_not_without(tmp_path):
     short, long = (
         answers(seen(tmp_path, {"a": pressed((1.0, 2.0, hold))})[0])["c"] for hold in (6.0, 60.0)
     )
     assert "to 6 s (the longest hold): up to 2 relaxation times" in short.reason
     assert "to 60 s (the longest hold): up to 3 relaxation times" in long.reason
-
-
-def test_without_a_hold_one_press_shows_no_relaxation(tmp_path):
     once = answers(seen(tmp_path, {"a": pressed((1.0, 0.2, 0.0))})[0])["c"]
     assert (once.answer, "hold" in once.remedy) == ("no", True)
     several = {"a": pressed((1.0, 0.2, 0.0)), "b": pressed((1.0, 2.0, 0.0))}

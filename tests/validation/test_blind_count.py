@@ -65,13 +65,10 @@ def nothing(verdict="adequate", **more):
     return case(kind="none", names=(), verdict=verdict, effects=effects, **more)
 
 
-def test_the_papers_strata_are_levels_of_all_strata():
+def test_the_papers_population_is_balanced():
     """Less white noise, which a user may ask for."""
     assert set(PAPER_STRATA) == set(STRATA)
     assert all(set(levels) <= set(STRATA[name]) for name, levels in PAPER_STRATA.items())
-
-
-def test_kinds_protocols_and_effects_come_equally_often():
     items = [Population(1, paper=True).item(index) for index in range(12 * len(PRESENT.listed))]
     count = Counter(item.levels["kind"] for item in items)
     assert count == dict.fromkeys(KINDS, 2 * len(PRESENT.listed))
@@ -111,9 +108,6 @@ def test_a_study_is_drawn_within_its_ranges(study):
     assert len(study.pad.tests) == 6
     assert all(test.time.size <= 350 for test in study.pad.tests)
     assert abs(study.effects[0].offset) / study.peak == pytest.approx(study.sizes[0], rel=0.2)
-
-
-def test_white_noise_has_no_memory(study):
     t = np.array([0.0, 0.01, 1.0])
     none = np.zeros(3)
     covariance = study.cell.covariance(t, none, none, none, study.peak)

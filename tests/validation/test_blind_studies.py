@@ -37,29 +37,20 @@ from qlvbayes.simulate.motion import Piece, Track
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 
 
-def test_every_level_comes_equally_often():
+def test_the_population_is_balanced_crossed_and_repeats():
     items = [Population(3).item(k) for k in range(240)]
     for stratum, levels in STRATA.items():
         count = Counter(item.levels[stratum] for item in items)
         assert set(count) == set(levels)
         assert min(count.values()) == max(count.values()) == 240 // len(levels) >= 20
-
-
-def test_strata_are_crossed():
-    """No level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees."""
+    # no level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees
     pairs = Counter(
         (i.levels["protocol"], i.levels["noise"]) for i in map(Population(0).item, range(800))
     )
     assert sum((pairs[p, n] - 10) ** 2 / 10 for p in PROTOCOL_NAMES for n in CELLS) < 110.0
-
-
-def test_the_population_repeats_and_the_seed_changes_it():
     items = [Population(1).item(k) for k in range(60)]
     assert items == [Population(1).item(k) for k in range(60)]
     assert items != [Population(2).item(k) for k in range(60)]
-
-
-def test_hidden_effects_are_of_their_kind():
     for item in map(Population(4).item, range(120)):
         kind, names = item.levels["kind"], item.names
         listed = [name for name in names if name in kin(name)]
@@ -213,15 +204,12 @@ def test_the_sine_is_one():
     )
 
 
-def test_a_swing_goes_from_rest_to_rest_over_its_stroke():
+def test_a_swing_goes_from_rest_to_rest_and_a_creeping_hold_moves_on():
     pieces = swing(-0.7, 3.0)
     assert pieces[-1].end == pytest.approx(-0.7, rel=1e-12)
     assert min(p.velocity for p in pieces) == pytest.approx(-3.0)
     with pytest.raises(InputError, match="gap"):
         Track((Piece(0.0, 1.0, 0.0, 1.0, 0.0), Piece(1.0, 1.0, 0.0, 0.0, 0.0)))
-
-
-def test_a_creeping_hold_moves_on():
     platen = Platen((Move(1.0, 10.0), Hold(5.0, creep=3e-4)))
     assert platen.displacement(platen.duration) == pytest.approx(1.0003, abs=1e-12)
 

@@ -12,12 +12,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 
 
-def test_an_error_that_rises_is_told_by_its_factor():
+def test_errors_that_rise_and_falls_over_the_tests():
     assert rises([0.3, 0.2, 0.2, 0.1]) == []
     assert rises([0.1, 0.2, 0.05, 0.06]) == pytest.approx([2.0, 1.2])
-
-
-def test_the_fall_is_paired_over_the_tests():
     fall, error = paired(np.array([2.0, 12.0, 7.0]), np.array([1.0, 10.0, 4.0]))
     assert fall == pytest.approx(2.0)
     assert error == pytest.approx(1.0 / np.sqrt(3.0))

@@ -48,13 +48,10 @@ def test_overconfident_biased_and_too_wide_posteriors_are_found():
     assert row.error > 0.0
 
 
-def test_false_alarms_count_studies_once():
+def test_alarms_and_shares_are_counted_over_studies_and_samples():
     fits = [{"cells": [cell(fails=True), cell(fails=True)]}, {"cells": [cell(), cell()]}]
     found = alarms(fits)
     assert (found.studies, found.alarmed, found.cells, found.failing) == (2, 1, 4, 2)
-
-
-def test_predictive_share_weighs_samples_and_leaves_fitted_tests_out():
     fits = [
         {"cells": [cell(n=30, coverage90=1.0), cell(n=10, coverage90=0.6)]},
         {"cells": [cell(n=10, coverage90=0.9), cell(role="fit", coverage90=0.0)]},

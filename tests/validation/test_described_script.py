@@ -18,15 +18,12 @@ SEED, SWELLING = 5, 5  # of a study whose pad stiffens while a test lasts
 NOTHING = 3  # of one that hides nothing
 
 
-def test_every_outsider_comes_equally_often() -> None:
+def test_outsiders_come_equally_often_and_fresh_tests_are_others():
     seen = [item(SEED, k) for k in range(2 * len(BLOCK))]
     hidden = [name for scene, name, _ in seen if scene == "outsider"]
     assert sorted(hidden) == sorted(OUTSIDERS)
     assert not set(OUTSIDERS) & {kind.name for kind in EVERY}
     assert {paper for *_, paper in seen} == {True, False}
-
-
-def test_fresh_tests_are_no_tests_of_the_record() -> None:
     study = make_study(SEED, SWELLING)
     depths = {round(float(test.displacement.max()), 2) for test in study.pad.tests}
     fresh = [round(float(test.displacement.max()), 2) for test in study.fresh]

@@ -43,7 +43,7 @@ def test_truth_lies_in_its_ranges(study):
     assert all(value >= SEEN for value in study.seen.values())
 
 
-def test_unlisted_part_has_its_size(study):
+def test_the_unlisted_part_and_the_noise_have_their_sizes(study):
     """Measured in the arrays, phase by phase."""
     parts = [a - b for a, b in zip(study.forces(), study.forces(unlisted=False), strict=True)]
     squares = []
@@ -51,9 +51,6 @@ def test_unlisted_part_has_its_size(study):
         ends = [begin for begin, _ in motion.phases[1:]]
         squares += [np.mean(own**2) for own in np.split(part, np.searchsorted(t, ends))]
     assert np.sqrt(np.mean(squares)) / study.peak == pytest.approx(study.unlisted_share, rel=1e-6)
-
-
-def test_readings_are_forces_with_the_noise_of_the_cell(study):
     errors = [t.force - f for t, f in zip(study.pad.tests, study.forces(), strict=True)]
     expected = np.hypot(study.cell.white, study.cell.correlated)
     assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) == pytest.approx(expected, rel=0.4)
