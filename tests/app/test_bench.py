@@ -78,7 +78,7 @@ def test_no_near_constants_fit_better(bench, dragged):
             assert cost(moved) > least
 
 
-def test_a_signature_is_the_effects_force(bench, first):
+def test_a_signature_is_the_effects_force_and_the_right_one_takes_most(bench, first):
     """Adding the effect brings what the signature shows, as a drag is linear in its size."""
     found = bench.signature(first, "viscous_drag")
     assert found.amplitude == "viscous_drag.eta"
@@ -91,9 +91,6 @@ def test_a_signature_is_the_effects_force(bench, first):
     added = bench.look(bench.add(first, "viscous_drag"))
     assert added.error == pytest.approx(found.error, rel=0.1)
     assert found.takes == pytest.approx(1.0 - (found.error / plain.error) ** 2)
-
-
-def test_the_right_signature_takes_most(bench, first):
     names = ("squeeze_film", "force_offset", "stress_softening", "fluid_leak")
     takes = {name: bench.signature(first, name).takes for name in names}
     assert max(takes, key=takes.get) == "squeeze_film"

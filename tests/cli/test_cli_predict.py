@@ -26,16 +26,13 @@ def predicted(pads):
     return pads / "B", out, err
 
 
-def test_files_are_left(predicted):
+def test_files_agree_and_bands_are_in_order(predicted):
     folder, out, err = predicted
     names = {path.name for path in folder.iterdir()}
     assert names == {"posterior.nc", *(f"prediction.{x}" for x in ("json", "csv", "png", "pdf"))}
     assert "the tests are not known" in err
     assert "largest force" in out
     assert not (folder.parent / "A" / "prediction.json").exists()
-
-
-def test_table_and_json_agree_and_bands_are_in_order(predicted):
     folder, *_ = predicted
     content = read_json(folder / "prediction.json")
     assert content["prescribed"] == "displacement"

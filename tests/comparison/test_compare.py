@@ -24,7 +24,7 @@ def oil_and_glycerin():
     return compare(first, second, names=("B", "C"), **PLACES)
 
 
-def test_known_differences_are_found(oil_and_glycerin):
+def test_known_differences_are_found_and_same_rates_told_equal_or_left_open(oil_and_glycerin):
     found = oil_and_glycerin
     assert found.differ is True
     assert found.omnibus.p_value < 1e-6
@@ -39,10 +39,7 @@ def test_known_differences_are_found(oil_and_glycerin):
         assert found[name].difference.median == pytest.approx(
             found[name].first.median - found[name].second.median, abs=0.02
         )
-
-
-def test_same_rates_are_told_equal_where_they_are_sharp_and_left_open_where_not(oil_and_glycerin):
-    """The paper's open question: its v1 and v2 are the same for oil and for glycerin."""
+    # the paper's open question: its v1 and v2 are the same for oil and for glycerin
     assert oil_and_glycerin["v[1]"].answer == "equal"
     assert oil_and_glycerin["v[2]"].answer == "cannot tell"
 
@@ -191,7 +188,7 @@ def test_fits_are_compared_at_places_that_their_tests_reach():
     assert found.as_dict() == compare(fit, fit, seed=3).as_dict()
 
 
-def test_tables_hold_every_number(oil_and_glycerin):
+def test_tables_hold_every_number_and_names_as_they_are(oil_and_glycerin):
     rows = [line.split(",") for line in as_csv(oil_and_glycerin).splitlines()[1:]]
     assert len(rows) == 1 + len(oil_and_glycerin.contrasts)
     named = dict(zip(rows[0], rows[1], strict=True))
@@ -202,9 +199,6 @@ def test_tables_hold_every_number(oil_and_glycerin):
     body = latex.split("\\midrule\n")[1].split("\n\\bottomrule")[0].splitlines()
     assert len(body) == len(oil_and_glycerin.contrasts)
     assert all(line.count(" & ") == 7 for line in body)
-
-
-def test_latex_names_are_escaped(oil_and_glycerin):
     odd = replace(oil_and_glycerin, names=("50%_oil", "a&b\\c"))
     latex = as_latex(odd)
     assert "50\\%\\_oil" in latex

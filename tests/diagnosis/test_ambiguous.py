@@ -36,9 +36,6 @@ def test_the_average_has_the_moments_of_the_mixture():
     assert mixed.unit == "N/mm"
     assert mixed.mean == pytest.approx(draws.mean(), abs=0.005)
     assert mixed.sd == pytest.approx(draws.std(), abs=0.005)
-
-
-def test_one_explanation_is_its_own_average():
     alone = {"m": Estimate("N/mm", 0.3, 0.01), "b": Estimate("1/mm", 1.1, 0.02)}
     found = averaged([-50.0], [alone])
     assert {n: (e.mean, e.sd) for n, e in found.items()} == {

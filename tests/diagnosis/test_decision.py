@@ -31,14 +31,11 @@ def weight(effects, probability, *, base=EXP, unmodelled=0.0):
     return Weight(base, frozenset(effects.split()), float(np.log(probability)), unmodelled)
 
 
-def test_nothing_is_missing_where_the_plain_model_is_likeliest():
+def test_effects_are_named_by_their_probability_over_everything_else():
     found = decide([weight("", 0.97), weight("friction", 0.03)])
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
     assert found.inclusion["friction"] == pytest.approx(0.03)
-
-
-def test_an_effect_is_named_by_its_probability_over_everything_else():
-    """No hypothesis alone has 0.9, the effect has it over all laws and companions."""
+    # no hypothesis alone has 0.9, the effect has it over all laws and companions
     found = decide(
         [
             weight("drag", 0.5),
@@ -231,7 +228,7 @@ def within(*weights):
     return [one.within(FAMILIES) for one in weights]
 
 
-def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
+def test_an_effect_is_named_by_its_family_and_its_forms_are_no_group():
     """Neither form alone has 0.9, the effect has; the likelier form is reported."""
     weights = within(
         weight("coulomb", 0.5),
@@ -244,9 +241,6 @@ def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
     assert (found.verdict, found.effects) == ("missing_effect", ("friction",))
     assert found.inclusion == pytest.approx({"friction": 0.95, "lag": 0.25})
     assert weights[found.selected].forms == {"friction": "coulomb"}
-
-
-def test_forms_of_one_effect_are_no_group():
     found = decide(within(weight("coulomb", 0.5), weight("friction", 0.49), weight("", 0.01)))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("friction",), ())
     found = decide(within(weight("coulomb", 0.5), weight("filter", 0.49), weight("", 0.01)))

@@ -76,11 +76,8 @@ def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
     assert set(kind.null) == {"k1", "k2"}
 
 
-def test_names_are_no_listed_effects() -> None:
+def test_names_are_no_listed_effects_and_every_pair_that_joins_is_python():
     assert not set(TERMS) & {kind.name for kind in EVERY}
-
-
-def test_every_pair_that_joins_is_python() -> None:
     for first, second in combinations(TERMS.values(), 2):
         if first.joins(second):
             compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")

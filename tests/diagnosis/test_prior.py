@@ -29,7 +29,7 @@ def sets(names):
     return [some for size in range(len(names) + 1) for some in combinations(names, size)]
 
 
-def test_prior_sums_to_one_over_all_sets_and_laws():
+def test_prior_sums_to_one():
     settings, effects = DiagnosisSettings(complete=0.5, chosen_law=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
@@ -41,9 +41,6 @@ def test_prior_sums_to_one_over_all_sets_and_laws():
     )
     # sets of more effects than there are would hold the rest
     assert total == pytest.approx(1.0 - 0.5**4)
-
-
-def test_prior_sums_to_one_over_families():
     total = sum(prior(some) for some in sets(FAMILIES.family_of))
     assert total == pytest.approx(1.0 - 0.5**5)
 

@@ -302,14 +302,11 @@ def test_an_extra_mode_is_one_more_prony_term_and_is_hastened_by_depth_too():
     assert np.allclose(found / found[0], np.exp(-3.0 * np.exp(0.8) * np.array([0.0, 0.1, 0.5])))
 
 
-def test_strain_dependent_strength_leaves_the_elastic_force_at_depth():
+def test_strength_softening_and_set_at_depth():
     found = force(bonded(StrainDependentStrength(50.0)))
     elastic = np.asarray(bonded().elastic.force(PRESS.displacement))
     deep = np.asarray(PRESS.displacement) > 1.0
     assert np.allclose(found[deep], elastic[deep])
-
-
-def test_softening_and_set_act_below_the_largest_depth():
     plain, softened = force(bonded()), force(bonded(StressSoftening(0.4)))
     assert np.array_equal(softened[: HELD + 1], plain[: HELD + 1])
     half = HELD + 100
@@ -380,19 +377,13 @@ def test_a_specimen_slides_no_farther_than_its_interface_bears():
     assert np.allclose(found[HELD + 1 :], elastic.force(way_back), atol=1e-12)
 
 
-def test_inertia_shows_only_where_the_platen_speeds_up():
+def test_inertia_a_soft_frame_and_adhesion():
     path = motion([0.0, 0.1, 0.2], [0.0, 0.1, 0.2], 1.0, [1000.0, 0.0, 0.0])
     assert np.allclose(force(bonded(Inertia(1e-4)), path) - force(bonded(), path), [0.1, 0.0, 0.0])
-
-
-def test_a_soft_frame_gives_way_by_its_share():
     compliance = 0.05
     found = force(loose(FrameCompliance(compliance)))
     shortened = replace(PRESS, displacement=PRESS.displacement - compliance * found)
     assert np.max(np.abs(force(loose(), shortened) - found)) < 1e-5 * found.max()
-
-
-def test_adhesion_pulls_no_harder_than_its_strength():
     found = force(loose(Adhesion(0.05)))
     assert np.isclose(found.min(), -0.05, rtol=0.01)
     assert np.array_equal(np.maximum(found, 0.0), force(loose()))
@@ -412,7 +403,7 @@ def test_slopes_are_those_of_differences(kind):
         assert np.mean(wrong) < 0.02  # a kink, as where contact is lost, may lie between
 
 
-def test_what_a_protocol_cannot_show():
+def test_what_protocols_and_records_cannot_show():
     full = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=True)
     assert [kind.name for kind in EFFECTS if kind.blind(full)] == ["interface_slip"]
     assert find("interface_slip").blind(replace(full, bonded=True)) is None
@@ -427,9 +418,6 @@ def test_what_a_protocol_cannot_show():
     assert find("frame_ringing").blind(slow) == "fewer than 4 readings fall in a period of 2 Hz"
     assert find("frame_ringing").unmeasured(replace(full, interval=0.1)) is None
     assert StressSoftening.blind(poor) == "no test unloads"
-
-
-def test_effects_made_of_a_speed_that_the_records_do_not_give():
     untimed = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=False, timed=False)
     blind = {kind.name for kind in EFFECTS if kind.unmeasured(replace(untimed, bonded=True))}
     assert blind == {"viscous_drag", "power_law_drag", "squeeze_film", "frame_ringing", "inertia"}

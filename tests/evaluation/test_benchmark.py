@@ -28,7 +28,7 @@ def session(measured):
     return Session.of_pad(measured)
 
 
-def test_a_file_gives_its_pad_its_motion_and_its_readings(measured, session):
+def test_a_file_gives_its_pad_whose_readings_are_like_its_own(measured, session):
     found = session.constants
     assert found.m == pytest.approx(B.m, rel=0.05)
     assert found.b == pytest.approx(B.b, rel=0.05)
@@ -39,10 +39,7 @@ def test_a_file_gives_its_pad_its_motion_and_its_readings(measured, session):
         assert times.size == test.time.size
         off = motion.displacement(times) - test.displacement
         assert np.sqrt(np.mean(off**2)) < 1e-3  # mm, the encoder's step
-
-
-def test_simulated_readings_of_the_pad_itself_are_like_those_of_the_file(measured, session):
-    """Their difference is the noise of both, and their noise floor is that of the file."""
+    # their difference is the noise of both, and their noise floor is that of the file
     again, hidden = Benchmark(session, 0.06, 0).measured(NOTHING, 0)
     assert hidden == {"share": 0.0, "parameters": {}}
     noise = prepare(measured).floor.total

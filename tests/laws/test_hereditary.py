@@ -177,12 +177,18 @@ def retraction(low):
     return time, np.array([0.0, 1.6, 1.6, 0.8, low, low, 0.5, 0.5])
 
 
-def test_a_loose_pad_never_pulls_and_a_bonded_one_does(paper_model):
+def test_a_loose_pad_never_pulls_nor_is_touched_at_negative_displacement(paper_model):
     time, depth = retraction(0.05)
     loose, glued = (force(paper_model("B", bonded=g), time, depth) for g in (False, True))
     assert np.min(glued) < -0.1
     assert np.min(loose) == 0.0
     assert np.array_equal(loose, np.maximum(glued, 0.0))
+    model = paper_model("B")
+    near, far = (force(model, *retraction(low)) for low in (0.0, -3.0))
+    time, _ = retraction(0.0)
+    assert np.array_equal(near, far)
+    assert np.all(force(model, time, -np.linspace(0.1, 2.0, time.size)) == 0.0)
+    assert np.all(force(paper_model("B", bonded=True), time, -0.1 * time)[1:] < 0.0)
 
 
 def test_slopes_are_finite_where_contact_is_lost(paper_model):
@@ -195,15 +201,6 @@ def test_slopes_are_finite_where_contact_is_lost(paper_model):
 
     slopes = jax.grad(total, argnums=(0, 1))(constants_of(model), jnp.asarray(depth))
     assert all(np.all(np.isfinite(x)) for x in slopes)
-
-
-def test_a_loose_pad_is_not_touched_at_negative_displacement(paper_model):
-    model = paper_model("B")
-    near, far = (force(model, *retraction(low)) for low in (0.0, -3.0))
-    time, _ = retraction(0.0)
-    assert np.array_equal(near, far)
-    assert np.all(force(model, time, -np.linspace(0.1, 2.0, time.size)) == 0.0)
-    assert np.all(force(paper_model("B", bonded=True), time, -0.1 * time)[1:] < 0.0)
 
 
 RELAXATION = Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([6.0, 0.5]))

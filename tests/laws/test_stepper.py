@@ -44,7 +44,7 @@ def test_a_state_is_saved_and_restored():
         stepper.restore(Stepper(draws(), DT, draws=7).state)
 
 
-def test_the_band_holds_its_share_of_the_draws():
+def test_the_band_holds_its_share_of_the_draws_and_one_draw_is_their_mean():
     stepper = Stepper(draws(), DT, draws=64)
     with pytest.raises(InputError, match="no step was made yet"):
         stepper.band()
@@ -53,9 +53,6 @@ def test_the_band_holds_its_share_of_the_draws():
     # each end lies between two draws
     assert np.mean((force > low) & (force < high)) == pytest.approx(0.9, abs=2 / 64)
     assert stepper.band(0.5)[0] > low
-
-
-def test_one_draw_is_the_mean_of_all():
     given = draws()
     stepper = Stepper(given, DT, draws=1)
     elastic = Exponential(given["m"].mean(), given["b"].mean())

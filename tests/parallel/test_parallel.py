@@ -40,9 +40,6 @@ def test_outcomes_come_in_order_whatever_works(processes):
     assert sorted(one.item for one in kept) == list(range(8))
     with ThreadPoolExecutor(2) as executor:
         assert answers(run_all(squared, range(8), engine_of(executor))) == alone
-
-
-def test_what_needs_no_work_passes_in_its_place(processes):
     items = [1, Fault("cannot be read"), 2, Outcome("known", 7), 4]
     for engine in (None, processes):
         found = answers(run_all(squared, items, engine))

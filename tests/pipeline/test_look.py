@@ -260,7 +260,7 @@ def test_the_command_leaves_numbers_words_and_a_picture(tmp_path):
     assert [phase["phase"] for phase in first["phases"]] == ["ramp", "hold"]
 
 
-def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
+def test_a_bad_file_does_not_lose_the_others_and_a_folder_stands_for_its_files(tmp_path):
     good = write(tmp_path / "good.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
     bad = tmp_path / "bad.csv"
     bad.write_text("time_s,displacement_mm\n0,0\n")
@@ -268,9 +268,6 @@ def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
     assert isinstance(result.exception, InputError)
     assert str(bad) in str(result.exception)
     assert (tmp_path / "out" / "look.json").exists()
-
-
-def test_a_folder_stands_for_its_files(tmp_path):
     folder = tmp_path / "tests"
     folder.mkdir()
     for name in ("one", "two"):

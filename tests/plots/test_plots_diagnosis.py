@@ -184,17 +184,13 @@ def words(figure):
 
 
 @every_case_and_width
-def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
+def test_nothing_leaves_the_page_or_overlaps_and_type_can_be_read(case, width):
     for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
         assert np.all(ink[:2] >= page[:2])
         assert np.all(ink[2:] <= page[2:])
         assert figure.get_figwidth() == pytest.approx(width / 25.4)
         assert min(t.get_fontsize() for t in texts(figure)) >= 6.0
-
-
-@every_case_and_width
-def test_titles_legends_and_notes_do_not_overlap(case, width):
     for figure, renderer in pages(case, width):
         inside = [axis.get_tightbbox(renderer) for axis in figure.axes]
         inside = [box for box in inside if box is not None]

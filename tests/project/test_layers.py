@@ -87,16 +87,13 @@ def test_every_module_is_in_exactly_one_layer_and_its_tests_in_a_folder_of_its_n
     assert folders - {"project", "validation"} == set(PLACE) - {"xp", "pytree"}
 
 
-def test_imports_point_upward_only():
+def test_imports_point_upward_only_and_the_simulator_shares_nothing():
     wrong = [
         f"{importer} imports {imported}"
         for importer, imported in IMPORTS
         if importer != FRONT and PLACE[imported] >= PLACE[importer]
     ]
     assert not wrong
-
-
-def test_the_simulator_shares_nothing_with_the_model():
     assert {imported for importer, imported in IMPORTS if importer == "simulate"} <= {"io"}
 
 

@@ -84,14 +84,11 @@ def page(out):
     return Page(write_report(out))
 
 
-def test_the_verdict_comes_first_and_the_questions_follow_in_order(page):
+def test_the_verdict_comes_first_and_each_question_is_answered_in_order(page):
     sections = [attrs["id"] for attrs in page.of("section")]
     assert sections == ["verdict", "constants", "compare", "fails", "effects", "use", "methods"]
     boxes = [attrs["class"] for attrs in page.of("article")]
     assert boxes == ["box missing_effect", "box adequate"]
-
-
-def test_each_question_is_answered_at_the_top(page):
     head = page.words[: page.words.index("Median, and the interval")]
     assert "m = 0.340" in head
     assert "B and C differ in v[1] and m." in head
@@ -155,7 +152,7 @@ def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
     assert "Exported already" not in use
 
 
-def test_every_figure_is_inside_with_words_for_it(out, page):
+def test_every_figure_is_inside_and_nothing_outside_is_referred_to(out, page):
     pictures = page.of("img")
     drawn = 2 * len(FIGURES) + 1
     hidden = 3  # of the pad that lacks nothing
@@ -163,9 +160,6 @@ def test_every_figure_is_inside_with_words_for_it(out, page):
     assert all(len(attrs["alt"]) > 20 for attrs in pictures)
     assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
     assert len(page.of("figure")) == len(page.of("figcaption")) == len(pictures)
-
-
-def test_nothing_outside_the_page_is_referred_to(out, page):
     text = write_report(out).read_text(encoding="utf-8")
     links = [a[k] for _, a in page.elements for k in ("src", "href", "data", "action") if k in a]
     assert all(link.startswith(("data:", "#")) for link in links)

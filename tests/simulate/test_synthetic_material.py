@@ -83,9 +83,6 @@ def test_a_free_pad_lets_go_and_faster_loading_gives_a_higher_peak():
         peaks.append(Pad(TABLE_1["B"]).force(platen, platen.kinks).max())
     assert np.all(np.diff(peaks[:-1]) > 0)
     assert peaks[-1] == peaks[-2]
-
-
-def test_times_outside_the_program_or_out_of_order_are_refused():
     platen = Platen(paper_protocol(20.0))
     for times in ([0.0, 1e3], [-1.0, 0.0], [1.0, 0.5]):
         with pytest.raises(InputError):

@@ -118,11 +118,8 @@ def test_kinks_are_where_the_acceleration_jumps(rate):
     assert platen.kinks.size == (7 if rate == 100.0 else 8)
 
 
-def test_a_ramp_lasts_stroke_over_speed_plus_speed_over_acceleration():
+def test_a_ramp_lasts_its_time_and_the_platen_rests_outside():
     assert protocol(20.0).duration == pytest.approx((0.08 + 0.02) + 30 + (0.8 + 0.001) + 30)
-
-
-def test_platen_rests_outside_the_program():
     platen = protocol(10.0)
     outside = np.array([-1.0, platen.duration + 1.0])
     assert platen.displacement(outside) == pytest.approx([0.0, 0.8])
@@ -156,9 +153,6 @@ def test_noise_has_the_size_that_is_stated():
         TABLE_1["B"], paper_protocol(20.0), NOISES["none"], np.random.default_rng(5)
     )
     assert np.array_equal(record.force, record.true_force)
-
-
-def test_neighbouring_samples_of_a_test_differ_by_the_white_noise_alone():
     record = simulate_test(
         TABLE_1["B"], paper_protocol(20.0), NOISES["correlated"], np.random.default_rng(5)
     )

@@ -67,16 +67,13 @@ def late(values):
     return np.concatenate([values[:1], values[:-1]])
 
 
-def test_the_force_is_the_headers(unit):
+def test_forces_and_displacements_are_the_headers_for_every_draw(unit):
     path, program = unit
     found = simulated(path, "displacement_in", DEPTH)
     expected, touched = program.force(TIME, late(DEPTH))
     assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
     assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= 1e-12
     assert np.array_equal(found["contact"], touched)
-
-
-def test_a_force_can_be_prescribed(unit):
     path, program = unit
     force = np.interp(TIME, [0.0, 0.1, 2.0], [0.0, 1.0, 1.0])
     found = simulated(path, "force_in", force, start_values={"prescribe_force": True})
@@ -86,9 +83,6 @@ def test_a_force_can_be_prescribed(unit):
     assert np.max(np.abs(found["force"] - bears)) <= 1e-12
     asked = late(force) > 0.04  # what is read unloaded is the least
     assert np.max(np.abs(bears - late(force))[asked]) <= 1e-12
-
-
-def test_a_draw_of_the_posterior_can_be_chosen(unit):
     path, program = unit
     found = simulated(path, "displacement_in", DEPTH, start_values={"draw": 3})
     expected, _ = program.force(TIME, late(DEPTH), draw=2)

@@ -129,10 +129,14 @@ def test_a_program_that_stops_is_stored_as_a_failure(monkeypatch):
     json.dumps(found, allow_nan=False)
 
 
-def test_the_standard_error_is_binomial_and_never_zero():
+def test_rates_have_binomial_errors_and_truth_the_names_of_a_fit():
     assert Rate(50, 100).error == pytest.approx(0.05)
     assert Rate(100, 100).error > 0.0
     assert str(Rate(0, 0)) == "-"
+    values = true_values(Law(**LAW))
+    assert list(values) == ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
+    assert values["c[0]"] == pytest.approx(1.0 - 0.4 - 0.2)
+    assert values["v[1]"] == 6.0
 
 
 def test_rates_have_binomial_errors_and_coverage_is_of_the_papers_constants():
@@ -149,13 +153,6 @@ def test_rates_have_binomial_errors_and_coverage_is_of_the_papers_constants():
     off = case(verdict="ambiguous", m=TRUE_M + 0.03)
     assert coverage([off])["m"].after == Rate(0, 1)
     assert coverage([off | {"found": {"m": [TRUE_M + 0.02, 0.02]}}])["m"].after == Rate(1, 1)
-
-
-def test_true_values_have_the_names_of_a_fit():
-    values = true_values(Law(**LAW))
-    assert list(values) == ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
-    assert values["c[0]"] == pytest.approx(1.0 - 0.4 - 0.2)
-    assert values["v[1]"] == 6.0
 
 
 def relaxation(c, v, shares, rates, t):

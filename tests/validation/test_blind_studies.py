@@ -119,7 +119,7 @@ def test_noise_that_changes_changes_the_noise_alone():
             assert np.mean(changed[large] ** 2) > 9.0 * np.mean(changed[small] ** 2)
 
 
-def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
+def test_late_starts_and_lost_readings():
     time = np.arange(0.0, 10.0, 0.01)
     way = np.minimum(time, 1.6)
     one = Test("a", "p", time, way, 2.0 * way, start_s=50.0)
@@ -132,9 +132,6 @@ def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
         assert test.time[0] == 0.0
         assert test.displacement[0] == pytest.approx(start)
         assert np.allclose(clock, test.time + start)
-
-
-def test_lost_readings_are_few_zeros_in_one_channel():
     time = np.arange(0.0, 10.0, 0.01)
     one = Test("a", "p", time, 1.0 + time, 2.0 + time)
     pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
@@ -192,7 +189,7 @@ def both(one, two):
     return one.motions.values(), two.motions.values()
 
 
-def test_the_sine_is_one():
+def test_sines_swings_and_creeping_holds():
     track = sine(1.6, 0.5, 3)
     t = np.linspace(0.0, track.duration, 5000, endpoint=False)
     turn = 2.0 * np.pi * 0.5
@@ -202,9 +199,6 @@ def test_the_sine_is_one():
     assert (
         np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
     )
-
-
-def test_a_swing_goes_from_rest_to_rest_and_a_creeping_hold_moves_on():
     pieces = swing(-0.7, 3.0)
     assert pieces[-1].end == pytest.approx(-0.7, rel=1e-12)
     assert min(p.velocity for p in pieces) == pytest.approx(-3.0)
@@ -377,7 +371,7 @@ def case(kind="single", names=("friction",), verdict="missing_effect", effects=(
     }  # fmt: skip
 
 
-def test_named_is_exactly_what_is_hidden():
+def test_what_is_named_and_grouped():
     assert is_named(case(effects=("friction",)))
     assert not is_named(case(effects=("friction", "inertia")))
     assert not is_named(case(verdict="ambiguous", effects=("friction",)))
@@ -387,8 +381,6 @@ def test_named_is_exactly_what_is_hidden():
     assert is_named(case("outside_beside", hidden, "partly_explained", ("friction",)))
     assert not is_named(case("outside_beside", hidden, "unexplained"))
 
-
-def test_a_group_is_the_verdicts_own_and_small():
     def ambiguous(*group):
         return case(verdict="ambiguous", effects=("inertia",), group=group)
 

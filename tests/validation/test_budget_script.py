@@ -36,9 +36,6 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
     least = least_squares(density, fit, rms(fit))
     assert least <= rms(fit) < rms(far) / MOST
     assert least_squares(density, far, rms(far)) == pytest.approx(least, rel=0.01)
-
-
-def test_a_fit_is_set_against_least_squares_of_the_same_tests():
     experiment = prepare(make_study(Registration.read("bounds").population, 283).pad)
     found = by_fit(experiment, Choices())
     assert found["ratio"] == found["rms_N"] / found["least_N"] >= 1.0

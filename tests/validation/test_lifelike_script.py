@@ -31,7 +31,7 @@ def test_twenty_studies_hide_what_a_block_holds_and_every_name_comes():
     assert all(len(set(one.names)) == 2 for one in items if one.scene == "double")
 
 
-def test_truth_lies_in_its_ranges(study):
+def test_truth_the_unlisted_part_and_the_noise_have_their_sizes(study):
     low, high = UNLISTED_SHARE
     assert 0.97 * low < study.unlisted_share < 1.03 * high
     noise = np.hypot(study.cell.white, study.cell.correlated)
@@ -41,10 +41,7 @@ def test_truth_lies_in_its_ranges(study):
     assert abs(study.rig.contact) <= CONTACT_MM
     assert 4 <= len(study.pad.tests) <= 9
     assert all(value >= SEEN for value in study.seen.values())
-
-
-def test_the_unlisted_part_and_the_noise_have_their_sizes(study):
-    """Measured in the arrays, phase by phase."""
+    # measured in the arrays, phase by phase
     parts = [a - b for a, b in zip(study.forces(), study.forces(unlisted=False), strict=True)]
     squares = []
     for motion, t, part in zip(study.rig.motions.values(), study.rig.times, parts, strict=True):
