@@ -119,7 +119,7 @@ def test_equal_is_not_the_same_as_not_shown_to_differ(direction, equivalence, wa
     assert answer(direction, equivalence) == wanted
 
 
-def test_equals_fail_the_joint_test_in_one_per_cent_of_cases():
+def test_the_joint_test_is_a_chi_square_that_equals_fail_in_one_per_cent():
     """Its p-values are uniform over pairs of equal pads, each with an error of its own."""
     rng = np.random.default_rng(5)
     truth = table_1("B")
@@ -130,10 +130,7 @@ def test_equals_fail_the_joint_test_in_one_per_cent_of_cases():
     alarms = np.mean(np.array(p_values) < FALSE_ALARMS)
     assert alarms < FALSE_ALARMS + 3.0 * np.sqrt(FALSE_ALARMS / 400)
     assert kstest(p_values, "uniform").pvalue > 1e-3
-
-
-def test_the_joint_test_is_the_chi_square_of_the_difference():
-    """One constant, in the logarithm."""
+    # one constant, in the logarithm
     rng = np.random.default_rng(6)
     first, second = np.exp(rng.normal(0.0, 0.1, 500)), np.exp(rng.normal(0.3, 0.2, 500))
     found = joint_test({"m": first}, {"m": second})

@@ -81,9 +81,15 @@ def test_the_verdict_follows_from_the_probabilities(decided, weights, verdict, e
     assert (set(found.effects), set(found.group)) == (set(effects.split()), set(group.split()))
 
 
-def test_what_is_named_beside_something_outside_is_part_of_the_truth():
+def test_what_stands_for_the_answer_beside_something_outside_and_noise():
     found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
     assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
+    weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
+    assert weights[decide(weights).selected].effects == {"drag"}
+    weights = [weight("drag", 0.98, unmodelled=0.7), weight("", 0.02, unmodelled=0.9)]
+    assert decide(weights).unmodelled == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+    found = decide(ignore_unmodelled(weights))
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
@@ -94,18 +100,6 @@ def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
     assert found.selected == both.selected
     alone = decide([weight("set drag", 1.0)])
     assert one_of(alone, ("set", "softening"), 3) == alone
-
-
-def test_what_stands_for_the_answer_has_just_the_effects_named():
-    weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
-    assert weights[decide(weights).selected].effects == {"drag"}
-
-
-def test_what_passes_as_noise_is_not_outside():
-    weights = [weight("drag", 0.98, unmodelled=0.7), weight("", 0.02, unmodelled=0.9)]
-    assert decide(weights).unmodelled == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
-    found = decide(ignore_unmodelled(weights))
-    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
@@ -169,14 +163,11 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
-def test_what_is_likely_without_a_refused_effect_is_named():
+def test_what_is_left_of_refused_effects_is_named_and_nothing_in_their_place():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
     found = decide(restrict_to(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.selected].effects == {"inertia"}
-
-
-def test_what_takes_the_place_of_a_refused_effect_is_not_named():
     weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
     found = decide(restrict_to(weights, {"drag"}))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
@@ -247,7 +238,7 @@ def test_an_effect_is_named_by_its_family_and_its_forms_are_no_group():
     assert (found.verdict, found.group) == ("ambiguous", ("friction", "lag"))
 
 
-def test_what_names_nothing_is_outside_and_never_named():
+def test_what_names_nothing_is_outside_and_what_raises_the_error_is_not_named():
     weights = within(weight("wander", 0.98), weight("", 0.02))
     found = decide(weights)
     assert (found.verdict, found.effects, found.inclusion) == ("unexplained", (), {})
@@ -258,9 +249,6 @@ def test_what_names_nothing_is_outside_and_never_named():
     assert found.unmodelled == pytest.approx(0.6)
     inside = decide(ignore_unmodelled(weights))
     assert (inside.verdict, inside.selected) == ("missing_effect", 1)
-
-
-def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
     weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
     found = decide(restrict_to(weights, {"lag"}))
     assert (found.verdict, found.effects, found.selected) == ("missing_effect", ("lag",), 1)

@@ -116,7 +116,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_the_command_says_what_was_averaged(folder):
+def test_the_command_says_what_was_averaged_and_the_fit_alone_is_to_be_had(folder):
     status, _, err = call("predict", folder, "--program", PROGRAM)
     assert status == 0
     for pad in "BD":
@@ -128,9 +128,6 @@ def test_the_command_says_what_was_averaged(folder):
         content = read_json(folder / pad / "prediction.json")
         assert [one["probability"] for one in content["averaged"]] == [0.75, 0.25]
         assert content["draws"] == 400
-
-
-def test_the_fit_alone_is_to_be_had(folder):
     status, _, err = call(
         "predict", folder, "--program", PROGRAM, "--hypotheses", "fitted", "--pad", "B"
     )

@@ -71,14 +71,11 @@ def test_what_the_user_put_in_takes_its_family():
     assert prior({"a2"}, alone) == pytest.approx(1 / 4 / 2 / 2)
 
 
-def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
+def test_families_follow_from_the_classes_and_are_counted():
     listed = Families.from_kinds(EFFECTS)
     for some in ((), ("friction",), ("friction", "inertia")):
         expected = 0.5 ** (len(some) + 1) / math.comb(len(EFFECTS), len(some))
         assert prior(some, listed) == pytest.approx(expected)
-
-
-def test_families_follow_from_the_effects_classes():
     families = Families.from_kinds(EVERY)
     forms = ["pressure_friction", "sharp_friction", "guide_friction"]
     assert families.members("friction") == ["friction", *forms]

@@ -269,7 +269,7 @@ def test_drags_follow_their_laws():
     assert np.isclose(extra[199], 8.0 * extra[0])
 
 
-def test_fluid_pressure_drains_in_a_hold_at_its_own_rate():
+def test_pressure_drains_at_its_rate_and_leaks_and_drifts_go_by_the_clock():
     depth = PRESS.displacement
     extra = force(bonded(FluidPressure(0.2, 2.0, 0.7))) - force(bonded())
     held = LOADING.nonzero()[0][-1]
@@ -277,9 +277,6 @@ def test_fluid_pressure_drains_in_a_hold_at_its_own_rate():
     assert np.isclose(extra[300], extra[held] * np.exp(-after * np.exp(-0.7 * 1.6) / 2.0))
     undrained = force(bonded(FluidPressure(0.2, 1e9, 0.0))) - force(bonded())
     assert np.allclose(undrained, 0.2 * depth, atol=1e-8)
-
-
-def test_leak_and_drift_go_by_the_clock_of_the_pad():
     later = replace(PRESS, start=jnp.asarray(600.0))
     plain = force(bonded())
     leak = np.exp(-1e-3 * (600.0 + np.asarray(PRESS.time)))

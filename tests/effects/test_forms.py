@@ -360,10 +360,7 @@ def test_what_names_nothing_follows_legendres_polynomials(paper_model):
     assert np.allclose(changed, plain * (1.0 + 0.1 * legval(clock, coefficients)), atol=1e-12)
     shifted = np.asarray((paper_model("B") + OffsetsByTest(0.1, -0.7, 0.4, 500.0)).force(motion))
     assert np.allclose(shifted - plain, 0.1 * legval(0.2, coefficients), atol=1e-12)
-
-
-def test_any_four_tests_have_offsets_of_their_own(paper_model):
-    """Three numbers and force_offset's: the offsets' matrix has full rank."""
+    # three numbers and force_offset's: the offsets' matrix has full rank
     starts = np.array([0.0, 70.0, 300.0, 420.0])
 
     def offsets(constants):

@@ -103,15 +103,12 @@ def test_a_broken_one_is_refused_by_its_name(install, name: str, term: str, word
         installed_effects()
 
 
-def test_an_installed_layout_is_tried_after_the_packages_own(install) -> None:
+def test_an_installed_layout_is_tried_last_and_a_law_that_is_none_refused(install):
     install(catalogue.FORMAT_POINTS, "OURS", LAYOUT)
     assert [kind.name for kind in known_formats()] == [*(f.name for f in FORMATS), "our-lab"]
     install(catalogue.FORMAT_POINTS, "replace", LAYOUT)
     with pytest.raises(InputError, match="no Layout"):
         known_formats()
-
-
-def test_an_installed_law_that_is_none_is_refused(install) -> None:
     install(catalogue.LAW_POINTS, "OURS", LAYOUT)
     with pytest.raises(InputError, match="law ours of the installed package our-lab"):
         installed_laws()

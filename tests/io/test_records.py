@@ -280,16 +280,13 @@ def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
     assert found.zero == 0.0
 
 
-def test_the_kept_workbooks():
+def test_the_kept_workbooks_and_the_curve_of_an_afm():
     pytest.importorskip("python_calamine")
     found = convert([shared("allongement.xlsx")], Answers.from_words(pad_from="[A-Z]+"))
     assert [test.pad for test in found.tests] == ["AA", "AA", "BB", "BB"]
     assert len(convert([shared("mean_named_last.xlsx")]).tests) == 2
     with pytest.raises(InputError, match="the file is cut off or damaged"):
         convert([shared("old.xls")])
-
-
-def test_the_kept_curve_of_an_afm_asks_nothing():
     pytest.importorskip("afmformats")
     (found,) = convert([shared("press_pause_back.tab")]).tests
     assert (found.signs.way, found.signs.load) == (1, 1)

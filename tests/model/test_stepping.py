@@ -88,7 +88,7 @@ def test_a_ramp_may_be_cut_into_any_steps(paper_model):
         assert abs(stepped(model, path, 0.08 / parts)[-1] - once) < 1e-12 * once
 
 
-def test_a_loose_specimen_is_never_pulled(paper_model):
+def test_a_loose_specimen_is_never_pulled_and_a_bonded_one_is(paper_model):
     """Under no load the platen stays on the surface, which comes back by itself."""
     model = paper_model("B")
     load = np.where(TIME < 1.0, 1.0, np.where(TIME < 1.01, 0.5, -0.5))
@@ -100,9 +100,6 @@ def test_a_loose_specimen_is_never_pulled(paper_model):
     # the surface is where a stuck platen would carry no force either
     stuck = paper_model("B", bonded=True)
     assert np.max(np.abs(np.asarray(stepped(stuck, place, DT))[TIME >= 1.01])) < 1e-14
-
-
-def test_a_bonded_specimen_is_pulled(paper_model):
     model = paper_model("B", bonded=True)
     place = solved(model, np.full(TIME.shape, -0.05), DT)
     assert np.all(np.asarray(place) < 0.0)

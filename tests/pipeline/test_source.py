@@ -29,7 +29,7 @@ def names(source):
     return [one.pads[0].name for one in source if isinstance(one, Measurements)]
 
 
-def test_machines_files_are_tests_of_one_pad_with_one_contact(stage):
+def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
     for files in (stage, sorted(stage.iterdir())):
         source = Source.from_files(files)
         (pad,) = source.read.pads
@@ -37,9 +37,6 @@ def test_machines_files_are_tests_of_one_pad_with_one_contact(stage):
         assert len({test.contact_stage for test in pad.tests}) == 1
         assert source.is_complete
         assert source.grouping.startswith("read: pad pad of 3 tests")
-
-
-def test_the_user_names_the_pad_or_the_pads(stage):
     assert names(Source.from_files(stage, only=["stay"])) == ["stay"]
     assert names(Source.from_files(stage, only=["A", "B", "A"])) == ["A", "B"]
     (single, *_) = sorted(stage.iterdir())

@@ -304,7 +304,7 @@ def real():
 
 
 @pytest.mark.slow
-def test_curves_hold_the_stages_errors_and_most_readings(real):
+def test_curves_hold_errors_and_readings_and_measured_sds_shape_the_band(real):
     shown = curves(real)
     assert real.result.tried == ("viscous_drag",)
     for model, stage in (("plain", real.result.stages[0]), ("final", real.result.stages[-1])):
@@ -318,10 +318,6 @@ def test_curves_hold_the_stages_errors_and_most_readings(real):
     # of all tests, as correlated noise wanders within one
     inside = [(c.observed > c.final.low) & (c.observed < c.final.high) for c in shown]
     assert 0.8 < np.concatenate(inside).mean() < 0.98
-
-
-@pytest.mark.slow
-def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
     noisier = tuple(3.0 * weights for weights in samples.weights)
     work = dataclasses.replace(real.work, samples=dataclasses.replace(samples, weights=noisier))

@@ -184,7 +184,7 @@ def test_the_same_results_give_the_same_page(out):
     assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
 
 
-def test_a_fit_alone_says_what_was_not_done(tmp_path):
+def test_a_fit_alone_says_what_was_not_done_and_that_it_has_not_converged(tmp_path):
     for pad in ("B", "C"):
         write(tmp_path / pad / "summary.json", summary(pad))
     words = Page(write_report(tmp_path)).words
@@ -192,9 +192,6 @@ def test_a_fit_alone_says_what_was_not_done(tmp_path):
     for command in (f"check {out}", f"diagnose FILE -o {out}", f"compare {out}"):
         assert f"qlvbayes {command}" in words
     assert "0.340" in words
-
-
-def test_a_chain_that_has_not_converged_is_said_in_the_box(tmp_path):
     content = summary("B") | {"converged": False, "troubles": ["R-hat of m is 1.4"]}
     write(tmp_path / "B" / "summary.json", content)
     assert (

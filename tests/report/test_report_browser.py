@@ -125,14 +125,11 @@ def test_nothing_sticks_out_of_the_page(browser, report, width):
     opened.context.close()
 
 
-def test_without_scripts_the_drawn_figures_stand_in(browser, report):
+def test_without_scripts_and_on_paper_figures_stand_in_and_all_is_unfolded(browser, report):
     opened = Visit(browser, report, java_script_enabled=False)
     assert opened.page.locator(".still img").first.is_visible()
     assert not opened.page.locator(".live").first.is_visible()
     opened.context.close()
-
-
-def test_on_paper_figures_stand_in_and_all_is_unfolded(browser, report):
     opened = Visit(browser, report)
     opened.page.emulate_media(media="print")
     opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")

@@ -179,7 +179,7 @@ def test_whatever_the_force_does_the_displacement_bears_it(compiled, case):
 
 
 @needs_gcc
-def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
+def test_pads_without_a_force_recover_and_what_bears_none_is_told(compiled):
     _, program, _ = compiled({"elastic": "exponential"})
     time = np.linspace(0.0, 60.0, 600)
     force = np.where(time < 5.0, 1.0, np.where(time < 6.0, -1.0, 0.0))
@@ -189,20 +189,12 @@ def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
     assert np.all(np.diff(depth[~left]) > 0.0)  # creep
     assert np.all(np.diff(depth[left]) < 0.0)  # recovery
     assert np.all(depth[left] > 0.0)
-
-
-@needs_gcc
-def test_a_force_that_no_displacement_bears_is_told(compiled):
-    """Glued, an exponential pad pulls with m/b at most, however fast."""
+    # glued, an exponential pad pulls with m/b at most, however fast
     pad, program, _ = compiled({"bonded": True})
     most = float(pad.elastic.m / pad.elastic.b)
     found, _ = program.displacement(np.array([0.0, 1.0, 2.0]), np.array([0.1, -1.01 * most, 0.1]))
     assert np.isnan(found).tolist() == [False, True, False]
-
-
-@needs_gcc
-def test_touch_is_that_of_the_specimen(compiled):
-    """With an offset of the load cell the reading of an untouched pad is not 0."""
+    # with an offset of the load cell the reading of an untouched pad is not 0
     _, program, model = compiled({"effects": TOGETHER})
     time, depth = retracting()
     _, touched = program.force(time, depth)

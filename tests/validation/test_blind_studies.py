@@ -399,7 +399,7 @@ def test_a_form_may_be_called_by_its_family():
     assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
 
 
-def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
+def test_the_rigs_gap_and_a_mode_that_the_law_lacks_are_neither_wanted_nor_wrong():
     rig, gap = {"rig": {"gap_mm": 0.01}}, "contact_offset"
     assert is_named(case(effects=("friction", gap)) | rig)
     assert not is_named(case(effects=(gap,)) | rig)
@@ -412,8 +412,6 @@ def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
     rivals = case(verdict="ambiguous", effects=(gap, "inertia"), group=("inertia", "friction"))
     assert is_grouped(rivals | rig)
 
-
-def test_a_mode_that_the_base_law_lacks_is_neither_wanted_nor_wrong():
     def on_laws(true, base, *effects):
         laws = {"strata": {"relaxation": true}, "base": {"relaxation": base}}
         return case("none", (), effects=effects) | laws

@@ -51,7 +51,7 @@ def test_a_law_of_the_plain_model_predicts_fresh_tests() -> None:
     assert law.record.parameters["k" if "k" in law.record.parameters else "k1"].sd > 0.0
 
 
-def test_cases_are_counted_by_scene() -> None:
+def test_cases_are_counted_by_scene_and_fresh_tests_have_no_noise():
     case = {"scene": "outsider", "verdict": "unexplained", "law": "x", "fresh": [1.0, 0.4]}
     cases = [
         case,
@@ -61,9 +61,6 @@ def test_cases_are_counted_by_scene() -> None:
     ]
     found = {words: (rate.hits, rate.n) for words, (rate, _) in described.rates(cases).items()}
     assert list(found.values()) == [(2, 3), (2, 3), (1, 3), (1, 3), (0, 1), (0, 0)]
-
-
-def test_noise_free_fresh_tests() -> None:
     study = make_study(SEED, NOTHING)
     last = study.fresh[0].force[-20:]
     assert np.ptp(np.diff(last, 2)) < 0.01 * study.noise

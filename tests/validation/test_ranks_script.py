@@ -38,15 +38,7 @@ def test_uniform_ranks_pass_and_biased_ones_fail():
     assert not passes(fits(biased))
 
 
-def test_shares_and_their_bands():
-    assert inside(range(DRAWS + 1), 0.9) == pytest.approx(0.9)
-    assert inside(range(DRAWS + 1), 0.5) == pytest.approx(0.5)
-    low, high = band(100, 0.9)
-    assert 0.8 < low < 0.85
-    assert 0.95 < high < 1.0
-
-
-def test_the_truth_is_drawn_from_the_priors_that_the_fit_gets():
+def test_the_truth_is_drawn_from_the_priors_and_shares_have_bands():
     rng = np.random.default_rng(1)
     pads = [drawn(rng)[0] for _ in range(2000)]
     for name, values in (("m", [p.m for p in pads]), ("v[2]", [p.v[1] for p in pads])):
@@ -55,6 +47,11 @@ def test_the_truth_is_drawn_from_the_priors_that_the_fit_gets():
         assert np.std(np.log(values)) == pytest.approx(spread, rel=0.07)
     assert all(p.v[0] > p.v[1] for p in pads)
     assert f"m=lognormal({_LOGNORMAL['m'][0]!r},0.4)" in Kind().choices.priors
+    assert inside(range(DRAWS + 1), 0.9) == pytest.approx(0.9)
+    assert inside(range(DRAWS + 1), 0.5) == pytest.approx(0.5)
+    low, high = band(100, 0.9)
+    assert 0.8 < low < 0.85
+    assert 0.95 < high < 1.0
 
 
 @pytest.mark.parametrize("broken", ["jacobian", "noise"])
