@@ -144,16 +144,13 @@ def test_only_who_has_the_token_and_comes_from_the_page_is_answered(served, head
     assert (status == 403) == ("error" in answer.json())
 
 
-def test_what_changes_something_needs_a_header_that_no_form_sends(served):
+def test_the_token_becomes_a_cookie_and_what_changes_something_needs_a_header(served):
     content = {"open": "hidden"}
     with httpx.Client(
         base_url=served.base, headers={"Authorization": f"Bearer {served.token}"}
     ) as c:
         assert c.post("/api/sessions", json=content).status_code == 403
         assert c.delete("/api/s/anything").status_code == 403
-
-
-def test_the_token_in_the_address_becomes_a_cookie(served):
     with httpx.Client(base_url=served.base) as visitor:
         assert visitor.get("/").status_code == 403
         assert visitor.get("/?token=wrong").status_code == 403
@@ -176,16 +173,12 @@ def test_only_files_of_the_page_are_served(served, name):
     assert served.client.get(f"/static/{name}").status_code == 404
 
 
-def test_a_request_that_is_too_long_is_refused(served):
+def test_a_request_that_is_too_long_or_no_json_object_is_refused(served):
     answer = served.client.post("/api/sessions", content=b" " * 2_000_000)
     assert answer.status_code == 413
     assert "too large" in answer.json()["error"]["text"]
-
-
-@pytest.mark.parametrize("content", [b"", b"[]", b"{", b"\xff"])
-def test_what_is_no_json_object_is_refused(served, content):
-    answer = served.client.post("/api/sessions", content=content)
-    assert answer.status_code == 422
+    for content in (b"", b"[]", b"{", b"\xff"):
+        assert served.client.post("/api/sessions", content=content).status_code == 422
 
 
 def test_what_is_not_there_is_told(served, opened):

@@ -7,7 +7,7 @@ from qlvbayes.io.units import PAD, STRAIN, SUFFIXES, column_name
 from qlvbayes.laws.elastic.hertz import HertzPower
 
 
-def test_units_follow_from_displacement_and_force():
+def test_units_follow_from_displacement_and_force_and_columns_carry_suffixes():
     units = (PAD.displacement, PAD.force, *map(PAD.of, ("stiffness", "exponent", "rate", "speed")))
     assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
     assert not PAD.bonded_default
@@ -17,6 +17,11 @@ def test_units_follow_from_displacement_and_force():
     assert units == ("1", "kPa", "kPa", "1")
     assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
     assert STRAIN.bonded_default
+    for scales in SUFFIXES.values():
+        first = next(iter(scales.values()))
+        assert (first.up, first.down) == (1, 1)
+    assert column_name("force", "mN") == "force_mN"
+    assert column_name("strain", "") == "strain"
 
 
 @pytest.mark.parametrize(
@@ -40,11 +45,3 @@ def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
     values = np.array([1.0])
     SUFFIXES[quantity][suffix].convert(values)
     assert values[0] == ours
-
-
-def test_every_quantity_has_our_own_unit_first_and_columns_carry_suffixes():
-    for scales in SUFFIXES.values():
-        first = next(iter(scales.values()))
-        assert (first.up, first.down) == (1, 1)
-    assert column_name("force", "mN") == "force_mN"
-    assert column_name("strain", "") == "strain"

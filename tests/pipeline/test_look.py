@@ -101,16 +101,13 @@ def rich(tmp_path_factory):
     return seen(tmp_path_factory.mktemp("rich"), tests, starts=[0.0, 100.0])
 
 
-def test_one_press_and_a_hold_show_stiffness_and_relaxation_alone(plain):
+def test_what_shows_follows_from_what_the_tests_do(plain, rich):
     found = answers(plain[0])
     assert found["m"].answer == found["c"].answer == "yes"
     shown = {name for name, one in found.items() if one.answer == "yes"}
     assert shown <= {"m", "c", "inertia", "frame_ringing"}
     assert all(one.remedy for one in found.values() if one.answer != "yes")
     assert "one load" in plain[0].shown[-1].reason
-
-
-def test_every_part_is_shown_by_tests_that_are_made_for_it(rich):
     look, _ = rich
     assert {one.answer for one in look.shown if not one.effects or one.effects[0] != "inertia"} == {
         "yes"

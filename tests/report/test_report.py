@@ -84,7 +84,7 @@ def page(out):
     return Page(write_report(out))
 
 
-def test_the_verdict_comes_first_and_each_question_is_answered_in_order(page):
+def test_the_verdict_comes_first_with_errors_before_and_after_beside_the_noise(page, out):
     sections = [attrs["id"] for attrs in page.of("section")]
     assert sections == ["verdict", "constants", "compare", "fails", "effects", "use", "methods"]
     boxes = [attrs["class"] for attrs in page.of("article")]
@@ -96,9 +96,6 @@ def test_the_verdict_comes_first_and_each_question_is_answered_in_order(page):
     assert "Pad B: viscous_drag (steps of the force" in head
     assert "Pad C: nothing that these tests can show" in head
     assert "wrong model" not in head
-
-
-def test_errors_before_and_after_stand_beside_the_noise(out):
     box = verdict_box(collect(out).pads[0])
     texts = [text.replace("\u00a0", " ") for _, _, text, _ in box.bars]
     assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
@@ -134,7 +131,7 @@ def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law
     assert (again in warned) == said
 
 
-def test_methods_say_how_to_repeat_it(page):
+def test_methods_and_commands_say_how_to_repeat_and_use_it(page, out):
     tail = page.words[page.words.index("How this was done") :]
     assert "qlvbayes study data/pads.csv -o results --seed 7" in tail
     assert "ab" * 32 in tail
@@ -143,16 +140,13 @@ def test_methods_say_how_to_repeat_it(page):
     assert "probability over all hypotheses from which an effect is named 0.9" in tail
     assert "beam" not in tail
     assert "/somewhere" not in tail
-
-
-def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
     use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
     assert f"qlvbayes check {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
     assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
     assert "Exported already" not in use
 
 
-def test_every_figure_is_inside_and_nothing_outside_is_referred_to(out, page):
+def test_every_figure_is_inside_nothing_outside_is_referred_to_and_the_page_repeats(out, page):
     pictures = page.of("img")
     drawn = 2 * len(FIGURES) + 1
     hidden = 3  # of the pad that lacks nothing
@@ -168,6 +162,7 @@ def test_every_figure_is_inside_and_nothing_outside_is_referred_to(out, page):
     assert not page.of("iframe")
     anchors = {attrs["id"] for _, attrs in page.elements if "id" in attrs}
     assert {link[1:] for link in links if link.startswith("#")} <= anchors
+    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -178,10 +173,6 @@ def test_the_elastic_law_is_written_with_its_own_constants(tmp_path, word, law):
     write(tmp_path / "B" / "summary.json", summary("B"))
     formula = methods_of(collect(tmp_path)).law.partition(" = ")[2].partition(",")[0]
     assert set(re.findall(r"[a-z]", formula.replace("exp", ""))) == set(law.units)
-
-
-def test_the_same_results_give_the_same_page(out):
-    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
 
 
 def test_a_fit_alone_says_what_was_not_done_and_that_it_has_not_converged(tmp_path):
@@ -242,7 +233,7 @@ def test_the_page_stays_small_and_names_the_figures_it_leaves_out(tmp_path):
     assert "Left out to keep this page small: A/forces.png" not in words
 
 
-def test_curves_are_drawn_as_they_were_left(out):
+def test_curves_are_drawn_as_they_were_left_or_thinned_to_the_ends_of_phases(out, tmp_path):
     pad = collect(out).pads[0]
     chart = chart_of(pad)
     left = curves("B", ("viscous_drag",), NOISE)["tests"]
@@ -252,9 +243,6 @@ def test_curves_are_drawn_as_they_were_left(out):
         missed = [a - b for a, b in zip(drawn["mean"], drawn["plain"], strict=True)]
         assert max(missed) == pytest.approx(3.7 * NOISE)
     assert chart["tests"][chart["first"]]["name"] == "B-fast"
-
-
-def test_long_curves_are_thinned_but_keep_the_ends_of_phases(tmp_path):
     write(tmp_path / "B" / "summary.json", summary("B"))
     write(tmp_path / "B" / "curves.json", curves("B", samples=4000))
     test = chart_of(collect(tmp_path).pads[0])["tests"][0]

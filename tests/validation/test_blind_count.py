@@ -65,7 +65,7 @@ def nothing(verdict="adequate", **more):
     return case(kind="none", names=(), verdict=verdict, effects=effects, **more)
 
 
-def test_the_papers_population_is_balanced():
+def test_the_papers_population_is_balanced_and_hides_only_the_chosen_effects():
     """Less white noise, which a user may ask for."""
     assert set(PAPER_STRATA) == set(STRATA)
     assert all(set(levels) <= set(STRATA[name]) for name, levels in PAPER_STRATA.items())
@@ -76,9 +76,6 @@ def test_the_papers_population_is_balanced():
     assert alone == dict.fromkeys(PRESENT.listed, 2)
     protocols = Counter(item.levels["protocol"] for item in items)
     assert protocols["paper"] == protocols["one_retraction"] == 6 * len(PRESENT.listed)
-
-
-def test_only_the_chosen_effects_are_hidden_alone():
     population = Population(0, paper=True, effects=("friction", "inertia"))
     items = [population.item(index) for index in range(40)]
     alone = {item.names[0] for item in items if item.levels["kind"] == "single"}
@@ -139,7 +136,7 @@ def test_rates_have_binomial_errors_and_truth_the_names_of_a_fit():
     assert values["v[1]"] == 6.0
 
 
-def test_rates_have_binomial_errors_and_coverage_is_of_the_papers_constants():
+def test_coverage_is_of_the_papers_constants():
     found = coverage([case(m=TRUE_M + 0.016), case(m=TRUE_M + 0.017), case(seen=False)])
     assert found["m"].before == Rate(0, 2)
     assert found["m"].after == Rate(1, 2)

@@ -132,9 +132,8 @@ def test_late_starts_and_lost_readings():
         assert test.time[0] == 0.0
         assert test.displacement[0] == pytest.approx(start)
         assert np.allclose(clock, test.time + start)
-    time = np.arange(0.0, 10.0, 0.01)
     one = Test("a", "p", time, 1.0 + time, 2.0 + time)
-    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    pad = Pad("p", (one,) * 20, PAD)
     _, found = _disturbed("lost_readings", times, pad, np.random.default_rng(0))
     for test in found.tests:
         lost = [np.count_nonzero(x == 0.0) for x in (test.displacement, test.force)]
@@ -371,7 +370,7 @@ def case(kind="single", names=("friction",), verdict="missing_effect", effects=(
     }  # fmt: skip
 
 
-def test_what_is_named_and_grouped():
+def test_what_is_named_and_grouped_and_a_form_may_be_called_by_its_family():
     assert is_named(case(effects=("friction",)))
     assert not is_named(case(effects=("friction", "inertia")))
     assert not is_named(case(verdict="ambiguous", effects=("friction",)))
@@ -391,9 +390,6 @@ def test_what_is_named_and_grouped():
     assert not is_grouped(wrong | {"not_ruled_out": [["inertia"], ["friction"]]})
     assert names_wrongly(wrong)
     assert not is_grouped(case("none", (), "ambiguous", ("inertia",), ("inertia",)))
-
-
-def test_a_form_may_be_called_by_its_family():
     assert names_kin(case("form", ("root_leak",), effects=("fluid_leak",)))
     assert not names_kin(case("form", ("root_leak",), effects=("fluid_leak", "inertia")))
     assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
