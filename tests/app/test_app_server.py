@@ -181,10 +181,15 @@ def test_a_request_that_is_too_long_or_no_json_object_is_refused(served):
         assert served.client.post("/api/sessions", content=content).status_code == 422
 
 
-def test_what_is_not_there_is_told(served, opened):
+def test_what_is_not_there_and_a_model_that_is_none_are_told(served, opened):
     for path in ("/api/s/none", "/api/s/..%2F..", "/nowhere", f"/api/s/{opened}/pads/Z/measured"):
         answer = served.client.get(path)
         assert answer.status_code == 404
+        assert answer.json()["error"]["text"]
+    path = f"/api/s/{opened}/pads/C/curves"
+    for model in ({}, {**PLAIN, "elastic": "steel"}, {**PLAIN, "values": {"m": "much"}}):
+        answer = served.client.post(path, json=model)
+        assert answer.status_code == 422
         assert answer.json()["error"]["text"]
 
 
@@ -321,14 +326,6 @@ def test_a_described_law_can_be_added(served, two):
     added = served.post(f"{pad}/states", {"add": term.name, "model": model})["state"]
     assert added["effects"] == [term.name]
     assert added["rmse"] <= start["rmse"]
-
-
-def test_a_model_that_is_none_is_told(served, opened):
-    path = f"/api/s/{opened}/pads/C/curves"
-    for model in ({}, {**PLAIN, "elastic": "steel"}, {**PLAIN, "values": {"m": "much"}}):
-        answer = served.client.post(path, json=model)
-        assert answer.status_code == 422
-        assert answer.json()["error"]["text"]
 
 
 @LINUX

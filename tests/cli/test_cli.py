@@ -62,7 +62,7 @@ def test_what_is_printed_in_a_pipe_is_plain_and_says_which_tests_are_of_which_pa
     assert f"results in {folder.parent}" in fit
 
 
-def test_a_check_keeps_its_contract_and_finds_the_noise_that_was_simulated(checked):
+def test_a_check_keeps_its_contract_and_its_errors_are_those_of_the_curves(checked, done):
     keeps_check_contract(checked)
     cells = [(cell["test"], cell["phase"]) for cell in checked["cells"]]
     tests = [f"B-{rate}" for rate in ("0.1", "1", "10", "20", "30", "100")]
@@ -70,9 +70,6 @@ def test_a_check_keeps_its_contract_and_finds_the_noise_that_was_simulated(check
     assert {cell["test"] for cell in checked["cells"] if cell["role"] == "fit"} == {"B-20"}
     # 0.006 N white and 0.008 N correlated: 0.010 N in all
     assert checked["noise_N"] == pytest.approx(0.010, rel=0.1)
-
-
-def test_the_curves_are_those_that_the_errors_come_from(done, checked):
     left = read_json(done[0] / "curves.json")
     for test in left["tests"]:
         for cell in (cell for cell in checked["cells"] if cell["test"] == test["test"]):

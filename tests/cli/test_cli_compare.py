@@ -30,16 +30,12 @@ def compared(pads):
     return pads / "compare" / "B-vs-C", out
 
 
-def test_files_are_left(compared):
+def test_files_are_left_a_seed_repeats_and_json_is_all_that_is_printed(compared, pads):
     folder, _ = compared
     names = {path.name for path in folder.iterdir()}
     tables = {f"compare.{suffix}" for suffix in ("json", "csv", "tex", "txt")}
     assert names == tables | {"contrasts.png", "contrasts.pdf"}
     assert [path.name for path in folder.parent.iterdir()] == ["B-vs-C"]
-
-
-def test_a_seed_repeats_and_json_is_all_that_is_printed(compared, pads):
-    folder, _ = compared
     content = read_json(folder / "compare.json")
     status, out, err = call("compare", pads, "--pads", "B,C", *PLACES, "--json")
     assert (status, err) == (0, "")

@@ -56,7 +56,7 @@ def test_what_engineers_read_is_compared_too(oil_and_glycerin):
         assert 0.0 <= c.equivalence <= 1.0
 
 
-def test_turning_the_pair_round_turns_the_answers_round():
+def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_open():
     rng = np.random.default_rng(1)
     first, second = (posterior(table_1(pad), rng, centred=True) for pad in "AC")
     there = compare(first, second, names=("A", "C"), **PLACES)
@@ -67,9 +67,6 @@ def test_turning_the_pair_round_turns_the_answers_round():
         assert one.difference.median == pytest.approx(-other.difference.median, rel=0.1, abs=0.01)
         if one.quantity in ("m", "b", "c[2]", "v[1]"):
             assert turned[one.answer] == other.answer
-
-
-def test_a_posterior_against_itself_is_equal_or_cannot_tell():
     draws = posterior(table_1("B"), np.random.default_rng(2))
     found = compare(draws, draws, names=("B", "B again"), **PLACES)
     assert not {c.answer for c in found.contrasts} & {"greater", "less"}
@@ -82,7 +79,7 @@ def test_a_posterior_against_itself_is_equal_or_cannot_tell():
     assert paragraphs(found)[0].startswith("No: ")
 
 
-def test_probabilities_are_those_of_normal_draws():
+def test_probabilities_are_those_of_normal_draws_and_a_change_of_sign_has_no_ratio():
     """Direction and equivalence against the normal distribution, to a draw's own error."""
     rng = np.random.default_rng(3)
     first, second = rng.normal(10.2, 0.3, 400_000), rng.normal(10.0, 0.4, 400_000)
@@ -94,9 +91,6 @@ def test_probabilities_are_those_of_normal_draws():
     tail = norm.ppf(0.95) * 0.5
     assert found.difference.high == pytest.approx(0.2 + tail, abs=0.01)
     assert found.difference.low == pytest.approx(0.2 - tail, abs=0.01)
-
-
-def test_a_quantity_that_changes_sign_has_no_ratio():
     rng = np.random.default_rng(4)
     found = contrast(UNIT, rng.normal(0.0, 1.0, 1000), rng.normal(5.0, 1.0, 1000), 0.1)
     assert found.ratio is None

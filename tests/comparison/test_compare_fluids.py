@@ -50,14 +50,11 @@ def reference():
     return dense()
 
 
-def test_the_spread_between_specimens_is_that_of_the_dense_integral(reference):
+def test_fluids_have_the_means_sds_and_spread_of_the_dense_integral(reference):
     groups = [Specimens(y, s) for y, s in zip(MEANS, SDS, strict=True)]
     spreads, weights = spread_posterior(groups, SCALE)
     assert weights[spreads < 0.3].sum() == pytest.approx(reference["below"], abs=2e-3)
-
-
-def test_fluids_have_the_means_and_sds_of_the_dense_integral(reference):
-    """Draws of specimens that have exactly these means and sds; some are negative: no logarithm."""
+    # draws of specimens that have exactly these means and sds; some are negative: no logarithm
     rng = np.random.default_rng(0)
     base = rng.standard_normal(500)
     base = (base - base.mean()) / base.std()

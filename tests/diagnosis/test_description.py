@@ -63,9 +63,17 @@ def test_pairs_keep_the_rules_of_effects(names: tuple[str, str]) -> None:
     check_effect(load(_source(*names)))
 
 
-def test_pairs_that_no_layer_holds_do_not_join() -> None:
+def test_pairs_that_join_are_python_and_formulas_say_what_their_letters_are():
     assert not TERMS["rig_linear_drag"].joins(TERMS["linear_drag_of_depth"])
     assert not TERMS["shift_of_remembered_depth"].joins(TERMS["linear_drag"])
+    assert not set(TERMS) & {kind.name for kind in EVERY}
+    for first, second in combinations(TERMS.values(), 2):
+        if first.joins(second):
+            compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")
+    formula = formula_of([TERMS["power_drag_of_depth_squared"]], REFERENCES, PAD)
+    assert formula == "F += k d^2 |v|^n sgn v (with d = depth/(1.6 mm), v = velocity/(100 mm/s))"
+    strain = formula_of([TERMS["linear_drag_of_depth"]], REFERENCES, STRAIN)
+    assert strain == "F += k d v (with d = strain/(1.6), v = velocity/(100 1/s))"
 
 
 def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
@@ -74,20 +82,6 @@ def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
     (kind,) = own_effects(path)
     assert kind.name == name_of([TERMS[name] for name in PAIRS[0]])
     assert set(kind.null) == {"k1", "k2"}
-
-
-def test_names_are_no_listed_effects_and_every_pair_that_joins_is_python():
-    assert not set(TERMS) & {kind.name for kind in EVERY}
-    for first, second in combinations(TERMS.values(), 2):
-        if first.joins(second):
-            compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")
-
-
-def test_formula_says_what_its_letters_are() -> None:
-    formula = formula_of([TERMS["power_drag_of_depth_squared"]], REFERENCES, PAD)
-    assert formula == "F += k d^2 |v|^n sgn v (with d = depth/(1.6 mm), v = velocity/(100 mm/s))"
-    strain = formula_of([TERMS["linear_drag_of_depth"]], REFERENCES, STRAIN)
-    assert strain == "F += k d v (with d = strain/(1.6), v = velocity/(100 1/s))"
 
 
 def test_forces_on_many_sets_are_those_of_each() -> None:

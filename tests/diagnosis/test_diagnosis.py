@@ -50,15 +50,19 @@ def two():
 
 
 @pytest.mark.slow
-def test_nothing_missing_is_called_adequate(plain):
+def test_nothing_missing_is_called_adequate_and_what_hides_says_what_it_would_bend(plain):
     assert plain.result.verdict == "adequate"
     assert plain.result.effects == ()
     assert plain.result.ranking[0].effect == "none"
     assert plain.result.stages[-1].heldout_rmse < 1.2 * plain.result.noise
+    biases = {bias.effect: bias for bias in plain.result.biases}
+    assert "frame_compliance" in biases
+    assert biases["frame_compliance"].left < 0.15
+    assert biases["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
 
 
 @pytest.mark.slow
-def test_a_hidden_drag_is_named_with_its_size(drag):
+def test_a_hidden_drag_is_named_with_its_size_and_its_evidence_is_sampled(drag):
     assert drag.result.verdict == "missing_effect"
     assert drag.result.effects == ("viscous_drag",)
     eta = drag.result.stages[-1].parameters["viscous_drag.eta"]
@@ -66,6 +70,14 @@ def test_a_hidden_drag_is_named_with_its_size(drag):
     assert drag.result.ranking[0].inclusion > 0.9
     before, after = (drag.result.stages[k].heldout_rmse for k in (0, -1))
     assert after < 1.2 * drag.result.noise < before
+    first, *_ = drag.result.alternatives
+    assert 0.0 < first.log_evidence_error < 0.3
+    named = drag.result.ranking[0]
+    assert 0.0 <= named.inclusion_error < 0.05
+    first, *others = drag.result.stages
+    nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
+    assert "falls from" in drag.text()
+    assert "falls from" not in with_changes(drag, stages=(nearer, *others)).text()
 
 
 @pytest.mark.slow
@@ -91,27 +103,11 @@ def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
 
 
 @pytest.mark.slow
-def test_evidence_of_what_is_likely_is_sampled_with_an_error(drag):
-    first, *_ = drag.result.alternatives
-    assert 0.0 < first.log_evidence_error < 0.3
-    named = drag.result.ranking[0]
-    assert 0.0 <= named.inclusion_error < 0.05
-
-
-@pytest.mark.slow
 def test_two_effects_are_found_one_by_one(two):
     assert set(two.result.effects) == {"viscous_drag", "force_offset"}
     errors = [stage.heldout_rmse for stage in two.result.stages]
     assert len(errors) == 3
     assert errors[-1] < min(1.2 * two.result.noise, errors[0] / 3.0)
-
-
-@pytest.mark.slow
-def test_an_error_that_rose_is_not_said_to_fall(drag):
-    first, *others = drag.result.stages
-    nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
-    assert "falls from" in drag.text()
-    assert "falls from" not in with_changes(drag, stages=(nearer, *others)).text()
 
 
 @pytest.mark.slow
@@ -141,14 +137,6 @@ def _not_seen(experiment):
     return {
         u.effect: u.reason for u in unseen(found, search, protocol_of(experiment, bonded=False))
     }
-
-
-@pytest.mark.slow
-def test_an_effect_that_hides_says_what_it_would_bend(plain):
-    biases = {bias.effect: bias for bias in plain.result.biases}
-    assert "frame_compliance" in biases
-    assert biases["frame_compliance"].left < 0.15
-    assert biases["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
 
 
 @pytest.mark.parametrize(

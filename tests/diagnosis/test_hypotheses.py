@@ -58,14 +58,11 @@ def test_the_band_is_that_of_the_mixture(mixed):
     assert mixed.averaged == (SOFT, HARD)
 
 
-def test_fewer_draws_keep_the_proportions():
+def test_fewer_draws_keep_the_proportions_and_what_gives_no_displacement_is_left_out():
     few = predict_program(BOTH, PROGRAM, draws=40)
     last = np.sort(few.answers[:, -1])
     assert last.size == 40
     assert np.argmax(np.diff(last)) == 29
-
-
-def test_what_gives_no_displacement_from_a_force_is_left_out_and_named():
     load_program = "force 0.3 N in 0.1 s, hold 2 s"
     found = predict_program(hypotheses(SOFT, LATE), load_program)
     assert found.averaged == (SOFT,)

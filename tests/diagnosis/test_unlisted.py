@@ -27,16 +27,12 @@ def jump():
 
 
 @pytest.mark.slow
-def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
+def test_a_steady_drift_is_one_and_a_jump_in_the_middle_of_a_study_none_alone(jump):
     """A drift may take a part of it, but something else is there and is said to be."""
     assert jump.result.verdict in ("partly_explained", "unexplained")
     assert jump.result.outside > 0.5
     assert "A systematic error remains beyond the noise" in jump.text()
     assert jump.result.stages[-1].rmse > 1.5 * jump.result.noise
-
-
-@pytest.mark.slow
-def test_a_steady_drift_is_one():
     steady = hidden_pad(HIDDEN["force_drift"](rate=1e-4), rates=PAPER_RATES)
     found = diagnose(steady, kinds=FEW).result
     assert (found.verdict, found.effects) == ("missing_effect", ("force_drift",))

@@ -113,13 +113,17 @@ def test_priors_are_proper_where_a_scale_is_unknown(kind):
         assert np.isfinite(drawn)
 
 
-def test_names_are_told_apart():
+def test_names_are_told_apart_and_amplitudes_scaled_alike():
     assert len(set(names())) == len(EFFECTS) == 25
     assert find("friction") is Friction
     with pytest.raises(
         InputError, match=r"no effect 'rust'; use one of viscous_drag, .*channel_lag"
     ):
         find("rust")
+    scales = conformance._reference(1.6, 0.0).scales
+    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
+    sd = float(ViscousDrag.default(scales).eta.sd)
+    assert np.isclose(sd * scales.speed, 0.05 * scales.force)
 
 
 def test_the_order_of_adding_does_not_matter():
@@ -436,7 +440,7 @@ def written(folder, text, name="mine.py"):
     return path
 
 
-def test_a_file_gives_the_effects_that_it_defines(tmp_path):
+def test_a_file_gives_the_effects_that_it_defines_if_it_is_there(tmp_path):
     (spring,) = own_effects(written(tmp_path, SOURCE))
     assert spring.name == "good"
     check_effect(spring)
@@ -444,6 +448,10 @@ def test_a_file_gives_the_effects_that_it_defines(tmp_path):
     assert names() == tuple(kind.name for kind in EFFECTS)
     extra = force(bonded(spring(0.1))) - force(bonded())
     assert np.allclose(extra, 0.1 * PRESS.displacement)
+    with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
+        own_effects(tmp_path / "absent.py")
+    with pytest.raises(InputError, match="no such Python file"):
+        own_effects(written(tmp_path, SOURCE, "mine.txt"))
 
 
 @pytest.mark.parametrize(
@@ -462,17 +470,3 @@ def test_a_file_gives_the_effects_that_it_defines(tmp_path):
 def test_a_file_that_cannot_be_used_says_where(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         own_effects(written(tmp_path, text))
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
-        own_effects(tmp_path / "absent.py")
-    with pytest.raises(InputError, match="no such Python file"):
-        own_effects(written(tmp_path, SOURCE, "mine.txt"))
-
-
-def test_amplitudes_are_scaled_alike():
-    scales = conformance._reference(1.6, 0.0).scales
-    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
-    sd = float(ViscousDrag.default(scales).eta.sd)
-    assert np.isclose(sd * scales.speed, 0.05 * scales.force)

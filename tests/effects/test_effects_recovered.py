@@ -51,15 +51,11 @@ def scaled(found, factor):
 
 
 @pytest.mark.slow
-def test_every_effect_is_recovered_at_the_right_rate(recovered):
+def test_every_effect_is_recovered_at_the_right_rate_and_wrong_intervals_are_noticed(recovered):
     assert {found.effect for found in recovered} == {kind.name for kind in EFFECTS}
     assert not off(recovered)
     assert not below_chance(recovered)
     assert min(found.worth.min() for found in recovered) > 50.0
-
-
-@pytest.mark.slow
-def test_wrong_intervals_are_noticed(recovered):
     assert off([scaled(found, 0.5) for found in recovered])
     wrong = [scaled(recovered[0], 0.0), *recovered[1:]]
     assert below_chance(wrong) == [recovered[0].effect]

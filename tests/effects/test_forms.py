@@ -48,12 +48,18 @@ STRAINED = Scales(
 )
 
 
-def test_a_form_is_of_a_listed_family_and_an_outsider_of_none():
+def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_the_list_alone():
     assert len(set(names(EVERY))) == len(EVERY)
     assert {kind.family() for kind in FORMS} <= set(names(EFFECTS))
     assert {kind.family() for kind in OUTSIDE}.isdisjoint(names(EFFECTS))
     assert all(kind.family() == kind.name and not kind.outside for kind in EFFECTS)
     assert find("spreading_lag") is SpreadingLag
+    with pytest.raises(InputError, match="friction and pressure_friction are forms of one effect"):
+        Choices(effects=("friction", "pressure_friction"))
+    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
+    assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
+    assert Choices().candidates == EFFECTS
+    assert set(Choices().kinds) == set(EVERY)
 
 
 @pytest.mark.parametrize(
@@ -76,24 +82,12 @@ def test_a_broken_rule_is_named(of, changes, rule):
         check_effect(type("Broken", (of,), changes))
 
 
-def test_one_form_of_an_effect_is_enough():
-    with pytest.raises(InputError, match="friction and pressure_friction are forms of one effect"):
-        Choices(effects=("friction", "pressure_friction"))
-    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
-    assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
-
-
 @ADDED
 def test_a_posterior_of_another_program_is_told_by_the_constants_names(kind):
     """As the model's own, fixed reference values among them."""
     names_of = [f"{kind.name}.{constant}" for constant in kind.units]
     choices = infer_choices(["m", "b", "c[0]", "c[1]", "v[1]", *names_of])
     assert choices.effects == (kind.name,)
-
-
-def test_a_diagnosis_looks_for_the_list_alone():
-    assert Choices().candidates == EFFECTS
-    assert set(Choices().kinds) == set(EVERY)
 
 
 @dataclass(frozen=True)
@@ -276,7 +270,7 @@ def test_friction_that_yields_at_once_is_a_spring_then_a_slider():
     assert force == pytest.approx(0.1 * np.concatenate([loading, back]), abs=1e-12)
 
 
-def test_pad_and_guide_rub_alike_until_contact_is_lost(paper_model):
+def test_pad_and_guide_rub_alike_until_contact_is_lost_and_in_part_with_the_force(paper_model):
     """On a specimen that is fixed to the platen always, on a loose one while it is pressed."""
     platen = Platen((Move(1.2, 5.0), Move(1.0, 5.0), Move(1.1, 5.0)))
     motion = motion_of(platen, grid_of(platen))
@@ -284,10 +278,7 @@ def test_pad_and_guide_rub_alike_until_contact_is_lost(paper_model):
         of_pad = (model + SharpFriction(0.02, 0.05, 0.6)).force(motion)
         of_guide = (model + GuideFriction(0.02, 0.05, 0.6)).force(motion)
         assert np.asarray(of_pad) == pytest.approx(np.asarray(of_guide), abs=1e-12)
-
-
-def test_friction_may_go_with_the_force_in_part(paper_model):
-    """Half of it does: the mean of friction that does and of friction that does not."""
+    # half of it does: the mean of friction that does and of friction that does not
     platen = Platen(paper_protocol(20.0))
     motion = motion_of(platen, grid_of(platen))
     bonded = replace(paper_model("B"), bonded=True)
@@ -326,7 +317,7 @@ def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
     assert np.max(np.abs(wanted - np.asarray(plain.force(carried)))[4:]) > 1e-4
 
 
-def test_the_spreading_lags_slope_at_zero_is_minus_the_forces_rate(paper_model):
+def test_a_spreading_lag_has_its_slope_at_zero_and_a_levelling_leak_its_balance(paper_model):
     """However the delay is spread: its mean is the delay."""
     platen = Platen(paper_protocol(20.0))
     time = grid_of(platen)
@@ -338,9 +329,6 @@ def test_the_spreading_lags_slope_at_zero_is_minus_the_forces_rate(paper_model):
         late = np.asarray((paper_model("B") + SpreadingLag(small, spread)).force(motion))
         rate = (plain - late)[: time.size][rising] / small
         assert np.allclose(rate, np.gradient(plain[: time.size], time)[rising], rtol=0.02)
-
-
-def test_a_levelling_leak_ends_where_leak_and_return_balance(paper_model):
     platen = Platen(paper_protocol(1.0), start_s=1e5)
     motion = motion_of(platen, grid_of(platen))
     plain = np.asarray(paper_model("B").force(motion))

@@ -138,7 +138,7 @@ def test_observed_data_are_the_block_means(tree):
     assert set(facts["test"].values.tolist()) == {0}
 
 
-def test_posterior_predictive_covers_what_was_observed(tree):
+def test_posterior_predictive_covers_what_was_observed_with_the_models_noise(tree):
     draws = tree["posterior_predictive"]["force"].values
     draws = draws.reshape(-1, draws.shape[-1])
     observed = tree["observed_data"]["force"].values
@@ -148,10 +148,7 @@ def test_posterior_predictive_covers_what_was_observed(tree):
     z = (observed - draws.mean(axis=0)) / draws.std(axis=0)
     assert abs(z.mean()) < 0.6
     assert 0.7 < z.std() < 1.3
-
-
-def test_posterior_predictive_noise_is_the_models(tree):
-    """Draws of the right model have the noise's variance; neighbours share its slow part."""
+    # draws of the right model have the noise's variance; neighbours share its slow part
     found = fitted()
     rows = found.constants.reshape(-1, found.constants.shape[-1])[:200]
     predicted = found.posterior.forces(rows)[:, 0]

@@ -54,7 +54,7 @@ def same_as_plain(study):
         np.testing.assert_allclose(got, wanted, rtol=0, atol=5e-7)
 
 
-def test_three_columns_are_enough(tmp_path):
+def test_three_columns_are_enough_and_values_are_the_nearest_floats_to_the_text(tmp_path):
     path = write(tmp_path, PLAIN)
     study = read_measurements(path)
     test = only_test(study)
@@ -69,23 +69,16 @@ def test_three_columns_are_enough(tmp_path):
     assert test.force_sd is None
     assert (study.units, study.notices, study.source) == (PAD, (), str(path))
     assert study.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def test_values_are_the_nearest_floats_to_the_text(tmp_path):
-    # Differences in the last place would not average out over a million samples.
     values = np.random.default_rng(1).random((500, 2))
     text = "".join(f"{i},{a!r},{b!r}\n" for i, (a, b) in enumerate(values.tolist()))
     test = only_test(read_measurements(write(tmp_path, f"{HEADER}\n{text}")))
     np.testing.assert_allclose(test.force, values[:, 1], rtol=3e-16, atol=0)
 
 
-def test_an_unknown_pad_is_refused_with_the_known_ones(tmp_path):
+def test_an_unknown_pad_is_refused_and_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
     with pytest.raises(InputError, match=r"pads\.csv: no pad 'air'; name one of: oil, glycerin"):
         study.pad("air")
-
-
-def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     lines = rows().splitlines(keepends=True)
     text = f"pad,{HEADER}\n" + "".join(f"A,{line}B,{line}" for line in lines)
     study = read_measurements(write(tmp_path, text))

@@ -40,9 +40,11 @@ def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture):
     assert [kind.name for kind in whole] == [fixture.format]
 
 
-def test_each_format_has_two_fixtures_of_its_own():
+def test_each_format_has_two_fixtures_and_a_piece_without_separators_is_no_header():
     for kind in FORMATS:
         assert sum(fixture.format == kind.name for fixture in FIXTURES) >= 2, kind.name
+    assert split_header("Force_" + 50 * "of_the_cell_" + "N")[1] == ""
+    assert split_header("Force_of_the_cell_N") == ("Force_of_the_cell", "N")
 
 
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.csv*")), ids=lambda path: path.name)
@@ -169,9 +171,11 @@ def test_contact_lies_within_its_interval_as_often_as_it_says(speed, rate, noise
     assert hits >= 45
 
 
-def test_no_contact_is_found_where_there_is_no_approach():
+def test_no_contact_is_found_without_an_approach_and_pushed_and_pulled_is_in_doubt():
     test = pressed(approach=0.0)
     assert find_contact(test.way, test.load) is None
+    clock = np.linspace(0.0, 4.0 * np.pi, 400)
+    assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -179,11 +183,6 @@ def test_no_contact_is_found_where_there_is_no_approach():
 def test_signs_are_found_from_the_data(way, load):
     found = find_signs(way * TEST.way, load * TEST.load)
     assert (found.way, found.load, found.doubt) == (way, load, "")
-
-
-def test_a_specimen_pushed_and_pulled_is_in_doubt():
-    clock = np.linspace(0.0, 4.0 * np.pi, 400)
-    assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
 
 
 def test_units_as_machines_write_them():
@@ -255,8 +254,3 @@ def test_a_million_rows_take_less_than_two_seconds(tmp_path):
     (test,) = convert([path]).tests
     assert time.process_time() - start < 2.0
     assert len(test.time) > 990_000
-
-
-def test_a_piece_of_a_file_without_separators_is_no_header():
-    assert split_header("Force_" + 50 * "of_the_cell_" + "N")[1] == ""
-    assert split_header("Force_of_the_cell_N") == ("Force_of_the_cell", "N")

@@ -269,18 +269,9 @@ def test_noise_that_ends_at_once_is_known_where_it_is(seed):
     assert weights @ stress[late] / weights.sum() == pytest.approx(0.06, rel=0.01)
 
 
-def test_contact_of_the_kept_sphere():
+def test_the_kept_sphere_workbooks_and_curve_of_an_afm():
     (found,) = convert([shared("sphere.csv")]).tests
     assert abs(found.zero - 3.0) < min(0.1, 2.0 * found.zero_sd)
-
-
-@pytest.mark.parametrize("name", ["moves_at_once.csv", "coarse.csv"])
-def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
-    (found,) = convert([shared(name)]).tests
-    assert found.zero == 0.0
-
-
-def test_the_kept_workbooks_and_the_curve_of_an_afm():
     pytest.importorskip("python_calamine")
     found = convert([shared("allongement.xlsx")], Answers.from_words(pad_from="[A-Z]+"))
     assert [test.pad for test in found.tests] == ["AA", "AA", "BB", "BB"]
@@ -290,6 +281,12 @@ def test_the_kept_workbooks_and_the_curve_of_an_afm():
     pytest.importorskip("afmformats")
     (found,) = convert([shared("press_pause_back.tab")]).tests
     assert (found.signs.way, found.signs.load) == (1, 1)
+
+
+@pytest.mark.parametrize("name", ["moves_at_once.csv", "coarse.csv"])
+def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
+    (found,) = convert([shared(name)]).tests
+    assert found.zero == 0.0
 
 
 @pytest.mark.parametrize("power", [1.5, 2.0])

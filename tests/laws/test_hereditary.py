@@ -177,7 +177,7 @@ def retraction(low):
     return time, np.array([0.0, 1.6, 1.6, 0.8, low, low, 0.5, 0.5])
 
 
-def test_a_loose_pad_never_pulls_nor_is_touched_at_negative_displacement(paper_model):
+def test_a_loose_pad_never_pulls_and_slopes_are_finite_where_contact_is_lost(paper_model):
     time, depth = retraction(0.05)
     loose, glued = (force(paper_model("B", bonded=g), time, depth) for g in (False, True))
     assert np.min(glued) < -0.1
@@ -189,9 +189,6 @@ def test_a_loose_pad_never_pulls_nor_is_touched_at_negative_displacement(paper_m
     assert np.array_equal(near, far)
     assert np.all(force(model, time, -np.linspace(0.1, 2.0, time.size)) == 0.0)
     assert np.all(force(paper_model("B", bonded=True), time, -0.1 * time)[1:] < 0.0)
-
-
-def test_slopes_are_finite_where_contact_is_lost(paper_model):
     time, depth = retraction(0.05)
     model = paper_model("B")
 
@@ -373,7 +370,7 @@ def test_hertz_converges_at_second_order_or_better(n):
     assert errors[-1].max() < 1e-6
 
 
-def test_linear_is_exponential_without_stiffening(paper_model):
+def test_linear_is_exponential_without_stiffening_and_a_hold_follows_relaxation(paper_model):
     time, depth = protocol_points()
     linear = force(bonded(Linear(0.4), RELAXATION), time, depth)
     assert np.allclose(
@@ -382,9 +379,6 @@ def test_linear_is_exponential_without_stiffening(paper_model):
     for b in (1e-6, 1e-4):
         bent = force(bonded(Exponential(0.4, b), RELAXATION), time, depth)
         assert np.max(np.abs(bent - linear)) < 2.0 * b * np.max(linear)
-
-
-def test_a_hold_follows_the_relaxation_curve_to_the_share_that_stays():
     model = bonded(Exponential(0.34, 1.165), RELAXATION)
     held = force(model, np.array([0.0, 0.1, 500.0]), np.array([0.0, 1.6, 1.6]))[-1]
     elastic = 0.34 / 1.165 * np.expm1(1.165 * 1.6)

@@ -144,7 +144,7 @@ def test_the_number_of_terms_hangs_on_the_tests_and_not_on_the_constants(kind):
     assert terms.pop()[0] <= MOST_TERMS
 
 
-def test_a_spectrum_of_too_many_terms_breaks_a_rule():
+def test_prony_hands_over_its_own_constants_and_too_many_terms_break_a_rule():
     class Long(PowerLaw):
         name = "long"
 
@@ -154,9 +154,6 @@ def test_a_spectrum_of_too_many_terms_breaks_a_rule():
 
     with pytest.raises(LawError, match="61 rates, more than 60"):
         check_law(Long)
-
-
-def test_prony_hands_over_its_own_constants():
     law = Prony(jnp.array([0.3, 0.7]), jnp.array([2.0]))
     assert law.spectrum()[0] is law.c
     assert law.spectrum()[1] is law.v

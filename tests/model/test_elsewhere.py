@@ -44,13 +44,10 @@ def test_vectors_are_read_whatever_their_dimensions_are_called(tmp_path, options
     same_as(saved, flat)
 
 
-def test_vectors_count_as_in_the_paper():
+def test_vectors_count_as_in_the_paper_and_attributes_of_our_names_are_heeded(tmp_path):
     assert flat_names("c", [0, 1, 2], 3) == ["c[0]", "c[1]", "c[2]"]
     assert flat_names("v", [0, 1], 2) == flat_names("v", [1, 2], 2) == ["v[1]", "v[2]"]
     assert flat_names("v", [], 2) == ["v[1]", "v[2]"]
-
-
-def test_attributes_of_our_names_are_heeded(tmp_path):
     attrs = {"pad": "my pad", "fluid": "oil", "source": "a.csv", "displacement_unit": "1"}
     saved = load(written(tmp_path / "x", drawn(), attrs))
     assert (saved.pad, saved.fluid, saved.source) == ("my pad", "oil", "a.csv")
@@ -114,7 +111,7 @@ def results(tmp_path_factory):
     return folder
 
 
-def test_check_predicts_from_a_posterior_made_elsewhere(tmp_path):
+def test_check_predicts_from_a_posterior_made_elsewhere_or_says_what_is_missing(tmp_path):
     """Draws about the truth: a test that nobody fitted is predicted to a few per cent."""
     written(tmp_path / "B", vectors(drawn()))
     data = tmp_path / "one.csv"
@@ -126,11 +123,8 @@ def test_check_predicts_from_a_posterior_made_elsewhere(tmp_path):
     assert [cell["phase"] for cell in cells] == ["ramp", "hold", "unload", "recovery"]
     # N: the centres of m, b and c are off by a few of their sds of 1 to 5 %
     assert max(cell["rmse_N"] for cell in cells) < 0.1 * 1.6
-
-
-def test_check_without_noise_says_what_is_missing(tmp_path):
-    written(tmp_path / "B", drawn(noise=()))
-    status, _, err = call("check", tmp_path, "--data", PADS)
+    written(tmp_path / "without" / "B", drawn(noise=()))
+    status, _, err = call("check", tmp_path / "without", "--data", PADS)
     assert status == 2
     assert "the posterior of pad B has no noise; give draws of noise.white" in err
 

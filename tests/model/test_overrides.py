@@ -102,10 +102,13 @@ def test_priors_are_read_and_written_alike(text, kind, values):
     assert again.describe() == prior.describe()
 
 
-def test_dirichlet_takes_any_number_of_concentrations():
+def test_dirichlet_takes_any_number_of_concentrations_and_messages_are_one_line():
     prior = parse_prior("dirichlet(1, 2, 0.5)")
     assert isinstance(prior, Dirichlet)
     assert prior.alpha.tolist() == [1.0, 2.0, 0.5]
+    with pytest.raises(InputError) as caught:
+        applied("m=\n-1", fixed=True)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["v[2]=", "v[2]=inf", "v[2]=nan", "v[2]=lognormal(1,1)"])
@@ -119,12 +122,6 @@ def test_what_is_no_prior_or_does_not_fit_its_constant_is_refused_with_a_remedy(
     given = [texts] if how == "prior" else texts.split()
     with pytest.raises(InputError, match=remedy):
         applied(*given, fixed=how == "fixed")
-
-
-def test_messages_are_one_line():
-    with pytest.raises(InputError) as caught:
-        applied("m=\n-1", fixed=True)
-    assert "\n" not in str(caught.value)
 
 
 def test_what_is_named_is_replaced_and_nothing_else():
@@ -152,7 +149,7 @@ def test_what_is_named_is_replaced_and_nothing_else():
         applied("white=0.01", part=NOISE, fixed=True)
 
 
-def test_names_and_units_are_in_the_order_of_the_constants():
+def test_fixed_constants_leave_theta_keep_names_and_units_and_the_order():
     whole = predictor()
     assert names(whole) == [
         "m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]", "noise.white", "noise.ou", "noise.tau",
@@ -161,6 +158,14 @@ def test_names_and_units_are_in_the_order_of_the_constants():
         "stiffness", "exponent", *["fraction"] * 3, *["rate"] * 2, "force", "force", "time",
     ]  # fmt: skip
     assert len({field.name for field in fields_of(whole.model)}) == 4
+    model = applied("v[2]=0.14", "c[0]=0.3", "b=0.577", fixed=True)
+    whole = predictor(model)
+    assert whole.size == predictor().size - 3
+    assert names(whole) == names(predictor())
+    values, log = whole.parameters.bound(draw_priors(whole.model, 1, np.random.default_rng(2)))
+    constants = dict(zip(names(whole), values[0], strict=True))
+    assert (constants["v[2]"], constants["c[0]"], constants["b"]) == (0.14, 0.3, 0.577)
+    assert np.isfinite(log[0])
 
 
 @pytest.mark.parametrize("modes", [1, 2, 3])
@@ -178,25 +183,11 @@ def test_constants_come_back_from_theta_under_every_law_and_noise(law, modes, ki
         assert np.allclose(back, theta[list(leaf.theta)], atol=1e-7)
 
 
-def test_fixed_constants_leave_theta_and_keep_their_names():
-    model = applied("v[2]=0.14", "c[0]=0.3", "b=0.577", fixed=True)
-    whole = predictor(model)
-    assert whole.size == predictor().size - 3
-    assert names(whole) == names(predictor())
-    values, log = whole.parameters.bound(draw_priors(whole.model, 1, np.random.default_rng(2)))
-    constants = dict(zip(names(whole), values[0], strict=True))
-    assert (constants["v[2]"], constants["c[0]"], constants["b"]) == (0.14, 0.3, 0.577)
-    assert np.isfinite(log[0])
-
-
-def test_unknown_laws_and_noises_are_refused():
+def test_unknown_laws_and_noises_are_refused_and_prior_draws_are_of_the_prior():
     with pytest.raises(InputError, match="use one of exponential"):
         default_model(SCALES, "cubic")
     with pytest.raises(InputError, match="use one of floor, white"):
         Choices(noise="pink")
-
-
-def test_prior_draws_are_of_the_prior():
     model, _ = Choices().build(experiment().scales)
     draws = draw_priors(model, 400, np.random.default_rng(0))
     assert draws.shape == (400, 6)

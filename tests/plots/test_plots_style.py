@@ -75,7 +75,7 @@ def test_settings_go_over_the_package_s_and_come_back():
         assert colours() == COLOURS
 
 
-def test_a_file_and_a_named_style_can_be_used(tmp_path):
+def test_a_file_and_a_named_style_can_be_used_and_what_is_no_look_is_refused(tmp_path):
     file = tmp_path / "mine.mplstyle"
     text = '# mine\nfont.size: 10  # larger\naxes.edgecolor: "#555555"\nbackend: pdf\n'
     file.write_text(text)
@@ -85,6 +85,10 @@ def test_a_file_and_a_named_style_can_be_used(tmp_path):
     with using("grayscale"), style():
         assert colours()[0] == "0.00"
         assert matplotlib.rcParams["pdf.fonttype"] == 42
+    with pytest.raises(InputError, match="cannot be read"), using(tmp_path / "none.mplstyle"):
+        pass
+    with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -99,11 +103,4 @@ def test_a_file_that_is_no_style_is_refused_with_its_line(tmp_path, text, said):
     file = tmp_path / "bad.mplstyle"
     file.write_text(text)
     with pytest.raises(InputError, match=f"bad.mplstyle, {said}"), using(file):
-        pass
-
-
-def test_what_is_no_look_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"), using(tmp_path / "none.mplstyle"):
-        pass
-    with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
         pass

@@ -28,7 +28,7 @@ from qlvbayes.simulate import (
 )
 
 
-def test_random_pads_stay_in_the_ranges_around_the_paper():
+def test_random_pads_stay_in_the_papers_ranges_and_specimens_are_alike_not_the_same():
     rng = np.random.default_rng(3)
     drawn = [draw_constants(rng) for _ in range(2000)]
     for values, low, high in [
@@ -43,9 +43,6 @@ def test_random_pads_stay_in_the_ranges_around_the_paper():
         # Log-uniform: the mean place is 1/2 within 5 standard errors.
         assert abs(place.mean() - 0.5) < 5 * np.sqrt(1 / 12 / len(values))
     assert min(min(p.c) for p in drawn) >= 0.03
-
-
-def test_specimens_of_a_kind_are_alike_and_not_the_same():
     rng = np.random.default_rng(0)
     found, kinds = specimens_of(["B", "finger:40"], rng)
     assert found["B"] == TABLE_1["B"]

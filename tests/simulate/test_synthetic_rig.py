@@ -128,29 +128,23 @@ def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path, pad_a):
     assert [p.name for p in tmp_path.iterdir()] == ["pads.csv"]
 
 
-def test_impossible_settings_are_refused():
+def test_impossible_settings_and_times_too_close_for_the_file_are_refused(tmp_path):
     with pytest.raises(InputError, match="seed"):
         simulate_study({"A": TABLE_1["A"]}, (20.0,), CORRELATED, -1)
     with pytest.raises(InputError, match="sample rate"):
         simulate_test(TABLE_1["A"], paper_protocol(20.0), CORRELATED, np.random.default_rng(0), 0)
-
-
-def test_times_too_close_for_the_file_are_refused(tmp_path):
     record = simulate_study({"A": TABLE_1["A"]}, (100.0,), CORRELATED, 0, 100)[0]
     record.record.time[1] = record.record.time[0] + 1e-6
     with pytest.raises(InputError, match="closer than"):
         write_csv(tmp_path / "pads.csv", [record], [])
 
 
-def test_the_data_file_says_what_it_is():
+def test_the_data_file_says_what_it_is_and_can_be_made_again(tmp_path, pad_a):
     heading = [line for line in PADS_CSV.read_text().splitlines() if line.startswith("#")]
     assert heading[0].startswith("# simulated, not measured")
     assert f"# command: {COMMAND}" in heading
     assert "seed 2011" in heading[2]
     assert [line.split(":")[0] for line in heading[3:]] == ["# pad A", "# pad B", "# pad C"]
-
-
-def test_the_data_file_can_be_made_again(tmp_path, pad_a):
     table = numbers(PADS_CSV)
     assert table.groupby("test").size().max() <= 500
     assert table["test"].nunique() == 18

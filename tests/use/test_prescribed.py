@@ -138,16 +138,13 @@ def test_creep_is_that_of_a_much_finer_grid(rows, tmp_path):
     assert relative(np.interp(found.time, fine, exact), found.answers[0]) < 1e-4
 
 
-def test_bands_hold_their_share_of_the_draws():
+def test_bands_hold_their_share_of_the_draws_and_effects_of_the_fit_take_part():
     found = predict_program(draws(), CREEP)
     assert len(found.answers) == 200
     for share in (0.5, 0.9):
         low, high = found.band(share)
         inside = np.mean((found.answers > low) & (found.answers < high), axis=0)
         assert np.allclose(inside[1:], share, atol=0.011)  # an end lies between two draws
-
-
-def test_effects_of_the_fit_take_part():
     plain, drag = (predict_program(x, "ramp 1 mm in 1 s") for x in (saved(), WITH_DRAG))
     assert np.median(drag.answers[:, 1] - plain.answers[:, 1]) == pytest.approx(0.05, rel=0.1)
     assert drag.effects == ("viscous_drag",)
