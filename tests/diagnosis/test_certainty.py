@@ -15,7 +15,12 @@ from qlvbayes.diagnosis.result import Strengths, Support
 
 ROOT = Path(__file__).parents[2]
 SUPPORT = Support(
-    heldout_gain=1.0, heldout_sds=3.0, heldout=0.1, error_left=0.2, p_left=0.5, effects=1
+    heldout_gain=1.0,
+    heldout_sds=3.0,
+    heldout=0.1,
+    error_left=0.2,
+    p_left=0.5,
+    effects=1,
 )
 
 
