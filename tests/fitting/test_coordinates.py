@@ -126,6 +126,7 @@ def test_the_best_reading_is_the_one_of_least_noise():
     assert time == pytest.approx(float(clock[at] - clock[half]))
 
 
+@pytest.mark.slow
 def test_one_good_reading_among_noise_does_not_stop_the_walkers():
     """Its force is known to a thousandth, and what makes it up by the priors alone."""
     own = posterior()
