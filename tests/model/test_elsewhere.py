@@ -114,6 +114,9 @@ def results(tmp_path_factory):
 def test_check_predicts_from_a_posterior_made_elsewhere_or_says_what_is_missing(tmp_path):
     """Draws about the truth: a test that nobody fitted is predicted to a few per cent."""
     written(tmp_path / "B", vectors(drawn()))
+    status, _, err = call("check", tmp_path)
+    assert status == 2
+    assert "does not say where its measurements are; say where they are with --data FILE" in err
     data = tmp_path / "one.csv"
     lines = PADS.read_text().splitlines(keepends=True)
     data.write_text("".join(x for x in lines if x.startswith(("#", "pad,", "B,B-20,"))))
