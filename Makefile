@@ -7,7 +7,7 @@ FULL ?=# 1 for the published sizes of `make validate`
 RECORDS ?=# folders of CSV files that `make validate` fits beside simulated pads
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test check bench validate notebooks docs dist clean
+.PHONY: demo test test-integration check bench validate notebooks docs dist clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -24,9 +24,12 @@ demo: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	@cat $(VENV)/test-time 2>/dev/null || echo "make test: ten minutes or more on two cores"
-	@begin=$$(date +%s); $(PYTEST) -m "not slow"; status=$$?; \
+	@begin=$$(date +%s); $(PYTEST) -m "not slow and not integration" --durations=40; status=$$?; \
 	echo "make test: the last run took $$((($$(date +%s) - begin) / 60 + 1)) minutes" > $(VENV)/test-time; \
 	exit $$status
+
+test-integration: $(VENV)/installed-dev
+	$(PYTEST) -m "not slow and integration" --durations=20
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
@@ -40,7 +43,7 @@ bench: $(VENV)/installed-dev
 size = $(if $(FULL),$(2),$(1))
 
 validate: $(VENV)/installed-dev
-	$(PYTEST) -m slow
+	$(PYTEST) -m "slow or integration"
 	$(BIN)/python validation/exported.py data/hidden.csv -o docs/exports.md
 	$(BIN)/python validation/coverage.py --fits $(call size,40,80)
 	$(BIN)/python validation/ranks.py --seed 2 --fits $(call size,40,200) --broken-fits $(call size,40,100)

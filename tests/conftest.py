@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import os
+import shutil
 import sys
 from collections import defaultdict
 from importlib.metadata import version
@@ -77,6 +78,19 @@ def _resident():
         return 0
     line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmRSS:"))
     return int(line.split()[1]) // 1024
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A browser of this machine; none is downloaded."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: no page is opened")
+    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+    if (found := next(filter(None, map(shutil.which, names)), None)) is None:
+        pytest.skip(f"none of {', '.join(names)} is installed: no page is opened in a browser")
+    with sync_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
 
 
 @pytest.fixture(scope="session")

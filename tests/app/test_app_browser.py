@@ -24,7 +24,6 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not opened")
 expect = sync_api.expect
 pytestmark = pytest.mark.integration
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROKEN = """test,time_s,displacement_mm,force_N
 a,0,0,0
 a,0.1,0.1,0.05
@@ -38,23 +37,7 @@ UNCLEAR = "first;second;third\n" + "".join(
 NAMELESS = """all => all.filter(one => one.checkVisibility() && !(one.getAttribute("aria-label") ||
     one.textContent.trim() || one.labels?.length || one.getAttribute("aria-labelledby")))
     .map(one => one.outerHTML)"""
-PATIENCE = 300_000  # ms, as in the visit
-
-
-def chromium():
-    """A browser of this machine, or None; none is downloaded."""
-    return next(filter(None, map(shutil.which, BROWSERS)), None)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if (found := chromium()) is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed: the bench was not opened in one")
-    expect.set_options(timeout=PATIENCE)
-    with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield running
-        running.close()
+expect.set_options(timeout=300_000)  # ms, as in the visit
 
 
 @pytest.fixture(scope="module")

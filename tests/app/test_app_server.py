@@ -29,6 +29,7 @@ from qlvbayes.diagnosis.description.source import References, source_of  # noqa:
 from qlvbayes.io.files import DESCRIBED  # noqa: E402
 from qlvbayes.io.units import PAD  # noqa: E402
 
+pytestmark = pytest.mark.integration
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
 PLAIN = {"elastic": "exponential", "relaxation": "prony:2", "effects": []}
@@ -127,9 +128,6 @@ def opened(served, two):
     return session
 
 
-# who may ask
-
-
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -146,16 +144,13 @@ def test_only_who_has_the_token_and_comes_from_the_page_is_answered(served, head
     assert (status == 403) == ("error" in answer.json())
 
 
-def test_what_changes_something_needs_a_header_that_no_form_sends(served):
+def test_the_token_becomes_a_cookie_and_what_changes_something_needs_a_header(served):
     content = {"open": "hidden"}
     with httpx.Client(
         base_url=served.base, headers={"Authorization": f"Bearer {served.token}"}
     ) as c:
         assert c.post("/api/sessions", json=content).status_code == 403
         assert c.delete("/api/s/anything").status_code == 403
-
-
-def test_the_token_in_the_address_becomes_a_cookie(served):
     with httpx.Client(base_url=served.base) as visitor:
         assert visitor.get("/").status_code == 403
         assert visitor.get("/?token=wrong").status_code == 403
@@ -178,26 +173,24 @@ def test_only_files_of_the_page_are_served(served, name):
     assert served.client.get(f"/static/{name}").status_code == 404
 
 
-def test_a_request_that_is_too_long_is_refused(served):
+def test_a_request_that_is_too_long_or_no_json_object_is_refused(served):
     answer = served.client.post("/api/sessions", content=b" " * 2_000_000)
     assert answer.status_code == 413
     assert "too large" in answer.json()["error"]["text"]
+    for content in (b"", b"[]", b"{", b"\xff"):
+        assert served.client.post("/api/sessions", content=content).status_code == 422
 
 
-@pytest.mark.parametrize("content", [b"", b"[]", b"{", b"\xff"])
-def test_what_is_no_json_object_is_refused(served, content):
-    answer = served.client.post("/api/sessions", content=content)
-    assert answer.status_code == 422
-
-
-def test_what_is_not_there_is_told(served, opened):
+def test_what_is_not_there_and_a_model_that_is_none_are_told(served, opened):
     for path in ("/api/s/none", "/api/s/..%2F..", "/nowhere", f"/api/s/{opened}/pads/Z/measured"):
         answer = served.client.get(path)
         assert answer.status_code == 404
         assert answer.json()["error"]["text"]
-
-
-# files
+    path = f"/api/s/{opened}/pads/C/curves"
+    for model in ({}, {**PLAIN, "elastic": "steel"}, {**PLAIN, "values": {"m": "much"}}):
+        answer = served.client.post(path, json=model)
+        assert answer.status_code == 422
+        assert answer.json()["error"]["text"]
 
 
 def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
@@ -235,9 +228,6 @@ def test_questions_come_one_after_another_and_stay_until_they_are_answered(serve
     assert served.client.post(f"{path}/answers", json={"answers": several}).status_code == 409
     served.client.delete(path).raise_for_status()
     assert served.client.get(path).status_code == 404
-
-
-# the model by hand
 
 
 def test_curves_are_those_of_the_public_api(served, opened, two):
@@ -336,17 +326,6 @@ def test_a_described_law_can_be_added(served, two):
     added = served.post(f"{pad}/states", {"add": term.name, "model": model})["state"]
     assert added["effects"] == [term.name]
     assert added["rmse"] <= start["rmse"]
-
-
-def test_a_model_that_is_none_is_told(served, opened):
-    path = f"/api/s/{opened}/pads/C/curves"
-    for model in ({}, {**PLAIN, "elastic": "steel"}, {**PLAIN, "values": {"m": "much"}}):
-        answer = served.client.post(path, json=model)
-        assert answer.status_code == 422
-        assert answer.json()["error"]["text"]
-
-
-# processes
 
 
 @LINUX

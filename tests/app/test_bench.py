@@ -58,9 +58,6 @@ def test_what_is_hidden_takes_the_error_to_the_noise(bench, first, dragged):
     without = bench.remove(dragged, "squeeze_film")
     assert bench.look(without).error == pytest.approx(before, rel=0.02)
     assert not any(name.startswith("squeeze_film") for name in without.values)
-
-
-def test_the_error_left_out_falls_with_what_is_hidden(bench, first, dragged):
     *steps, before = bench.held_out(first)
     assert steps == [None] * len(TESTS)
     *_, after = bench.held_out(dragged)
@@ -81,7 +78,7 @@ def test_no_near_constants_fit_better(bench, dragged):
             assert cost(moved) > least
 
 
-def test_a_signature_is_the_effects_force(bench, first):
+def test_a_signature_is_the_effects_force_and_the_right_one_takes_most(bench, first):
     """Adding the effect brings what the signature shows, as a drag is linear in its size."""
     found = bench.signature(first, "viscous_drag")
     assert found.amplitude == "viscous_drag.eta"
@@ -94,9 +91,6 @@ def test_a_signature_is_the_effects_force(bench, first):
     added = bench.look(bench.add(first, "viscous_drag"))
     assert added.error == pytest.approx(found.error, rel=0.1)
     assert found.takes == pytest.approx(1.0 - (found.error / plain.error) ** 2)
-
-
-def test_the_right_signature_takes_most(bench, first):
     names = ("squeeze_film", "force_offset", "stress_softening", "fluid_leak")
     takes = {name: bench.signature(first, name).takes for name in names}
     assert max(takes, key=takes.get) == "squeeze_film"

@@ -42,12 +42,6 @@ def refused(tmp_path, content, line, problem, remedy, name="pads.csv"):
     assert remedy in advice
 
 
-def test_missing_file(tmp_path):
-    path = tmp_path / "absent.csv"
-    with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: no such file; check the path"):
-        read_measurements(path)
-
-
 def test_folder(tmp_path):
     with pytest.raises(
         InputError, match=rf"^{re.escape(str(tmp_path))}: .* folder; name the files"

@@ -55,7 +55,7 @@ def own_effects(tmp_path_factory):
     return path
 
 
-def test_the_case_is_solved(study, answer):
+def test_the_case_is_solved_and_refitted_with_the_named_effect(study, answer):
     found = read_json(study[0] / "diagnosis.json")
     hidden = answer["effects"][0]
     assert found["verdict"] == "missing_effect"
@@ -64,6 +64,13 @@ def test_the_case_is_solved(study, answer):
     for name, value in hidden["parameters"].items():
         estimate = best["parameters"][name]
         assert abs(estimate["mean"] - value) < 4.0 * estimate["sd"]
+    (folder, out), name = study, hidden["effect"]
+    after = read_json(folder / "summary.json")
+    assert after["effects"] == read_json(folder / "check.json")["effects"] == [name]
+    assert read_json(folder / "plain" / "summary.json")["effects"] == []
+    for constant in answer["effects"][0]["parameters"]:
+        assert f"{name}.{constant}" in after["parameters"]
+    assert f"pad C: missing effect: {name}" in out
 
 
 def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
@@ -90,17 +97,6 @@ def test_study_ends_with_the_report(study, case, answer):
     assert run["command"].startswith(f"qlvbayes study {case[0]} -o ")
     assert run["command"].endswith("--max-steps 60")
     assert run["command"] in text
-
-
-def test_study_refits_with_the_named_effect(study, answer):
-    folder, out = study
-    name = answer["effects"][0]["effect"]
-    after = read_json(folder / "summary.json")
-    assert after["effects"] == read_json(folder / "check.json")["effects"] == [name]
-    assert read_json(folder / "plain" / "summary.json")["effects"] == []
-    for constant in answer["effects"][0]["parameters"]:
-        assert f"{name}.{constant}" in after["parameters"]
-    assert f"pad C: missing effect: {name}" in out
 
 
 def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
@@ -169,23 +165,17 @@ def test_effects_lists_all_by_family():
             assert families[place - 1] == entry["family"]
 
 
-def test_the_worked_example_keeps_the_rules_and_competes(own_effects):
+def test_the_worked_example_keeps_the_rules(own_effects):
+    check_effect(Choices(effects_file=str(own_effects)).candidates[-1])
+
+
+@pytest.mark.slow
+def test_the_worked_example_competes(own_effects):
     """Beside the effect that is hidden in the bundled case, in four of its tests."""
     own = Choices(effects_file=str(own_effects)).candidates[-1]
-    check_effect(own)
     (pad,) = read_study(HIDDEN).pads
     some = replace(pad, tests=pad.tests[::2] + pad.tests[-1:])
     found = diagnose(prepare(some), kinds=(own, find("squeeze_film"))).result
     ranked = {one.effect: one for one in found.ranking}
     assert ranked["quadratic_drag"].log_bayes_factor < ranked["squeeze_film"].log_bayes_factor
     assert found.effects == ("squeeze_film",)
-
-
-@pytest.mark.slow
-def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
-    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "60")
-    status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)
-    assert status == 0, err
-    summary = read_json(tmp_path / "out" / "C" / "summary.json")
-    assert summary["effects"] == ["quadratic_drag"]
-    assert "quadratic_drag.k" in summary["parameters"]

@@ -133,12 +133,6 @@ def test_a_failed_write_keeps_the_file_that_was_there(tmp_path):
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_json_refuses_what_is_not_finite(tmp_path):
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        write_json(tmp_path / "x.json", {"a": float("nan")})
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_a_stopped_fit_resumes_and_ends_as_if_never_stopped(tmp_path):
     """Killed outright, then Ctrl-C, then left alone: the numbers of one uninterrupted run."""

@@ -4,6 +4,7 @@ import json
 
 import pytest
 from support.endtoend import PADS, call, read_json
+from support.machine_files import CORPUS
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws import check_law
@@ -13,62 +14,7 @@ from qlvbayes.model.choices import Choices
 
 FIT = ("--pads", "B", "--method", "least-squares", "--noise", "white")
 
-OWN = '''
-from typing import Any, ClassVar
-
-import jax.numpy as jnp
-from qlvbayes.laws import AbstractElastic, AbstractRelaxation
-from qlvbayes.laws.elastic.steps import Rise
-from qlvbayes.priors import Uniform
-from qlvbayes.laws.scales import lognormal
-
-
-class Tangent(AbstractElastic):
-    """F_e = m tan(delta/2)."""
-
-    m: Any
-    name: ClassVar[str] = "tangent"
-    units: ClassVar[dict] = {"m": "force"}
-    meanings: ClassVar[dict] = {"m": "force at half a turn's quarter"}
-    law: ClassVar[str] = "F = m tan(delta/2)"
-    reference: ClassVar[str] = "nobody"
-
-    @classmethod
-    def default(cls, scales):
-        return cls(lognormal(scales.force, 5.0))
-
-    def force(self, depth):
-        return self.m * jnp.tan(0.5 * depth)
-
-    def stiffness(self, depth):
-        return 0.5 * self.m / jnp.cos(0.5 * depth) ** 2
-
-    def relaxed_step(self, start, stop, force_start, force_stop, decay):
-        middle = self.force(0.5 * (start + stop))
-        return Rise.through(force_start, middle, force_stop).relaxed(decay)
-
-
-class Maxwell(AbstractRelaxation):
-    """g = s + (1 - s) e^{-t/tau}."""
-
-    s: Any
-    tau: Any
-    name: ClassVar[str] = "maxwell"
-    units: ClassVar[dict] = {"s": "fraction", "tau": "time"}
-    meanings: ClassVar[dict] = {"s": "what stays", "tau": "its time"}
-    law: ClassVar[str] = "g = s + (1 - s) exp(-t/tau)"
-    reference: ClassVar[str] = "Maxwell 1867"
-
-    @classmethod
-    def default(cls, scales):
-        return cls(Uniform(0.0, 1.0), lognormal(1.0, 5.0))
-
-    def spectrum(self):
-        return jnp.stack([self.s, 1.0 - self.s]), jnp.reshape(1.0 / self.tau, (1,))
-
-    def times(self):
-        return {"tau": self.tau}
-'''
+OWN = (CORPUS / "own" / "laws.txt").read_text("utf-8")
 
 
 def check_all(laws):

@@ -35,14 +35,11 @@ def test_an_option_is_a_setting(words, wanted):
     assert expanded("study", words.split()) == wanted.split()
 
 
-def test_a_command_takes_the_settings_that_it_uses():
+def test_commands_take_the_settings_that_they_use_and_are_few():
     assert expanded("diagnose", ["--walkers", "8"]) == ["--walkers", "8"]
     assert expanded("compare", ["--sign", "force"]) == ["--sign", "force"]
     assert {key.part for key in KEYS.values()} == {*PARTS["study"], *PARTS["fit"]}
     assert call("diagnose", PADS, "-o", "nowhere", "--walkers", "8")[0] == 2
-
-
-def test_there_are_few_commands_and_parameters():
     import typer
 
     commands = typer.main.get_command(application()).commands

@@ -82,8 +82,11 @@ def test_the_terminal_shows_names_as_they_are_and_nothing_commands_it(name):
     assert all(prints(sign) or sign == "\n" for sign in shown)
 
 
-def test_a_message_is_one_line_that_commands_no_terminal():
+def test_a_message_is_one_line_and_a_style_does_not_hand_names_to_tex():
     assert str(InputError("a\x1b[2J\nb", file="c\x07.csv")) == r"c\x07.csv: a\x1b[2J b"
+    with using({"text.usetex": True, "font.size": 9.0}), style():
+        figure = Figure()
+        assert not figure.text(0.5, 0.5, "50 % \\input{x}").get_usetex()
 
 
 @pytest.mark.filterwarnings("ignore:Glyph")  # a font that has no letter draws a box
@@ -105,12 +108,6 @@ def test_figures_write_names_as_they_are(name):
         axis.set_xticks([0.5], [text])
         axis.legend()
         figure.savefig(io.BytesIO(), format="png")
-
-
-def test_a_style_does_not_hand_names_to_tex():
-    with using({"text.usetex": True, "font.size": 9.0}), style():
-        figure = Figure()
-        assert not figure.text(0.5, 0.5, "50 % \\input{x}").get_usetex()
 
 
 @QUICK
@@ -236,14 +233,11 @@ def test_a_pad_that_cannot_name_its_folder_is_refused_where_it_stands(tmp_path, 
     assert len(str(caught.value)) < 500
 
 
-def test_pads_that_differ_in_case_alone_are_refused(tmp_path):
+def test_pads_that_differ_in_case_alone_are_refused_and_commas_can_be_chosen(tmp_path):
     file = tmp_path / "data.csv"
     file.write_text(table_of([("Pad b", "t"), ("pad B", "t")]))
     with pytest.raises(InputError, match="differ in upper and lower case only") as caught:
         read_measurements(file)
     assert caught.value.line == 14
-
-
-def test_names_with_commas_can_be_chosen():
     assert among("A, B,C", ["A", "B,C", "B"]) == ["A", "B,C"]
     assert among("a,b, c", ["a", "c"]) == ["a", "b", "c"]

@@ -1,7 +1,5 @@
 """Check comparisons of two pads: known differences, equals, and what stays open."""
 
-import json
-
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -9,9 +7,7 @@ from scipy.stats import kstest, norm
 from support.endtoend import fitted
 from support.posteriors import ORDER, PLACES, WIDTHS, posterior, table_1
 
-import qlvbayes
 from qlvbayes.comparison.compare import answer, compare, contrast
-from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.comparison.joint import FALSE_ALARMS, joint_test
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.words import paragraphs
@@ -28,7 +24,7 @@ def oil_and_glycerin():
     return compare(first, second, names=("B", "C"), **PLACES)
 
 
-def test_known_differences_are_found(oil_and_glycerin):
+def test_known_differences_are_found_and_same_rates_told_equal_or_left_open(oil_and_glycerin):
     found = oil_and_glycerin
     assert found.differ is True
     assert found.omnibus.p_value < 1e-6
@@ -43,15 +39,9 @@ def test_known_differences_are_found(oil_and_glycerin):
         assert found[name].difference.median == pytest.approx(
             found[name].first.median - found[name].second.median, abs=0.02
         )
-
-
-def test_same_rates_are_told_equal_where_they_are_sharp_and_left_open_where_not(oil_and_glycerin):
-    """The paper's open question: its v1 and v2 are the same for oil and for glycerin."""
+    # the paper's open question: its v1 and v2 are the same for oil and for glycerin
     assert oil_and_glycerin["v[1]"].answer == "equal"
     assert oil_and_glycerin["v[2]"].answer == "cannot tell"
-    words = " ".join(paragraphs(oil_and_glycerin))
-    assert "v[1]" in words.split("the data say equal within 10 %")[0]
-    assert "the data cannot tell" in words
 
 
 def test_what_engineers_read_is_compared_too(oil_and_glycerin):
@@ -66,7 +56,7 @@ def test_what_engineers_read_is_compared_too(oil_and_glycerin):
         assert 0.0 <= c.equivalence <= 1.0
 
 
-def test_turning_the_pair_round_turns_the_answers_round():
+def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_open():
     rng = np.random.default_rng(1)
     first, second = (posterior(table_1(pad), rng, centred=True) for pad in "AC")
     there = compare(first, second, names=("A", "C"), **PLACES)
@@ -77,9 +67,6 @@ def test_turning_the_pair_round_turns_the_answers_round():
         assert one.difference.median == pytest.approx(-other.difference.median, rel=0.1, abs=0.01)
         if one.quantity in ("m", "b", "c[2]", "v[1]"):
             assert turned[one.answer] == other.answer
-
-
-def test_a_posterior_against_itself_is_equal_or_cannot_tell():
     draws = posterior(table_1("B"), np.random.default_rng(2))
     found = compare(draws, draws, names=("B", "B again"), **PLACES)
     assert not {c.answer for c in found.contrasts} & {"greater", "less"}
@@ -92,7 +79,7 @@ def test_a_posterior_against_itself_is_equal_or_cannot_tell():
     assert paragraphs(found)[0].startswith("No: ")
 
 
-def test_probabilities_are_those_of_normal_draws():
+def test_probabilities_are_those_of_normal_draws_and_a_change_of_sign_has_no_ratio():
     """Direction and equivalence against the normal distribution, to a draw's own error."""
     rng = np.random.default_rng(3)
     first, second = rng.normal(10.2, 0.3, 400_000), rng.normal(10.0, 0.4, 400_000)
@@ -104,9 +91,6 @@ def test_probabilities_are_those_of_normal_draws():
     tail = norm.ppf(0.95) * 0.5
     assert found.difference.high == pytest.approx(0.2 + tail, abs=0.01)
     assert found.difference.low == pytest.approx(0.2 - tail, abs=0.01)
-
-
-def test_a_quantity_that_changes_sign_has_no_ratio():
     rng = np.random.default_rng(4)
     found = contrast(UNIT, rng.normal(0.0, 1.0, 1000), rng.normal(5.0, 1.0, 1000), 0.1)
     assert found.ratio is None
@@ -129,7 +113,7 @@ def test_equal_is_not_the_same_as_not_shown_to_differ(direction, equivalence, wa
     assert answer(direction, equivalence) == wanted
 
 
-def test_equals_fail_the_joint_test_in_one_per_cent_of_cases():
+def test_the_joint_test_is_a_chi_square_that_equals_fail_in_one_per_cent():
     """Its p-values are uniform over pairs of equal pads, each with an error of its own."""
     rng = np.random.default_rng(5)
     truth = table_1("B")
@@ -140,10 +124,7 @@ def test_equals_fail_the_joint_test_in_one_per_cent_of_cases():
     alarms = np.mean(np.array(p_values) < FALSE_ALARMS)
     assert alarms < FALSE_ALARMS + 3.0 * np.sqrt(FALSE_ALARMS / 400)
     assert kstest(p_values, "uniform").pvalue > 1e-3
-
-
-def test_the_joint_test_is_the_chi_square_of_the_difference():
-    """One constant, in the logarithm."""
+    # one constant, in the logarithm
     rng = np.random.default_rng(6)
     first, second = np.exp(rng.normal(0.0, 0.1, 500)), np.exp(rng.normal(0.3, 0.2, 500))
     found = joint_test({"m": first}, {"m": second})
@@ -154,7 +135,7 @@ def test_the_joint_test_is_the_chi_square_of_the_difference():
     assert found.p_value == pytest.approx(2 * norm.sf(abs(gap) / np.sqrt(spread)))
 
 
-def test_different_effects_are_compared_on_what_they_share():
+def test_what_both_do_not_share_is_left_out_and_told():
     rng = np.random.default_rng(7)
     first, second = posterior(table_1("B"), rng), posterior(table_1("C"), rng)
     drag = second | {"viscous_drag.eta": np.full(300, 0.003)}
@@ -162,18 +143,12 @@ def test_different_effects_are_compared_on_what_they_share():
     assert "viscous_drag.eta" not in [c.quantity for c in found.contrasts]
     assert {c.quantity for c in found.of_group("constants")} == set(ORDER)
     assert any("only C was fitted with viscous_drag" in notice for notice in found.notices)
-
-
-def test_different_numbers_of_modes_leave_c_and_v_out():
     rng = np.random.default_rng(8)
     one = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "b": np.ones(500)}
     one |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
     found = compare(one, posterior(table_1("B"), rng), **PLACES)
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert any("different numbers of relaxation modes" in notice for notice in found.notices)
-
-
-def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities():
     rng = np.random.default_rng(9)
     hertz = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "n": np.full(500, 1.5)}
     hertz |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
@@ -183,9 +158,6 @@ def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities(
     assert len(found.contrasts) == 9
     assert "no constant is shared" in " ".join(found.notices)
     assert paragraphs(found)[0].startswith("Cannot tell")
-
-
-def test_a_constant_fixed_in_both_is_not_compared():
     rng = np.random.default_rng(10)
     first, second = (posterior(table_1("B"), rng) | {"v[2]": np.full(300, 0.14)} for _ in "ab")
     found = compare(first, second, **PLACES)
@@ -207,15 +179,7 @@ def test_fits_are_compared_at_places_that_their_tests_reach():
     assert found.as_dict() == compare(fit, fit, seed=3).as_dict()
 
 
-def test_the_words_begin_with_the_answer_and_count_what_chance_would_give(oil_and_glycerin):
-    first, *_, chance, _, _ = paragraphs(oil_and_glycerin)
-    assert first.startswith("Yes: B and C differ")
-    count = len(oil_and_glycerin.contrasts)
-    assert f"of {count} quantities" in chance
-    assert f"up to {0.05 * count:.1f} would be by chance" in chance
-
-
-def test_tables_hold_every_number(oil_and_glycerin):
+def test_tables_hold_every_number_and_names_as_they_are(oil_and_glycerin):
     rows = [line.split(",") for line in as_csv(oil_and_glycerin).splitlines()[1:]]
     assert len(rows) == 1 + len(oil_and_glycerin.contrasts)
     named = dict(zip(rows[0], rows[1], strict=True))
@@ -226,27 +190,10 @@ def test_tables_hold_every_number(oil_and_glycerin):
     body = latex.split("\\midrule\n")[1].split("\n\\bottomrule")[0].splitlines()
     assert len(body) == len(oil_and_glycerin.contrasts)
     assert all(line.count(" & ") == 7 for line in body)
-
-
-def test_latex_names_are_escaped(oil_and_glycerin):
     odd = replace(oil_and_glycerin, names=("50%_oil", "a&b\\c"))
     latex = as_latex(odd)
     assert "50\\%\\_oil" in latex
     assert "a\\&b\\textbackslash{}c" in latex
-
-
-def test_json_is_finite_and_complete(oil_and_glycerin):
-    content = json.loads(json.dumps(oil_and_glycerin.as_dict(), allow_nan=False))
-    assert content["schema"] == 1
-    assert content["names"] == ["B", "C"]
-    assert content["omnibus"]["false_alarms"] == FALSE_ALARMS
-    keys = {"quantity", "unit", "first", "second", "difference", "ratio", "direction"}
-    assert keys <= set(content["contrasts"][0])
-
-
-def test_the_package_offers_it():
-    assert qlvbayes.compare is compare
-    assert qlvbayes.Comparison is Comparison
 
 
 @pytest.mark.parametrize(

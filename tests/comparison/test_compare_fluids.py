@@ -8,7 +8,6 @@ from support.posteriors import PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.comparison.compare import compare
 from qlvbayes.comparison.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
-from qlvbayes.comparison.words import paragraphs
 from qlvbayes.io.checks import InputError
 
 MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))
@@ -51,14 +50,11 @@ def reference():
     return dense()
 
 
-def test_the_spread_between_specimens_is_that_of_the_dense_integral(reference):
+def test_fluids_have_the_means_sds_and_spread_of_the_dense_integral(reference):
     groups = [Specimens(y, s) for y, s in zip(MEANS, SDS, strict=True)]
     spreads, weights = spread_posterior(groups, SCALE)
     assert weights[spreads < 0.3].sum() == pytest.approx(reference["below"], abs=2e-3)
-
-
-def test_fluids_have_the_means_and_sds_of_the_dense_integral(reference):
-    """Draws of specimens that have exactly these means and sds; some are negative: no logarithm."""
+    # draws of specimens that have exactly these means and sds; some are negative: no logarithm
     rng = np.random.default_rng(0)
     base = rng.standard_normal(500)
     base = (base - base.mean()) / base.std()
@@ -117,12 +113,6 @@ def test_fluids_are_compared_with_the_spread_of_their_specimens(fluids):
     # far wider than one specimen's own interval: specimens spread by 5 %, their posteriors by 1 %
     value = fluids["m"].first
     assert value.high / value.low > np.exp(2 * 1.645 * 1.5 * WIDTHS["m"])
-
-
-def test_the_words_say_how_many_specimens(fluids):
-    words = paragraphs(fluids)
-    assert words[0].startswith("Yes: oil and glycerin differ")
-    assert any("3 specimens" in text for text in words)
 
 
 @pytest.mark.slow

@@ -72,13 +72,10 @@ def ramp_force(pad, t, rate):
     return quad(integrand, 0.0, t, points=points or None, limit=400, epsrel=1e-11)[0]
 
 
-def test_instantaneous_stiffness_is_that_of_the_elastic_law(plain):
+def test_stiffness_and_force_are_those_of_the_law_and_what_the_hold_leaves(plain):
     np.testing.assert_allclose(
         plain["instantaneous stiffness at 1.5 mm"], each(lambda p: stiffness(p, DEPTH)), rtol=1e-4
     )
-
-
-def test_relaxed_stiffness_and_force_are_what_the_hold_leaves(plain):
     left = each(lambda p: relaxation(p, HOLD))
     np.testing.assert_allclose(
         plain["relaxed stiffness at 1.5 mm"], left * each(lambda p: stiffness(p, DEPTH)), rtol=1e-5

@@ -24,7 +24,7 @@ SUPPORT = Support(
 )
 
 
-def test_features_are_what_they_are_called():
+def test_features_are_what_they_are_called_and_each_makes_surer_or_less_sure():
     x = features(50.0, SUPPORT)
     assert len(x) == len(FEATURES)
     expected = [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0]
@@ -32,8 +32,6 @@ def test_features_are_what_they_are_called():
     surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
     assert (surely[2], surely[4]) == (5.0, 1.0)
 
-
-def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_doubt():
     def sure(factor=20.0, **changes):
         return certainty(0.99, factor, structs.replace(SUPPORT, **changes))
 
@@ -47,24 +45,17 @@ def test_more_evidence_and_better_predictions_are_surer_and_what_is_left_is_a_do
 
 @pytest.mark.parametrize(
     ("probability", "factor", "own"),
-    [
-        (0.5 * LEAST, 20.0, SUPPORT),
-        (0.99, None, SUPPORT),
-        (0.99, 20.0, None),
-    ],
+    [(0.5 * LEAST, 20.0, SUPPORT), (0.99, None, SUPPORT), (0.99, 20.0, None)],
     ids=["hardly likely", "nothing to compare with", "no support"],
 )
 def test_what_no_study_showed_has_no_certainty(probability, factor, own):
     assert certainty(probability, factor, own) is None
 
 
-def test_what_lies_beyond_all_studies_counts_as_their_end():
+def test_certainty_ends_with_the_studies_and_falls_with_disagreement():
     far = certainty(0.99, 20.0, structs.replace(SUPPORT, heldout_gain=40.0))
     end = certainty(0.99, 20.0, structs.replace(SUPPORT, heldout_gain=calibration().high[1]))
     assert far == end
-
-
-def test_certainty_falls_in_proportion_to_the_force_that_no_common_strength_makes():
     whole, half = (
         structs.replace(SUPPORT, strengths=Strengths(spread=0.1, agreement=one, parts=()))
         for one in (1.0, 0.5)

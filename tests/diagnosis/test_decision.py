@@ -31,14 +31,11 @@ def weight(effects, probability, *, base=EXP, unmodelled=0.0):
     return Weight(base, frozenset(effects.split()), float(np.log(probability)), unmodelled)
 
 
-def test_nothing_is_missing_where_the_plain_model_is_likeliest():
+def test_effects_are_named_by_their_probability_over_everything_else():
     found = decide([weight("", 0.97), weight("friction", 0.03)])
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
     assert found.inclusion["friction"] == pytest.approx(0.03)
-
-
-def test_an_effect_is_named_by_its_probability_over_everything_else():
-    """No hypothesis alone has 0.9, the effect has it over all laws and companions."""
+    # no hypothesis alone has 0.9, the effect has it over all laws and companions
     found = decide(
         [
             weight("drag", 0.5),
@@ -52,9 +49,47 @@ def test_an_effect_is_named_by_its_probability_over_everything_else():
     assert found.base[HERTZ] == pytest.approx(0.3)
 
 
-def test_two_that_do_as_well_make_a_group():
-    found = decide([weight("drag", 0.55), weight("film", 0.43), weight("", 0.02)])
-    assert (found.verdict, found.effects, found.group) == ("ambiguous", (), ("drag", "film"))
+def left(weights):
+    return apply_adequacy(decide(weights), weights, adequate=False)
+
+
+@pytest.mark.parametrize(
+    ("decided", "weights", "verdict", "effects", "group"),
+    [
+        (decide, {"drag": 0.55, "film": 0.43, "": 0.02}, "ambiguous", "", "drag film"),
+        # a group may stand beside a named effect
+        (decide, {"inertia drag": 0.6, "inertia film": 0.38, "": 0.02}, "ambiguous", "inertia",
+         "drag film"),
+        # structure is left beside what is named or not
+        (left, {"": 0.6, "drag": 0.4}, "unexplained", "", ""),
+        (left, {"drag": 0.99, "": 0.01}, "partly_explained", "drag", ""),
+        # what is measured is in every hypothesis that counts, unless no hypothesis has it
+        (lambda weights: decide(require(weights, {"adhesion"})),
+         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "adhesion", ""),
+        (lambda weights: decide(require(weights, {"inertia"})),
+         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "drag", ""),
+        # what is likely only beside a refused effect is not named
+        (decide, {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect",
+         "drag film lag", ""),
+        (lambda weights: decide(restrict_to(weights, {"drag", "lag"})),
+         {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect", "drag", ""),
+    ],
+)  # fmt: skip
+def test_the_verdict_follows_from_the_probabilities(decided, weights, verdict, effects, group):
+    found = decided([weight(names, p) for names, p in weights.items()])
+    assert found.verdict == verdict
+    assert (set(found.effects), set(found.group)) == (set(effects.split()), set(group.split()))
+
+
+def test_what_stands_for_the_answer_beside_something_outside_and_noise():
+    found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
+    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
+    weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
+    assert weights[decide(weights).selected].effects == {"drag"}
+    weights = [weight("drag", 0.98, unmodelled=0.7), weight("", 0.02, unmodelled=0.9)]
+    assert decide(weights).unmodelled == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+    found = decide(ignore_unmodelled(weights))
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
@@ -65,41 +100,6 @@ def test_of_effects_that_look_alike_one_is_there_however_probable_each_is():
     assert found.selected == both.selected
     alone = decide([weight("set drag", 1.0)])
     assert one_of(alone, ("set", "softening"), 3) == alone
-
-
-def test_a_group_may_stand_beside_a_named_effect():
-    found = decide([weight("inertia drag", 0.6), weight("inertia film", 0.38), weight("", 0.02)])
-    assert (found.verdict, found.effects) == ("ambiguous", ("inertia",))
-    assert found.group == ("drag", "film")
-
-
-def test_what_is_named_beside_something_outside_is_part_of_the_truth():
-    found = decide([weight("drag", 0.98, unmodelled=0.99), weight("", 0.02, unmodelled=1.0)])
-    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
-
-
-def test_what_stands_for_the_answer_has_just_the_effects_named():
-    weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
-    assert weights[decide(weights).selected].effects == {"drag"}
-
-
-def test_what_is_left_and_unnamed_is_unexplained():
-    weights = [weight("", 0.6), weight("drag", 0.4)]
-    found = apply_adequacy(decide(weights), weights, adequate=False)
-    assert (found.verdict, found.effects, found.group) == ("unexplained", (), ())
-
-
-def test_what_is_named_stays_named_beside_structure():
-    weights = [weight("drag", 0.99), weight("", 0.01)]
-    found = apply_adequacy(decide(weights), weights, adequate=False)
-    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
-
-
-def test_what_passes_as_noise_is_not_outside():
-    weights = [weight("drag", 0.98, unmodelled=0.7), weight("", 0.02, unmodelled=0.9)]
-    assert decide(weights).unmodelled == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
-    found = decide(ignore_unmodelled(weights))
-    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
@@ -163,28 +163,11 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
-def test_what_is_measured_is_in_every_hypothesis_that_counts():
-    weights = [weight("drag", 0.9), weight("adhesion", 0.1), weight("adhesion drag", 1e-6)]
-    found = decide(require(weights, {"adhesion"}))
-    assert (found.verdict, found.effects) == ("missing_effect", ("adhesion",))
-    assert decide(require(weights, {"inertia"})).effects == ("drag",)  # no hypothesis has it
-
-
-def test_what_is_likely_without_a_refused_effect_is_named():
+def test_what_is_left_of_refused_effects_is_named_and_nothing_in_their_place():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
     found = decide(restrict_to(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.selected].effects == {"inertia"}
-
-
-def test_what_is_likely_only_beside_a_refused_effect_is_not_named():
-    weights = [weight("drag film lag", 0.98), weight("drag", 0.0195), weight("drag lag", 0.0005)]
-    assert set(decide(weights).effects) == {"drag", "film", "lag"}
-    found = decide(restrict_to(weights, {"drag", "lag"}))
-    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
-
-
-def test_what_takes_the_place_of_a_refused_effect_is_not_named():
     weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
     found = decide(restrict_to(weights, {"drag"}))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
@@ -236,7 +219,7 @@ def within(*weights):
     return [one.within(FAMILIES) for one in weights]
 
 
-def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
+def test_an_effect_is_named_by_its_family_and_its_forms_are_no_group():
     """Neither form alone has 0.9, the effect has; the likelier form is reported."""
     weights = within(
         weight("coulomb", 0.5),
@@ -249,16 +232,13 @@ def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
     assert (found.verdict, found.effects) == ("missing_effect", ("friction",))
     assert found.inclusion == pytest.approx({"friction": 0.95, "lag": 0.25})
     assert weights[found.selected].forms == {"friction": "coulomb"}
-
-
-def test_forms_of_one_effect_are_no_group():
     found = decide(within(weight("coulomb", 0.5), weight("friction", 0.49), weight("", 0.01)))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("friction",), ())
     found = decide(within(weight("coulomb", 0.5), weight("filter", 0.49), weight("", 0.01)))
     assert (found.verdict, found.group) == ("ambiguous", ("friction", "lag"))
 
 
-def test_what_names_nothing_is_outside_and_never_named():
+def test_what_names_nothing_is_outside_and_what_raises_the_error_is_not_named():
     weights = within(weight("wander", 0.98), weight("", 0.02))
     found = decide(weights)
     assert (found.verdict, found.effects, found.inclusion) == ("unexplained", (), {})
@@ -269,9 +249,6 @@ def test_what_names_nothing_is_outside_and_never_named():
     assert found.unmodelled == pytest.approx(0.6)
     inside = decide(ignore_unmodelled(weights))
     assert (inside.verdict, inside.selected) == ("missing_effect", 1)
-
-
-def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
     weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
     found = decide(restrict_to(weights, {"lag"}))
     assert (found.verdict, found.effects, found.selected) == ("missing_effect", ("lag",), 1)

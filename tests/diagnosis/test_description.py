@@ -9,17 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.compiled_pad import STRICT, CompiledPad, needs_gcc
-from support.exported_pad import exported, reference
+from support.exported_pad import described, exported, reference
 from support.lawmotions import retracting
 
 from qlvbayes.diagnosis.description.grammar import grammar
-from qlvbayes.diagnosis.description.source import (
-    References,
-    formula_of,
-    load,
-    name_of,
-    source_of,
-)
+from qlvbayes.diagnosis.description.source import References, formula_of, load, name_of, source_of
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN
@@ -27,7 +21,6 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.code import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
@@ -53,6 +46,7 @@ def _source(*names: str) -> str:
 
 
 @pytest.mark.parametrize("name", QUICK)
+@pytest.mark.few(3)
 def test_terms_keep_the_rules_of_effects(name: str) -> None:
     check_effect(load(_source(name)))
 
@@ -69,9 +63,17 @@ def test_pairs_keep_the_rules_of_effects(names: tuple[str, str]) -> None:
     check_effect(load(_source(*names)))
 
 
-def test_pairs_that_no_layer_holds_do_not_join() -> None:
+def test_pairs_that_join_are_python_and_formulas_say_what_their_letters_are():
     assert not TERMS["rig_linear_drag"].joins(TERMS["linear_drag_of_depth"])
     assert not TERMS["shift_of_remembered_depth"].joins(TERMS["linear_drag"])
+    assert not set(TERMS) & {kind.name for kind in EVERY}
+    for first, second in combinations(TERMS.values(), 2):
+        if first.joins(second):
+            compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")
+    formula = formula_of([TERMS["power_drag_of_depth_squared"]], REFERENCES, PAD)
+    assert formula == "F += k d^2 |v|^n sgn v (with d = depth/(1.6 mm), v = velocity/(100 mm/s))"
+    strain = formula_of([TERMS["linear_drag_of_depth"]], REFERENCES, STRAIN)
+    assert strain == "F += k d v (with d = strain/(1.6), v = velocity/(100 1/s))"
 
 
 def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
@@ -80,23 +82,6 @@ def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
     (kind,) = own_effects(path)
     assert kind.name == name_of([TERMS[name] for name in PAIRS[0]])
     assert set(kind.null) == {"k1", "k2"}
-
-
-def test_names_are_no_listed_effects() -> None:
-    assert not set(TERMS) & {kind.name for kind in EVERY}
-
-
-def test_every_pair_that_joins_is_python() -> None:
-    for first, second in combinations(TERMS.values(), 2):
-        if first.joins(second):
-            compile(source_of([first, second], REFERENCES, PAD, "."), "law", "exec")
-
-
-def test_formula_says_what_its_letters_are() -> None:
-    formula = formula_of([TERMS["power_drag_of_depth_squared"]], REFERENCES, PAD)
-    assert formula == "F += k d^2 |v|^n sgn v (with d = depth/(1.6 mm), v = velocity/(100 mm/s))"
-    strain = formula_of([TERMS["linear_drag_of_depth"]], REFERENCES, STRAIN)
-    assert strain == "F += k d v (with d = strain/(1.6), v = velocity/(100 1/s))"
 
 
 def test_forces_on_many_sets_are_those_of_each() -> None:
@@ -122,10 +107,7 @@ def test_forces_on_many_sets_are_those_of_each() -> None:
      ("force_of_remembered_largest_depth",)],
 )  # fmt: skip
 def test_the_exported_header_has_the_law(tmp_path, names: tuple[str, ...]) -> None:
-    path = tmp_path / "described_effect.py"
-    path.write_text(_source(*names), encoding="utf-8")
-    name = name_of([TERMS[one] for one in names])
-    choices = Choices(effects=(name,), effects_file=str(path))
+    choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)
     program = CompiledPad(tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-DONE_WAY"))
     time, depth = retracting()

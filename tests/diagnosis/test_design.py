@@ -17,14 +17,7 @@ from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.simulate import (
-    HIDDEN,
-    NOISES,
-    TABLE_1,
-    HiddenPad,
-    paper_protocol,
-    record_study,
-)
+from qlvbayes.simulate import HIDDEN, NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 EFFECTS = (ForceOffset, ForceDrift)
 OFFSET = 0.012  # N

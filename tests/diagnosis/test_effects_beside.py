@@ -43,8 +43,9 @@ def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
     np.testing.assert_allclose(found, point.predicted, rtol=0.0, atol=close)
 
 
-@pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("share", [1e-3, 1.0])
+@pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
+@pytest.mark.few(36)  # every effect once
 def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share):
     """Z_s = int L_s pi <= max L_s, at every size; also where constants are next to nothing."""
     density, point = plain.density, plain.modes[BASELINE][0].point

@@ -9,7 +9,7 @@ from support.endtoend import call, read_json
 from support.posteriors import drawn, vectors, written
 from support.savedfit import REACH, draws
 
-from qlvbayes import InputError, predict_program
+from qlvbayes import predict_program
 from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.fitting.results import load, save
 from qlvbayes.io.units import PAD
@@ -58,14 +58,11 @@ def test_the_band_is_that_of_the_mixture(mixed):
     assert mixed.averaged == (SOFT, HARD)
 
 
-def test_fewer_draws_keep_the_proportions():
+def test_fewer_draws_keep_the_proportions_and_what_gives_no_displacement_is_left_out():
     few = predict_program(BOTH, PROGRAM, draws=40)
     last = np.sort(few.answers[:, -1])
     assert last.size == 40
     assert np.argmax(np.diff(last)) == 29
-
-
-def test_what_gives_no_displacement_from_a_force_is_left_out_and_named():
     load_program = "force 0.3 N in 0.1 s, hold 2 s"
     found = predict_program(hypotheses(SOFT, LATE), load_program)
     assert found.averaged == (SOFT,)
@@ -105,11 +102,6 @@ def test_tests_that_differ_widen_the_displacement_under_a_force():
     assert np.median(back) > np.median(found.answers[:, -1])
 
 
-def test_a_file_holds_them_whole(tmp_path):
-    BOTH.write(tmp_path / FILE)
-    assert Hypotheses.read(tmp_path / FILE) == BOTH
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A pad with a fit and a diagnosis, and one with a diagnosis alone."""
@@ -121,7 +113,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_the_command_says_what_was_averaged(folder):
+def test_the_command_says_what_was_averaged_and_the_fit_alone_is_to_be_had(folder):
     status, _, err = call("predict", folder, "--program", PROGRAM)
     assert status == 0
     for pad in "BD":
@@ -133,9 +125,6 @@ def test_the_command_says_what_was_averaged(folder):
         content = read_json(folder / pad / "prediction.json")
         assert [one["probability"] for one in content["averaged"]] == [0.75, 0.25]
         assert content["draws"] == 400
-
-
-def test_the_fit_alone_is_to_be_had(folder):
     status, _, err = call(
         "predict", folder, "--program", PROGRAM, "--hypotheses", "fitted", "--pad", "B"
     )
@@ -163,11 +152,3 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     status, _, err = call("predict", tmp_path, "--program", PROGRAM)
     assert status == 0
     assert "its diagnosis is of other tests than its fit" in err.replace("\n", " ")
-
-
-def test_a_folder_with_neither_is_refused(tmp_path):
-    status, _, err = call("predict", tmp_path, "--program", PROGRAM)
-    assert status == 2
-    assert "no fit in this folder" in err
-    with pytest.raises(InputError, match="cannot be read as results"):
-        Hypotheses.from_json('{"schema": 1, "pad": "B"}')

@@ -84,9 +84,6 @@ def law(slopes, probability=1.0, force=0.0, power=1.0):
     )
 
 
-# closed forms
-
-
 def test_bits_are_those_of_the_textbook():
     """One constant with slopes 1 and 2 in units of the noise: half log2 of 1 + 5."""
     found = products([[0.0, 0.0], [1.0, 2.0]])
@@ -144,30 +141,13 @@ def test_a_part_is_never_told_more_of_than_the_whole(seed, rank):
     assert (found + found).bits_for(0, part)[0] >= found.bits_for(0, part)[0]
 
 
-@given(st.integers(0, 10_000))
-@settings(max_examples=15, deadline=None)
-def test_bits_for_the_cause_lie_between_their_bounds(seed):
-    """Against Monte Carlo over the exact mixture of normals."""
+@given(st.integers(0, 10_000), st.sampled_from([[[0], [1], [2]], [[0, 2], [1]]]))
+@settings(max_examples=25, deadline=None)
+def test_bits_for_the_cause_lie_between_their_bounds(seed, groups):
+    """Against Monte Carlo over the exact mixture: explanations 0 and 2 may be of one cause."""
     rng = np.random.default_rng(seed)
-    parts = [rng.normal(size=(2, 3)) for _ in range(3)]
+    parts = [(4 - len(groups)) * rng.normal(size=(2, 3)) for _ in range(3)]
     p = rng.dirichlet(np.full(3, 3.0))
-    low, high = (x[0] for x in products(*parts).bits_for_cause(p))
-    normals = [multivariate_normal(x[0], np.eye(3) + np.outer(x[1], x[1])) for x in parts]
-    exact = 0.0
-    for own, share in zip(normals, p, strict=True):
-        y = own.rvs(4000, random_state=rng)
-        logs = np.stack([other.logpdf(y) for other in normals])
-        exact += share * np.mean(own.logpdf(y) - logsumexp(logs.T + np.log(p), axis=1))
-    assert low - 0.04 < exact / np.log(2.0) < high + 0.04  # of 12 000 draws
-
-
-@given(st.integers(0, 10_000))
-@settings(max_examples=15, deadline=None)
-def test_bits_for_a_cause_of_several_explanations_lie_between_their_bounds(seed):
-    """Against Monte Carlo over the exact mixture: explanations 0 and 2 are of one cause."""
-    rng = np.random.default_rng(seed)
-    parts = [2.0 * rng.normal(size=(2, 3)) for _ in range(3)]
-    p, groups = rng.dirichlet(np.full(3, 3.0)), [[0, 2], [1]]
     low, high = (x[0] for x in products(*parts).bits_for_cause(p, groups))
     normals = [multivariate_normal(x[0], np.eye(3) + np.outer(x[1], x[1])) for x in parts]
     exact = 0.0
@@ -192,9 +172,6 @@ def test_of_causes_that_differ_little_a_third_of_the_way_between_the_bounds_is_e
     exact = 0.5 * np.trapezoid(densities * np.log2(densities / mixture), y, axis=1).sum()
     low, high = found.bits_for_cause(np.array([0.5, 0.5]))
     assert between(low, high)[0] == pytest.approx(exact, rel=0.01)
-
-
-# causes
 
 
 def test_laws_of_one_cause_are_one_answer():
@@ -254,9 +231,6 @@ def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
     assert best.expected_cause > expected[np.argmax(rates)]
 
 
-# nested Monte Carlo, by which the closed form is validated
-
-
 def test_marginals_of_a_linear_law_are_exact():
     """Nested Monte Carlo gives the closed form, for one of two constants and for the cause."""
     belief = Belief.from_explanations([law([0.02, 0.01], 0.6), law([0.02], 0.4, force=0.01)])
@@ -294,9 +268,6 @@ def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
     assert nested.cause == 0.0
 
 
-# noise and what the model misses
-
-
 def test_more_noise_tells_less(pad):
     loud = replace(ERRORS, floor=NoiseFloor(0.012, 0.016, 0.5))
     assert np.all(bits(pad, loud) < bits(pad, ERRORS))
@@ -315,9 +286,6 @@ def test_what_the_model_misses_makes_a_test_less_sure():
     assert evidence(doubtful)[0] < 0.1 * evidence(clear)[0]
 
 
-# designs
-
-
 def test_a_pad_has_recovered_when_its_modes_have():
     """One mode of half the force, pressed for long: e^-t of it is left."""
     one = RecoveryTime(((np.array([0.5]), np.array([1.0])),))
@@ -325,12 +293,7 @@ def test_a_pad_has_recovered_when_its_modes_have():
     assert one.time(0.001) < 0.2  # nothing was excited
 
 
-@given(
-    st.integers(0, 1000),
-    st.floats(0.1, 5.0),
-    st.floats(1.0, 100.0),
-    st.floats(50.0, 5000.0),
-)
+@given(st.integers(0, 1000), st.floats(0.1, 5.0), st.floats(1.0, 100.0), st.floats(50.0, 5000.0))
 @settings(max_examples=20, deadline=None)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig = Rig(depth, speed, acceleration)
@@ -406,9 +369,6 @@ def test_set_points_go_through_predict(tmp_path):
     )
 
 
-# the command
-
-
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fitted")
@@ -452,9 +412,6 @@ def test_bad_input_is_one_line(fitted, words, says):
 
 
 def test_a_folder_without_results_is_named(tmp_path):
-    status, _, err = call("design", tmp_path)
-    assert status == 2
-    assert "no results in this folder; run qlvbayes study" in one_line(err)
     with pytest.raises(InputError, match="neither a fit nor a diagnosis"):
         design_into(tmp_path, "B", (), minutes=1.0, tests=1)
 

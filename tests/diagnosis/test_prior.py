@@ -29,7 +29,7 @@ def sets(names):
     return [some for size in range(len(names) + 1) for some in combinations(names, size)]
 
 
-def test_prior_sums_to_one_over_all_sets_and_laws():
+def test_prior_sums_to_one():
     settings, effects = DiagnosisSettings(complete=0.5, chosen_law=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
@@ -41,9 +41,6 @@ def test_prior_sums_to_one_over_all_sets_and_laws():
     )
     # sets of more effects than there are would hold the rest
     assert total == pytest.approx(1.0 - 0.5**4)
-
-
-def test_prior_sums_to_one_over_families():
     total = sum(prior(some) for some in sets(FAMILIES.family_of))
     assert total == pytest.approx(1.0 - 0.5**5)
 
@@ -70,21 +67,15 @@ def test_what_the_user_put_in_takes_its_family():
     assert prior({"a2"}, baseline=baseline) == pytest.approx(1 / 2)
     assert prior({"a2", "c"}, baseline=baseline) == pytest.approx(1 / 4 / 3)
     assert prior({"a2", "a"}, baseline=baseline) == 0.0
-
-
-def test_forms_have_all_where_the_listed_law_is_no_candidate():
     alone = Families({"a2": "a", "a3": "a", "c": "c"})
     assert prior({"a2"}, alone) == pytest.approx(1 / 4 / 2 / 2)
 
 
-def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
+def test_families_follow_from_the_classes_and_are_counted():
     listed = Families.from_kinds(EFFECTS)
     for some in ((), ("friction",), ("friction", "inertia")):
         expected = 0.5 ** (len(some) + 1) / math.comb(len(EFFECTS), len(some))
         assert prior(some, listed) == pytest.approx(expected)
-
-
-def test_families_follow_from_the_effects_classes():
     families = Families.from_kinds(EVERY)
     forms = ["pressure_friction", "sharp_friction", "guide_friction"]
     assert families.members("friction") == ["friction", *forms]

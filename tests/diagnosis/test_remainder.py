@@ -80,24 +80,18 @@ def remaining(*cells, excess=0.0, tolerance=0.01):
     return Remainder(cells, 2.0, excess, tolerance, 0.1)
 
 
-def test_what_is_surely_below_the_tolerance_everywhere_is_small():
+def test_what_is_surely_below_the_tolerance_is_small_and_effects_have_the_same():
     assert remaining(left(0.019), left(0.010)).is_small
     assert not remaining(left(0.019), left(0.021)).is_small
     assert remaining(left(0.019), left(0.5, shown=False)).is_small  # a wide bound shows nothing
     assert not remaining(left(0.019), excess=0.021).is_small  # what no smooth curve sees
     assert not remaining(left(0.019), tolerance=0.0).is_small
     assert remaining(left(0.021), tolerance=0.02).is_small
-
-
-def test_the_largest_cell_is_told_with_its_size_and_place():
     large = left(0.01, test="B-9", phase="hold")
     cell = remaining(left(0.005), large, left(0.5, shown=False)).record
     assert (cell.test, cell.phase) == ("B-9", "hold")
     assert cell.share_of_peak == pytest.approx(0.008 / 2.0)
     assert cell.small
-
-
-def test_effects_are_weighed_with_the_same_tolerance():
     prior = HalfNormal(0.1)
     assert log_noticeable(prior, 0.03, 0.01) == log_noticeable(prior, 0.03, 0.01, TOLERANCE)
     assert DiagnosisSettings().tolerance == TOLERANCE

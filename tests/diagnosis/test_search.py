@@ -62,22 +62,6 @@ def drag():
 
 
 @pytest.mark.slow
-def test_hidden_drag_is_found_on_the_right_law(drag):
-    found = decided(drag)
-    assert drag.best == BASELINE.plus("viscous_drag")
-    assert found.effects == ("viscous_drag",)
-    assert found.base["exponential", "prony:2"] > 0.5
-
-
-@pytest.mark.slow
-def test_what_is_found_holds_the_true_drag(drag):
-    point = drag.candidates[drag.best].point
-    place = point.own.names.index("viscous_drag.eta")
-    assert point.constants[place] == pytest.approx(0.004, rel=0.1)
-    assert point.residual @ point.residual / point.residual.size == pytest.approx(1.0, abs=0.2)
-
-
-@pytest.mark.slow
 def test_every_neighbour_of_the_best_has_been_seen(drag):
     best = drag.best
     for name in set(drag.families.nameable) - best.effects:

@@ -27,16 +27,12 @@ def jump():
 
 
 @pytest.mark.slow
-def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
+def test_a_steady_drift_is_one_and_a_jump_in_the_middle_of_a_study_none_alone(jump):
     """A drift may take a part of it, but something else is there and is said to be."""
     assert jump.result.verdict in ("partly_explained", "unexplained")
     assert jump.result.outside > 0.5
     assert "A systematic error remains beyond the noise" in jump.text()
     assert jump.result.stages[-1].rmse > 1.5 * jump.result.noise
-
-
-@pytest.mark.slow
-def test_a_steady_drift_is_one():
     steady = hidden_pad(HIDDEN["force_drift"](rate=1e-4), rates=PAPER_RATES)
     found = diagnose(steady, kinds=FEW).result
     assert (found.verdict, found.effects) == ("missing_effect", ("force_drift",))
@@ -52,11 +48,21 @@ def clipped(request):
     return diagnose(hidden_pad(clipping, rates=RATES[request.param]), kinds=KINDS[request.param])
 
 
-def test_what_is_not_on_the_list_is_left(clipped):
+def test_what_is_not_on_the_list_is_left_and_told(clipped):
     keeps_diagnosis_contract(clipped)
     assert clipped.result.verdict in ("unexplained", "partly_explained")
     assert clipped.result.outside > 0.5
     assert clipped.result.stages[-1].p_value < DiagnosisSettings().false_alarms
+    left = clipped.result.remainder
+    assert not left.small
+    said = " ".join(clipped.paragraphs())
+    sentences = {
+        "unexplained": "No effect is named",
+        "partly_explained": "no effect of the list explains",
+    }
+    assert sentences[clipped.result.verdict] in said
+    assert left.test in said
+    assert "of the peak force" in said
 
 
 def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped):
@@ -71,19 +77,6 @@ def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped)
     found = structs.replace(clipped.result, ranking=ranking, stages=(*before, last), group=())
     said = "; ".join(_runner_up(found))
     assert "to add it with 2 more effects, as in its likeliest hypothesis, would" in said
-
-
-def test_its_size_and_place_are_told(clipped):
-    left = clipped.result.remainder
-    assert not left.small
-    said = " ".join(clipped.paragraphs())
-    sentences = {
-        "unexplained": "No effect is named",
-        "partly_explained": "no effect of the list explains",
-    }
-    assert sentences[clipped.result.verdict] in said
-    assert left.test in said
-    assert "of the peak force" in said
 
 
 def test_the_discrepancy_is_what_is_left_within_the_noise(clipped):

@@ -1,5 +1,6 @@
 """Every effect keeps the rules; what breaks one is refused; and the physics they stand for."""
 
+import inspect
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -10,14 +11,15 @@ import pytest
 
 from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
+from qlvbayes.effects.catalogue import EVERY as WITH_FORMS
 from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
-from qlvbayes.effects.contacts import Adhesion, ContactOffset
+from qlvbayes.effects.contacts import Adhesion, ContactOffset, GradualContact
 from qlvbayes.effects.drags import Inertia, PowerLawDrag, SqueezeFilm, ViscousDrag
 from qlvbayes.effects.drifts import FluidLeak, ForceDrift
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.fluids import FluidPressure
+from qlvbayes.effects.fluids import FluidPressure, PowerLawDrainage
 from qlvbayes.effects.frames import FrameCompliance
-from qlvbayes.effects.friction import Friction
+from qlvbayes.effects.friction import Friction, PressureFriction
 from qlvbayes.effects.history import largest, material_time
 from qlvbayes.effects.lags import ChannelLag
 from qlvbayes.effects.relaxing import (
@@ -27,7 +29,6 @@ from qlvbayes.effects.relaxing import (
 )
 from qlvbayes.effects.softening import PermanentSet, StressSoftening
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
@@ -36,6 +37,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.priors import HalfNormal, Uniform
 
 EVERY = pytest.mark.parametrize("kind", EFFECTS, ids=names())
+ALL = pytest.mark.parametrize("kind", WITH_FORMS, ids=names(WITH_FORMS))
 STRAINED = Scales(
     250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0, stiffness=1e3
 )
@@ -87,40 +89,41 @@ def force(model, path=PRESS):
     return np.asarray(model.force(path))
 
 
-# the rules
-
-
-@EVERY
-@pytest.mark.few(4)
+@ALL
+@pytest.mark.few(5)
 def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
 
-@pytest.mark.parametrize("kind", [FluidPressure, SqueezeFilm, Friction, ContactOffset])
+@pytest.mark.parametrize(
+    "kind",
+    [FluidPressure, SqueezeFilm, Friction, ContactOffset, PowerLawDrainage, PressureFriction,
+     GradualContact],
+)  # fmt: skip
 @pytest.mark.slow
 def test_the_rules_hold_in_other_units_too(kind):
     check_effect(kind, STRAINED)
 
 
-@EVERY
+@ALL
 def test_priors_are_proper_where_a_scale_is_unknown(kind):
     bare = Scales(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=0.0, acceleration=0.0, clock=0.0)
     for prior in vars(kind.default(bare)).values():
-        assert np.isfinite(prior.draw(np.random.default_rng(1)))
+        drawn = prior if isinstance(prior, float) else prior.draw(np.random.default_rng(1))
+        assert np.isfinite(drawn)
 
 
-@EVERY
-def test_units_have_names_in_both_systems(kind):
-    assert all(system.of(unit) for unit in kind.units.values() for system in (PAD, STRAIN))
-
-
-def test_names_are_told_apart():
+def test_names_are_told_apart_and_amplitudes_scaled_alike():
     assert len(set(names())) == len(EFFECTS) == 25
     assert find("friction") is Friction
     with pytest.raises(
         InputError, match=r"no effect 'rust'; use one of viscous_drag, .*channel_lag"
     ):
         find("rust")
+    scales = conformance._reference(1.6, 0.0).scales
+    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
+    sd = float(ViscousDrag.default(scales).eta.sd)
+    assert np.isclose(sd * scales.speed, 0.05 * scales.force)
 
 
 def test_the_order_of_adding_does_not_matter():
@@ -141,9 +144,6 @@ def test_the_order_of_adding_does_not_matter():
         "stress_softening",
     ]
     assert nested[-1] == "channel_lag"
-
-
-# user-made effects that break a rule
 
 
 class Good(AbstractEffect):
@@ -167,102 +167,55 @@ class Good(AbstractEffect):
         return below.force(motion) + self.amount * motion.displacement
 
 
-class Acausal(Good):
-    """Knows the last depth from the start."""
-
-    def force(self, below, motion):
-        return below.force(motion) + self.amount * motion.displacement[-2]
+def with_force(added):
+    """A force that is added to that below: of the effect and the motion."""
+    return {"force": lambda self, below, motion: below.force(motion) + added(self, motion)}
 
 
-class Remaining(Good):
-    """Does not vanish."""
-
-    def force(self, below, motion):
-        return below.force(motion) + (self.amount + 1e-6) * motion.displacement
-
-
-class Endless(Good):
+def root_drag(self, motion):
     """Infinite slope at rest."""
-
-    def force(self, below, motion):
-        drag = jnp.sign(motion.velocity) * jnp.sqrt(jnp.abs(motion.velocity) * self.amount)
-        return below.force(motion) + drag
+    return jnp.sign(motion.velocity) * jnp.sqrt(jnp.abs(motion.velocity) * self.amount)
 
 
-class Undefined(Good):
+def undefined(self, motion):
     """0/0 at zero depth, away from the null."""
-
-    def force(self, below, motion):
-        extra = self.amount / jnp.maximum(motion.displacement, 0.0)
-        return below.force(motion) + jnp.where(self.amount > 0.0, extra, 0.0)
+    extra = self.amount / jnp.maximum(motion.displacement, 0.0)
+    return jnp.where(self.amount > 0.0, extra, 0.0)
 
 
-class Huge(Good):
-    """A prior a hundred times too wide."""
-
-    @classmethod
-    def default(cls, scales):
-        return cls(scales.positive(0.01 * scales.depth))
-
-
-class Flat(Good):
-    """A prior that is not scaled."""
-
-    @classmethod
-    def default(cls, scales):
-        return cls(Uniform(0.0, 1.0))
-
-
-class Crowding(Good):
-    """Nests where friction does."""
-
-    rank: ClassVar[int] = Friction.rank
-
-
-class Unitless(Good):
-    """A unit that does not exist."""
-
-    units: ClassVar[dict[str, str]] = {"amount": "furlong"}
-
-
-class Unnamed(Good):
-    """A constant without a unit."""
-
-    units: ClassVar[dict[str, str]] = {}
-
-
-class Silent(Good):
-    """Says nothing for people."""
-
-    seen: ClassVar[str] = ""
-
-
-class Nowhere(Good):
-    """A null that is no constant."""
-
-    null: ClassVar[dict[str, float]] = {"size": 0.0}
-
-
-class Shouting(Good):
-    """A name that is none."""
-
-    name: ClassVar[str] = "My effect"
-
-
-class Counting(Good):
+def counting(self, motion):
     """Another force when it is compiled."""
-
-    def force(self, below, motion):
-        compiled = isinstance(motion.time, jax.core.Tracer)
-        return below.force(motion) + (1.0 + compiled) * self.amount * motion.displacement
+    compiled = isinstance(motion.time, jax.core.Tracer)
+    return (1.0 + compiled) * self.amount * motion.displacement
 
 
-class Striding(Good):
+def striding(self, below, state, line):
     """Steps to another force than that of the whole motion."""
+    state, force = below.step(state, line)
+    return state, force + 1.1 * self.amount * line.displacement
 
-    def step(self, below, state, line):
-        state, force = below.step(state, line)
-        return state, force + 1.1 * self.amount * line.displacement
+
+def prior(of_scales):
+    return {"default": classmethod(lambda cls, scales: cls(of_scales(scales)))}
+
+
+BROKEN = [
+    (with_force(lambda self, motion: self.amount * motion.displacement[-2]), "not causal"),
+    (with_force(lambda self, motion: (self.amount + 1e-6) * motion.displacement),
+     "does not vanish at its null"),
+    (with_force(root_drag), "slope along amount is not finite"),
+    (with_force(undefined), "force is not finite"),
+    (prior(lambda scales: scales.positive(0.01 * scales.depth)), "median"),
+    (prior(lambda scales: Uniform(0.0, 1.0)), r"scales\.positive or scales\.signed"),
+    ({"rank": Friction.rank}, "nests where friction does"),
+    ({"units": {"amount": "furlong"}}, "'furlong' is no kind of unit"),
+    ({"units": {}}, "units must name exactly its constants amount"),
+    ({"seen": ""}, "seen must be one line"),
+    ({"null": {"size": 0.0}}, "null must name"),
+    ({"name": "My effect"}, "'My effect' is not lower case"),
+    (with_force(counting), "compiled and plain"),
+    ({"step": striding}, "steps and the force of a whole motion differ"),
+]  # fmt: skip
 
 
 def test_a_user_made_effect_may_keep_the_rules():
@@ -270,44 +223,21 @@ def test_a_user_made_effect_may_keep_the_rules():
     check_effect(Good, STRAINED)
 
 
-@pytest.mark.parametrize(
-    ("kind", "rule"),
-    [
-        (Acausal, "not causal"),
-        (Remaining, "does not vanish at its null"),
-        (Endless, "slope along amount is not finite"),
-        (Undefined, "force is not finite"),
-        (Huge, "median"),
-        (Flat, r"scales\.positive or scales\.signed"),
-        (Crowding, "nests where friction does"),
-        (Unitless, "'furlong' is no kind of unit"),
-        (Unnamed, "units must name exactly its constants amount"),
-        (Silent, "seen must be one line"),
-        (Nowhere, "null must name"),
-        (Shouting, "'My effect' is not lower case"),
-        (Counting, "compiled and plain"),
-        (Striding, "steps and the force of a whole motion differ"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "rule"), BROKEN, ids=[rule for _, rule in BROKEN])
 @pytest.mark.few(5)
-def test_a_broken_rule_is_named(kind, rule):
+def test_a_broken_rule_is_named(changes, rule):
     with pytest.raises(EffectError, match=rule):
-        check_effect(kind)
-
-
-class Twice(Striding):
-    """Breaks two rules: it nests where friction does, and steps to another force."""
-
-    level: ClassVar[Level] = Friction.level
-    rank: ClassVar[int] = Friction.rank
+        check_effect(type("Broken", (Good,), changes))
 
 
 def test_all_broken_rules_are_named_and_each_check_is_its_own():
+    nests_where_friction_does = {"level": Friction.level, "rank": Friction.rank}
+    twice = type("Twice", (Good,), {**nests_where_friction_does, "step": striding})
     with pytest.raises(EffectError) as raised:
-        check_effect(Twice)
+        check_effect(twice)
     assert len(str(raised.value).splitlines()) == 2
     broken = {}
-    for name, check in effect_checks(Twice):
+    for name, check in effect_checks(twice):
         try:
             check()
         except EffectError as error:
@@ -316,41 +246,26 @@ def test_all_broken_rules_are_named_and_each_check_is_its_own():
     assert "\n".join(broken.values()) == str(raised.value)
 
 
-# helpers
-
-
-def test_the_largest_depth_so_far_has_the_slope_of_its_point():
+def test_largest_depth_and_material_time():
     depth = jnp.array([0.0, 0.3, 0.2, 0.3, 0.5, 0.1])
     assert np.array_equal(largest(depth), [0.0, 0.3, 0.3, 0.3, 0.5, 0.5])
     slopes = jax.jacobian(largest)(depth)
     assert np.array_equal(np.argmax(slopes, axis=1), [0, 1, 1, 3, 4, 4])
-
-
-def test_material_time_is_the_integral_along_straight_lines():
     time, depth = jnp.array([0.0, 1.0, 1.5]), jnp.array([0.0, 0.8, 0.8])
     expected = [0.0, np.expm1(0.8 * 2.0) / 1.6, np.expm1(1.6) / 1.6 + 0.5 * np.exp(1.6)]
     assert np.allclose(material_time(time, depth, 2.0), expected, rtol=1e-14)
 
 
-# physics
-
-
-def test_power_law_drag_of_exponent_one_is_viscous():
+def test_drags_follow_their_laws():
     assert np.allclose(
         force(bonded(PowerLawDrag(0.01, 1.0))), force(bonded(ViscousDrag(0.01))), atol=1e-14
     )
-
-
-def test_power_law_drag_grows_with_the_power_of_the_speed():
     drag = [
         force(bonded(PowerLawDrag(0.01, 0.3)), p) - force(bonded(), p)
         for p in map(press_and_return, (1.0, 100.0))
     ]
     assert np.isclose(drag[1][0] / drag[0][0], 100.0**0.3)
     assert drag[0][HELD] == 0.0
-
-
-def test_a_thick_film_is_a_viscous_drag_and_a_thin_one_stiffens():
     assert np.allclose(
         force(bonded(SqueezeFilm(0.01, 1e9))), force(bonded(ViscousDrag(0.01))), rtol=1e-8
     )
@@ -358,7 +273,7 @@ def test_a_thick_film_is_a_viscous_drag_and_a_thin_one_stiffens():
     assert np.isclose(extra[199], 8.0 * extra[0])
 
 
-def test_fluid_pressure_drains_in_a_hold_at_its_own_rate():
+def test_pressure_drains_at_its_rate_and_leaks_and_drifts_go_by_the_clock():
     depth = PRESS.displacement
     extra = force(bonded(FluidPressure(0.2, 2.0, 0.7))) - force(bonded())
     held = LOADING.nonzero()[0][-1]
@@ -366,9 +281,6 @@ def test_fluid_pressure_drains_in_a_hold_at_its_own_rate():
     assert np.isclose(extra[300], extra[held] * np.exp(-after * np.exp(-0.7 * 1.6) / 2.0))
     undrained = force(bonded(FluidPressure(0.2, 1e9, 0.0))) - force(bonded())
     assert np.allclose(undrained, 0.2 * depth, atol=1e-8)
-
-
-def test_leak_and_drift_go_by_the_clock_of_the_pad():
     later = replace(PRESS, start=jnp.asarray(600.0))
     plain = force(bonded())
     leak = np.exp(-1e-3 * (600.0 + np.asarray(PRESS.time)))
@@ -377,31 +289,25 @@ def test_leak_and_drift_go_by_the_clock_of_the_pad():
     assert np.allclose(drift, 1e-3 * later.clock)
 
 
-def test_an_extra_mode_is_one_more_prony_term():
+def test_an_extra_mode_is_one_more_prony_term_and_is_hastened_by_depth_too():
     mixed = bonded()
     shares = jnp.concatenate([0.9 * mixed.relaxation.c, jnp.array([0.1])])
     prony = Prony(shares, jnp.array([6.2, 0.14, 40.0]))
     assert np.allclose(
         force(bonded(ExtraRelaxationMode(0.1, 40.0))), force(replace(mixed, relaxation=prony))
     )
-
-
-def test_an_extra_mode_is_hastened_by_depth_too():
-    """In a hold at one depth its rate is v e^{alpha d}."""
+    # in a hold at one depth its rate is v e^{alpha d}
     step = motion([0.0, 0.1, 0.5], [1.0, 1.0, 1.0])
     mode, rate_factor = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
     found = force(bonded(rate_factor, mode), step)
     assert np.allclose(found / found[0], np.exp(-3.0 * np.exp(0.8) * np.array([0.0, 0.1, 0.5])))
 
 
-def test_strain_dependent_strength_leaves_the_elastic_force_at_depth():
+def test_strength_softening_and_set_at_depth():
     found = force(bonded(StrainDependentStrength(50.0)))
     elastic = np.asarray(bonded().elastic.force(PRESS.displacement))
     deep = np.asarray(PRESS.displacement) > 1.0
     assert np.allclose(found[deep], elastic[deep])
-
-
-def test_softening_and_set_act_below_the_largest_depth():
     plain, softened = force(bonded()), force(bonded(StressSoftening(0.4)))
     assert np.array_equal(softened[: HELD + 1], plain[: HELD + 1])
     half = HELD + 100
@@ -421,16 +327,13 @@ def test_a_set_pad_is_left_before_zero_depth_and_moves_slower_while_it_sets():
     assert np.allclose(extra[back][depth < 0.1599], 0.0)
 
 
-def test_friction_holds_and_turns_round_on_the_way_back():
+def test_friction_holds_turns_round_and_does_not_depend_on_speed():
     extra = force(bonded(Friction(0.1, 0.05))) - force(bonded())
     assert np.isclose(extra[199], 0.1 * -np.expm1(-1.6 / 0.05))
     assert np.isclose(extra[HELD], extra[199])
     way = 1.6 - float(PRESS.displacement[HELD + 20])
     expected = -0.1 + (extra[HELD] + 0.1) * np.exp(-way / 0.05)
     assert np.isclose(extra[HELD + 20], expected)
-
-
-def test_friction_does_not_depend_on_speed():
     slow, fast = (
         force(bonded(Friction(0.1, 0.05)), p) - force(bonded(), p)
         for p in (press_and_return(1.0), press_and_return(100.0))
@@ -438,7 +341,7 @@ def test_friction_does_not_depend_on_speed():
     assert np.allclose(slow, fast, atol=1e-12)
 
 
-def test_a_lag_takes_the_force_of_an_earlier_time():
+def test_a_lag_takes_all_forces_below_it_of_an_earlier_time():
     dense = press_and_return(points=400)
     lagged = force(bonded(ChannelLag(0.01)), dense)
     plain = force(bonded(), dense)
@@ -447,16 +350,11 @@ def test_a_lag_takes_the_force_of_an_earlier_time():
     # a whole number of grid steps: exactly
     step = float(dense.time[10])
     assert np.allclose(force(bonded(ChannelLag(step)), dense)[10:400], plain[:390], atol=1e-12)
-
-
-def test_a_lag_shifts_everything_below_it():
     extras = Inertia(1e-3), ViscousDrag(0.01), PermanentSet(0.05), Friction(0.1, 0.05)
     step = float(PRESS.time[10])
     plain, lagged = force(bonded(*extras)), force(bonded(*extras, ChannelLag(step)))
     assert np.allclose(lagged[10:200], plain[:190], atol=1e-12)
 
-
-def test_the_lags_slope_at_zero_is_minus_the_forces_rate():
     def delayed(delay):
         return bonded(ChannelLag(delay)).force(PRESS)
 
@@ -480,25 +378,20 @@ def test_a_specimen_slides_no_farther_than_its_interface_bears():
     assert np.allclose(found[HELD + 1 :], elastic.force(way_back), atol=1e-12)
 
 
-def test_inertia_shows_only_where_the_platen_speeds_up():
+def test_inertia_a_soft_frame_and_adhesion():
     path = motion([0.0, 0.1, 0.2], [0.0, 0.1, 0.2], 1.0, [1000.0, 0.0, 0.0])
     assert np.allclose(force(bonded(Inertia(1e-4)), path) - force(bonded(), path), [0.1, 0.0, 0.0])
-
-
-def test_a_soft_frame_gives_way_by_its_share():
     compliance = 0.05
     found = force(loose(FrameCompliance(compliance)))
     shortened = replace(PRESS, displacement=PRESS.displacement - compliance * found)
     assert np.max(np.abs(force(loose(), shortened) - found)) < 1e-5 * found.max()
-
-
-def test_adhesion_pulls_no_harder_than_its_strength():
     found = force(loose(Adhesion(0.05)))
     assert np.isclose(found.min(), -0.05, rtol=0.01)
     assert np.array_equal(np.maximum(found, 0.0), force(loose()))
 
 
 @EVERY
+@pytest.mark.few(9)
 def test_slopes_are_those_of_differences(kind):
     """Along every constant, in all tests, at a draw of the prior."""
     reference = conformance._reference(1.6, 0.0)
@@ -511,10 +404,7 @@ def test_slopes_are_those_of_differences(kind):
         assert np.mean(wrong) < 0.02  # a kink, as where contact is lost, may lie between
 
 
-# which protocols show them
-
-
-def test_what_a_protocol_cannot_show():
+def test_what_protocols_and_records_cannot_show():
     full = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=True)
     assert [kind.name for kind in EFFECTS if kind.blind(full)] == ["interface_slip"]
     assert find("interface_slip").blind(replace(full, bonded=True)) is None
@@ -523,21 +413,12 @@ def test_what_a_protocol_cannot_show():
     )
     blind = {kind.name for kind in EFFECTS if kind.blind(poor)}
     turning = {"stress_softening", "permanent_set", "backlash", "interface_slip"}
-    assert blind == {
-        *turning,
-        "adhesion",
-        "inertia",
-        "conditioning",
-        "strain_dependent_strength",
-    }
+    assert blind == {*turning, "adhesion", "inertia", "conditioning", "strain_dependent_strength"}
     assert Inertia.blind(poor) == "no acceleration is resolved"
     slow = replace(full, interval=0.2)
     assert find("frame_ringing").blind(slow) == "fewer than 4 readings fall in a period of 2 Hz"
     assert find("frame_ringing").unmeasured(replace(full, interval=0.1)) is None
     assert StressSoftening.blind(poor) == "no test unloads"
-
-
-def test_effects_made_of_a_speed_that_the_records_do_not_give():
     untimed = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=False, timed=False)
     blind = {kind.name for kind in EFFECTS if kind.unmeasured(replace(untimed, bonded=True))}
     assert blind == {"viscous_drag", "power_law_drag", "squeeze_film", "frame_ringing", "inertia"}
@@ -545,31 +426,12 @@ def test_effects_made_of_a_speed_that_the_records_do_not_give():
 
 # files of users
 
-SOURCE = '''
+SOURCE = """
 from typing import Any, ClassVar
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.friction import Friction
 
-class Spring(AbstractEffect):
-    """F = F_below + k d."""
-
-    k: Any
-    name: ClassVar[str] = "spring"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 50
-    units: ClassVar[dict[str, str]] = {"k": "stiffness"}
-    null: ClassVar[dict[str, float]] = {"k": 0.0}
-    law: ClassVar[str] = "F += k delta"
-    seen: ClassVar[str] = "a stiffness that never relaxes"
-    reference: ClassVar[str] = "Hooke 1678"
-
-    @classmethod
-    def default(cls, scales):
-        return cls(scales.positive(scales.depth))
-
-    def force(self, below, motion):
-        return below.force(motion) + self.k * motion.displacement
-'''
+""" + inspect.getsource(Good)
 
 
 def written(folder, text, name="mine.py"):
@@ -578,14 +440,18 @@ def written(folder, text, name="mine.py"):
     return path
 
 
-def test_a_file_gives_the_effects_that_it_defines(tmp_path):
+def test_a_file_gives_the_effects_that_it_defines_if_it_is_there(tmp_path):
     (spring,) = own_effects(written(tmp_path, SOURCE))
-    assert spring.name == "spring"
+    assert spring.name == "good"
     check_effect(spring)
-    assert find("spring", (*EFFECTS, spring)) is spring
+    assert find("good", (*EFFECTS, spring)) is spring
     assert names() == tuple(kind.name for kind in EFFECTS)
     extra = force(bonded(spring(0.1))) - force(bonded())
     assert np.allclose(extra, 0.1 * PRESS.displacement)
+    with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
+        own_effects(tmp_path / "absent.py")
+    with pytest.raises(InputError, match="no such Python file"):
+        own_effects(written(tmp_path, SOURCE, "mine.txt"))
 
 
 @pytest.mark.parametrize(
@@ -595,26 +461,12 @@ def test_a_file_gives_the_effects_that_it_defines(tmp_path):
         ("x = 1\n\ny = x / 0\n", r"mine\.py, line 3: ZeroDivisionError: division by zero; run"),
         ("x = 1\ndef (:\n", r"mine\.py, line 2: SyntaxError"),
         ("import json\njson.loads('{')\n", r"mine\.py, line 2: JSONDecodeError"),
-        (SOURCE.replace('"spring"', '"friction"'), r"line 6: the effect friction comes with"),
-        (SOURCE + SOURCE.replace("Spring", "Coil"), r"line 30: the effect spring is in"),
-        (SOURCE.replace("def force", "def strength"), r"line 6: the effect Spring lacks force;"),
-        (SOURCE.replace("units:", "unit:"), r"line 6: the effect Spring lacks units;"),
+        (SOURCE.replace('"good"', '"friction"'), r"line 6: the effect friction comes with"),
+        (SOURCE + SOURCE.replace("Good", "Coil"), r"line 30: the effect good is in"),
+        (SOURCE.replace("def force", "def strength"), r"line 6: the effect Good lacks force;"),
+        (SOURCE.replace("units:", "unit:"), r"line 6: the effect Good lacks units;"),
     ],
 )
 def test_a_file_that_cannot_be_used_says_where(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         own_effects(written(tmp_path, text))
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
-        own_effects(tmp_path / "absent.py")
-    with pytest.raises(InputError, match="no such Python file"):
-        own_effects(written(tmp_path, SOURCE, "mine.txt"))
-
-
-def test_amplitudes_are_scaled_alike():
-    scales = conformance._reference(1.6, 0.0).scales
-    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
-    sd = float(ViscousDrag.default(scales).eta.sd)
-    assert np.isclose(sd * scales.speed, 0.05 * scales.force)

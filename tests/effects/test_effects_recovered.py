@@ -51,26 +51,14 @@ def scaled(found, factor):
 
 
 @pytest.mark.slow
-def test_every_effect_is_recovered_at_the_right_rate(recovered):
+def test_every_effect_is_recovered_at_the_right_rate_and_wrong_intervals_are_noticed(recovered):
     assert {found.effect for found in recovered} == {kind.name for kind in EFFECTS}
     assert not off(recovered)
     assert not below_chance(recovered)
-
-
-@pytest.mark.slow
-def test_intervals_of_half_the_width_are_noticed(recovered):
+    assert min(found.worth.min() for found in recovered) > 50.0
     assert off([scaled(found, 0.5) for found in recovered])
-
-
-@pytest.mark.slow
-def test_one_effect_whose_intervals_miss_is_noticed(recovered):
     wrong = [scaled(recovered[0], 0.0), *recovered[1:]]
     assert below_chance(wrong) == [recovered[0].effect]
-
-
-@pytest.mark.slow
-def test_intervals_come_from_enough_draws(recovered):
-    assert min(found.worth.min() for found in recovered) > 50.0
 
 
 def test_what_the_tests_cannot_show_is_refused():

@@ -1,4 +1,4 @@
-"""How often an effect would be named: a user's tests, noise and pad are simulated and counted."""
+"""How often an effect would be named: pads are simulated, stored and counted."""
 
 import json
 
@@ -7,12 +7,64 @@ import pytest
 from support.endtoend import PADS, call
 
 from qlvbayes.evaluation.session import Session, _of_programme
+from qlvbayes.evaluation.store import Store, code_digest, run_missing
 from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of
 from qlvbayes.evaluation.table import outcome, rows
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import HIDDEN, NOISES, PAPER_ACCELERATION, TABLE_1
+
+PLAN = "a plan"
+
+
+def test_finished_studies_are_not_run_again(tmp_path):
+    ran, reported = [], []
+
+    def pretend(index):
+        ran.append(index)
+        return {"plan": PLAN, "index": index}
+
+    key, path = PLAN, tmp_path / "a" / "store.jsonl"
+    run_missing(pretend, Store(path, key), range(2))
+    run_missing(pretend, Store(path, key), range(4), lambda *done: reported.append(done))
+    assert ran == [0, 1, 2, 3]
+    assert reported == [(0, 2), (1, 2), (2, 2)]
+    assert Store(path, key).missing(6) == [4, 5]
+    assert not Store(path, "another").cases
+    assert sorted(Store(path).cases) == [0, 1, 2, 3]
+
+
+def test_parts_of_several_processes_are_read_together_and_cut_lines_removed(tmp_path):
+    path, key = tmp_path / "store.jsonl", PLAN
+    for part in (0, 1):
+        store = Store(path, key, part)
+        store.add({"plan": PLAN, "index": part})
+        store.add({"plan": PLAN, "index": part + 2})
+    cut = tmp_path / "store.jsonl.1"
+    cut.write_text(cut.read_text()[:-30])
+    assert sorted(Store(path, key).cases) == [0, 1, 2]
+    Store(path, key, 1).add({"plan": PLAN, "index": 3})
+    assert sorted(Store(path, key).cases) == [0, 1, 2, 3]
+    assert [c["index"] for c in Store(path, key).first(3)] == [0, 1, 2]
+
+
+def test_the_digest_is_of_code_that_may_change_an_outcome(tmp_path):
+    """Not of words about it, nor of code that only looks at what came out."""
+    law, figure = tmp_path / "laws" / "hertz.py", tmp_path / "plots" / "bars.py"
+    for file in (law, figure):
+        file.parent.mkdir()
+        file.write_text("POWER = 1.5\n")
+    first = code_digest(tmp_path)
+    law.write_text('"""Of a sphere."""\n\nPOWER = 1.5  # Hertz 1881\n')
+    figure.write_text("POWER = 2.0\n")
+    assert code_digest(tmp_path) == first
+    law.write_text("POWER = 2.0\n")
+    assert code_digest(tmp_path) != first
+    law.rename(law.with_name("sphere.py"))
+    figure.rename(tmp_path / "laws" / "hertz.py")
+    assert code_digest(tmp_path) != first
+
 
 B = TABLE_1["B"]
 
@@ -28,7 +80,7 @@ def session(measured):
     return Session.of_pad(measured)
 
 
-def test_a_file_gives_its_pad_its_motion_and_its_readings(measured, session):
+def test_a_file_gives_its_pad_whose_readings_are_like_its_own(measured, session):
     found = session.constants
     assert found.m == pytest.approx(B.m, rel=0.05)
     assert found.b == pytest.approx(B.b, rel=0.05)
@@ -39,10 +91,7 @@ def test_a_file_gives_its_pad_its_motion_and_its_readings(measured, session):
         assert times.size == test.time.size
         off = motion.displacement(times) - test.displacement
         assert np.sqrt(np.mean(off**2)) < 1e-3  # mm, the encoder's step
-
-
-def test_simulated_readings_of_the_pad_itself_are_like_those_of_the_file(measured, session):
-    """Their difference is the noise of both, and their noise floor is that of the file."""
+    # their difference is the noise of both, and their noise floor is that of the file
     again, hidden = Benchmark(session, 0.06, 0).measured(NOTHING, 0)
     assert hidden == {"share": 0.0, "parameters": {}}
     noise = prepare(measured).floor.total
@@ -147,29 +196,3 @@ def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
     assert [one["index"] for one in read["cases"]] == [
         f"{name} {number}" for number in (0, 1) for name in (NOTHING, "friction", "inertia")
     ]
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (("--size", "200%"), "give a share of the peak force"),
-        (("--effects", "rust"), "no effect 'rust'"),
-        (("--specimen", "X"), "no pad 'X'"),
-        (("--noise", "pink"), "no noise 'pink'"),
-        ((PADS,), "several pads: A, B, C"),
-        (("--programme", "jump 1 mm"), "'jump' is not understood"),
-    ],
-)
-def test_what_cannot_be_simulated_is_one_line(tmp_path, words, problem):
-    status, out, err = call("benchmark", *words, "-o", tmp_path)
-    assert (status, out) == (2, "")
-    assert problem in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_drag_is_named_in_the_tests_of_the_file(session):
-    simulated = Benchmark(session, 0.1, 0)
-    found = simulated.run(("viscous_drag", 0))
-    assert outcome(found) in ("named", "grouped"), found
-    assert outcome(simulated.run((NOTHING, 0))) == "silent"

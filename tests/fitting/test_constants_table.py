@@ -56,7 +56,7 @@ def test_the_paper_s_table_is_what_the_simulator_uses():
             assert found[pad, f"v[{k}]"] == Reference(rate, "1/s")
 
 
-def test_csv_holds_every_constant_with_interval_and_reference(tmp_path):
+def test_csv_holds_every_constant_with_interval_and_reference_and_quotes_names(tmp_path):
     entries = constants_table([SUMMARY], KNOWN)
     files = write_constants(tmp_path, entries)
     assert [file.name for file in files] == ["constants.csv", "constants.tex"]
@@ -68,9 +68,10 @@ def test_csv_holds_every_constant_with_interval_and_reference(tmp_path):
         assert row["unit"] == found.unit or row["unit"] == 1
     assert table.loc["m", "reference"] == 0.34
     assert table["reference"].isna().sum() == 4
+    assert '"B, left"' in as_csv([Entry("B, left", "m", "N/mm", 1.0, 0.9, 1.1)])
 
 
-def test_latex_gives_two_digits_of_half_the_interval():
+def test_latex_gives_two_digits_of_half_the_interval_and_gaps_where_a_pad_has_none():
     lines = as_latex(constants_table([SUMMARY], KNOWN)).splitlines()
     assert "$m$ & N/mm & 0.3362 [0.3304, 0.3421] & 0.34 \\\\" in lines
     assert "$c_0$ &  & 0.2962 [0.2935, 0.2990] & -- \\\\" in lines
@@ -82,9 +83,6 @@ def test_latex_gives_two_digits_of_half_the_interval():
     assert {"\\toprule", "\\midrule", "\\bottomrule"} <= set(lines)
     columns = next(line for line in lines if "begin{tabular}" in line)
     assert columns == "\\begin{tabular}{lllr}"
-
-
-def test_pads_with_other_constants_leave_gaps():
     other = summary("C", m=SUMMARY["m"])
     lines = as_latex(constants_table([SUMMARY, other])).splitlines()
     assert "$c_0$ &  & 0.2962 [0.2935, 0.2990] & -- \\\\" in lines
@@ -121,20 +119,13 @@ def test_bad_references_are_refused_with_their_line(tmp_path, text, said):
         read_references(file)
 
 
-def test_missing_references_and_other_units_are_refused(tmp_path):
+def test_references_of_other_units_are_refused_and_of_another_elastic_law_left_out(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_references(tmp_path / "none.csv")
     wrong = {("B_1", "m"): Reference(340.0, "N/m")}
     with pytest.raises(InputError, match=r"in N/m; give it in N/mm"):
         constants_table([SUMMARY], wrong)
-
-
-def test_references_of_another_elastic_law_are_left_out():
-    """The factor of a power law is no stiffness: its unit tells."""
+    # the factor of a power law is no stiffness: its unit tells
     known = {("B_1", "m"): Reference(0.34, "N/mm^n"), ("other", "m"): Reference(9.0, "N/mm")}
     assert list(matching_references(known, [SUMMARY])) == [("other", "m")]
     assert matching_references(KNOWN, [SUMMARY]) == KNOWN
-
-
-def test_names_are_quoted_in_csv():
-    assert '"B, left"' in as_csv([Entry("B, left", "m", "N/mm", 1.0, 0.9, 1.1)])

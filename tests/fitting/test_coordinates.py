@@ -90,7 +90,7 @@ def test_the_map_is_a_shear_and_has_an_inverse(elastic, relaxation):
     assert np.abs(jacobian - np.eye(own.size)).max() > 0.1
 
 
-def test_a_law_that_no_constant_scales_keeps_theta():
+def test_theta_stays_where_nothing_scales_bends_or_is_free():
     own = posterior("polynomial:2")
     start = thin(own)
     coordinates = Coordinates.from_posterior(own, start)
@@ -99,17 +99,11 @@ def test_a_law_that_no_constant_scales_keeps_theta():
     assert coordinates.from_theta(theta) is theta
     assert coordinates.to_theta(theta) is theta
     assert coordinates.of_normal(start) is start
-
-
-def test_where_the_posterior_is_thicker_than_it_bends_theta_stays():
     own = posterior()
     assert Coordinates.from_posterior(own, thin(own)).index is not None
     wide = normal(own)
     narrow = replace(wide, covariance=1e-4 * wide.covariance)
     assert Coordinates.from_posterior(own, narrow).index is None
-
-
-def test_without_free_constants_or_a_finite_force_theta_stays():
     own = posterior()
     start = thin(own)
     depths = own.record.motion.displacement
@@ -132,6 +126,7 @@ def test_the_best_reading_is_the_one_of_least_noise():
     assert time == pytest.approx(float(clock[at] - clock[half]))
 
 
+@pytest.mark.slow
 def test_one_good_reading_among_noise_does_not_stop_the_walkers():
     """Its force is known to a thousandth, and what makes it up by the priors alone."""
     own = posterior()

@@ -83,25 +83,19 @@ def test_without_information_the_prior_comes_out(uninformed, constants, rates):
         assert np.all(np.abs(found - shares) < 4.5 * error), name
 
 
-def test_the_chain_is_enough_and_says_how_long(chain):
+def test_the_chain_is_enough_and_has_the_densities_of_the_posterior(chain, uninformed):
     assert chain.enough
     assert len(chain.theta) >= 50.0 * chain.autocorrelation
     assert chain.steps % STEPS.stretch == 0
     assert 0.1 < chain.acceptance < 0.9
-
-
-def test_log_densities_are_those_of_the_posterior(uninformed, chain):
     last = uninformed.log_density(chain.theta[-1])
     np.testing.assert_allclose(chain.log_density[-1], last, rtol=1e-12)
 
 
-def test_too_few_steps_are_not_enough(uninformed, start):
+def test_too_few_steps_are_not_enough_and_a_seed_repeats(uninformed, start):
     short = sample(uninformed, start, replace(STEPS, max_steps=50))
     assert short.steps == 50
     assert not short.enough
-
-
-def test_a_seed_repeats(uninformed, start):
     settings = replace(STEPS, max_steps=60)
     one, two = (sample(uninformed, start, settings) for _ in range(2))
     other = sample(uninformed, start, replace(settings, seed=1))
@@ -301,7 +295,7 @@ def test_autocorrelation_of_a_known_process():
     assert autocorrelation_time(np.ones((10, 4, 2))) == np.inf
 
 
-def test_chains_that_disagree_are_told():
+def test_chains_that_disagree_are_told_and_what_does_not_vary_has_no_diagnostics():
     rng = np.random.default_rng(RNG)
     good = rng.standard_normal((4, 500, 1))
     assert diagnose_chain(good).troubles == []
@@ -309,9 +303,6 @@ def test_chains_that_disagree_are_told():
     assert any("R-hat" in trouble for trouble in diagnose_chain(apart).troubles)
     few = diagnose_chain(good[:, :40]).troubles
     assert any("effective samples" in trouble for trouble in few)
-
-
-def test_what_does_not_vary_has_no_diagnostics():
     values = np.random.default_rng(RNG).standard_normal((4, 500, 2))
     values[..., 1] = 3.0
     found = diagnose_chain(values)

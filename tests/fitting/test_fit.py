@@ -48,20 +48,19 @@ def start():
     return find_start(experiment(), Choices(), experiment().with_role("fit"))
 
 
-def test_draws_with_forces_beyond_all_numbers_are_passed_over():
+def test_draws_beyond_all_numbers_are_passed_over_and_priors_of_no_finite_force_refused():
     """exp(b d) overflows for some of these draws, its square for more."""
     found = _least_squares("b=lognormal(4,1.5)")
     assert found.costs[0] == pytest.approx(_least_squares("b=lognormal(0,1)").costs[0], rel=1e-4)
-
-
-def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         _least_squares("b=lognormal(9,0.1)")
     with pytest.raises(InputError, match="narrow the priors"):
         fitted(Choices(priors=("b=lognormal(9,0.1)",)))
+    with pytest.raises(InputError, match="no method 'guess'"):
+        fit_pad(experiment(), Choices(), method="guess")
 
 
-def test_draws_obey_the_model():
+def test_draws_obey_the_model_and_the_constants_that_made_the_data_are_found():
     found = fitted()
     constants = dict(zip(found.names, np.moveaxis(found.every, -1, 0), strict=True))
     total = constants["c[0]"] + constants["c[1]"] + constants["c[2]"]
@@ -69,9 +68,6 @@ def test_draws_obey_the_model():
     assert np.all(constants["v[1]"] > constants["v[2]"])
     assert np.all(constants.pop("noise.remainder") >= 0.0)  # nothing may be missed
     assert all(np.all(values > 0.0) for values in constants.values())
-
-
-def test_the_constants_that_made_the_data_are_found():
     summary = fitted().summary()
     assert summary.converged
     for name in CONSTANTS:
@@ -102,7 +98,7 @@ def test_kept_draws_stand_for_the_chain():
     assert np.all(np.abs(shift)[varies] < 0.1 * sd[varies])
 
 
-def test_the_normal_approximation_agrees_with_the_chain():
+def test_the_normal_approximation_agrees_with_the_chain_from_its_highest_point():
     found, normal = fitted(), start().normal
     theta = found.theta.reshape(-1, normal.mean.size)
     sd = theta.std(axis=0)
@@ -110,9 +106,6 @@ def test_the_normal_approximation_agrees_with_the_chain():
     assert np.all(np.abs(normal.mean - theta.mean(axis=0)) < 0.35 * sd)
     ratio = np.sqrt(np.diag(normal.covariance)) / sd
     assert np.all((ratio > 0.7) & (ratio < 1.4))
-
-
-def test_the_start_is_the_highest_point():
     found, top = fitted(), start()
     flat = found.theta.reshape(-1, found.theta.shape[-1])
     assert top.log_density == found.posterior.log_density(top.normal.mean[None])[0]
@@ -202,17 +195,13 @@ def test_white_noise_in_the_likelihood_makes_sds_too_small():
 
 
 @pytest.mark.slow
-def test_a_wrong_law_leaves_a_larger_residual():
+def test_a_wrong_law_leaves_a_larger_residual_and_more_modes_do_not_fit_worse():
     exact = fitted(method="least-squares").facts["residual_sd"]
     for wrong in (Choices(elastic="linear"), Choices(modes=1)):
         assert fitted(wrong, method="least-squares").facts["residual_sd"] > 1.5 * exact
     # a power of the depth comes near an exponential over one stroke
     hertz = fitted(Choices(elastic="hertz"), method="least-squares").facts["residual_sd"]
     assert hertz > 0.9 * exact
-
-
-@pytest.mark.slow
-def test_more_modes_do_not_fit_worse():
     sds = [
         fitted(Choices(modes=modes), method="least-squares").facts["residual_sd"]
         for modes in (1, 2, 3)
@@ -244,11 +233,6 @@ def test_a_bonded_specimen_may_pull():
         lowest[bonded] = float(np.min(predictor.forces(np.array([values]))))
     assert lowest[False] == 0.0
     assert lowest[True] < -0.1
-
-
-def test_an_unknown_method_is_refused():
-    with pytest.raises(InputError, match="no method 'guess'"):
-        fit_pad(experiment(), Choices(), method="guess")
 
 
 COMPILED = """

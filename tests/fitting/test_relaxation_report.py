@@ -25,7 +25,7 @@ def report(experiment):
     return relaxation_report(experiment)
 
 
-def test_shares_are_those_of_the_readings(report):
+def test_shares_are_those_of_the_readings_and_what_came_before_is_stated(report):
     read = pd.read_csv(PADS, comment="#")
     assert len(report.tests) == 6
     for held in report.tests:
@@ -38,9 +38,6 @@ def test_shares_are_those_of_the_readings(report):
         for moment, share in zip(held.at, held.left, strict=True):
             near = down[np.abs(down["time_s"] - start - moment) <= 0.2 * moment]["force_N"]
             assert share == pytest.approx(near.mean() / held.initial, abs=0.02)
-
-
-def test_what_came_before_is_stated(report):
     histories = [held.history for held in report.tests]
     assert histories[0] == "the specimen's first test in the file"
     assert histories[3] == "after 3 tests, 120 s after the last one's end"

@@ -64,15 +64,12 @@ def test_arviz_opens_the_file(arviz, file):
     assert {name.strip("/") for name in groups} - {""} == GROUPS
 
 
-def test_walkers_are_chains(tree):
+def test_the_file_says_its_chains_units_indices_and_origin_and_every_number_is_finite(tree):
     found = fitted()
     for group in ("posterior", "posterior_predictive", "log_likelihood"):
         sizes = tree[group].sizes
         assert (sizes["chain"], sizes["draw"]) == found.theta.shape[:2]
     assert tree["posterior"].sizes["chain"] == found.facts["walkers"]
-
-
-def test_variables_carry_units(tree):
     posterior = tree["posterior"]
     units = {name: variable.attrs["units"] for name, variable in posterior.data_vars.items()}
     assert units == {
@@ -88,25 +85,16 @@ def test_variables_carry_units(tree):
     }
     assert tree["observed_data"]["force"].attrs["units"] == "N"
     assert tree["constant_data"]["first_s"].attrs["units"] == "s"
-
-
-def test_fractions_and_rates_are_vectors_counted_as_in_the_paper(tree):
     assert tree["posterior"]["c_index"].values.tolist() == [0, 1, 2]
     assert tree["posterior"]["v_index"].values.tolist() == [1, 2]
-
-
-def test_every_number_is_finite(tree):
-    for node in tree.subtree:
-        for name, variable in node.data_vars.items():
-            assert np.all(np.isfinite(variable)), (node.path, name)
-
-
-def test_the_root_says_where_it_comes_from(tree):
     attrs = tree.attrs
     assert (attrs["pad"], attrs["method"], attrs["sha256"]) == ("B", "emcee", "abc")
     assert json.loads(attrs["fitted_tests"]) == ["B-20"]
     assert attrs["converged"] == 1
     assert attrs["force_unit"] == "N"
+    for node in tree.subtree:
+        for name, variable in node.data_vars.items():
+            assert np.all(np.isfinite(variable)), (node.path, name)
 
 
 def test_arviz_summary_agrees_with_ours(tree):
@@ -150,7 +138,7 @@ def test_observed_data_are_the_block_means(tree):
     assert set(facts["test"].values.tolist()) == {0}
 
 
-def test_posterior_predictive_covers_what_was_observed(tree):
+def test_posterior_predictive_covers_what_was_observed_with_the_models_noise(tree):
     draws = tree["posterior_predictive"]["force"].values
     draws = draws.reshape(-1, draws.shape[-1])
     observed = tree["observed_data"]["force"].values
@@ -160,10 +148,7 @@ def test_posterior_predictive_covers_what_was_observed(tree):
     z = (observed - draws.mean(axis=0)) / draws.std(axis=0)
     assert abs(z.mean()) < 0.6
     assert 0.7 < z.std() < 1.3
-
-
-def test_posterior_predictive_noise_is_the_models(tree):
-    """Draws of the right model have the noise's variance; neighbours share its slow part."""
+    # draws of the right model have the noise's variance; neighbours share its slow part
     found = fitted()
     rows = found.constants.reshape(-1, found.constants.shape[-1])[:200]
     predicted = found.posterior.forces(rows)[:, 0]
@@ -212,22 +197,25 @@ def test_the_same_fit_gives_the_same_numbers(tree):
         xarray.testing.assert_equal(tree[group].to_dataset(), again[group].to_dataset())
 
 
-def test_every_array_carries_a_checksum(file):
+def test_arrays_carry_checksums_and_a_file_of_a_newer_version_names_the_remedy(file, tmp_path):
     with h5py.File(file) as content:
         for name in ("posterior/m", "posterior/c", "observed_data/force", "posterior/chain"):
             assert content[name].fletcher32, name
+    newer = tmp_path / "posterior.nc"
+    newer.write_bytes(file.read_bytes())
+    with h5py.File(newer, "a") as content:
+        content.attrs["schema"] = 2
+    with pytest.raises(InputError, match=r"newer version of qlvbayes .*; update qlvbayes"):
+        load(newer)
 
 
-@pytest.mark.parametrize("content", [b"", b"x", b"\x89HDF\r\n\x1a\n" + bytes(200)])
-def test_what_is_no_results_file_is_refused(tmp_path, content):
+def test_what_is_no_results_file_is_refused(tmp_path):
     path = tmp_path / "posterior.nc"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="not a results file"):
-        load(path)
-
-
-def test_a_file_of_another_program_is_refused(tmp_path):
-    path = tmp_path / "posterior.nc"
+    for content in (b"", b"x", b"\x89HDF\r\n\x1a\n" + bytes(200)):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="not a results file"):
+            load(path)
+    path.unlink()
     other = xarray.DataTree.from_dict({"posterior": xarray.Dataset({"a": ("x", np.ones(3))})})
     other.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(InputError, match="not a results file"):
@@ -264,15 +252,6 @@ def test_a_strangers_file_takes_no_memory_and_reads_no_other_file(tmp_path):
         path = strangers_file(tmp_path / f"{number}.nc", add)
         with pytest.raises(InputError, match="not a results file"):
             load(path)
-
-
-def test_a_file_of_a_newer_version_names_the_remedy(file, tmp_path):
-    newer = tmp_path / "posterior.nc"
-    newer.write_bytes(file.read_bytes())
-    with h5py.File(newer, "a") as content:
-        content.attrs["schema"] = 2
-    with pytest.raises(InputError, match=r"newer version of qlvbayes .*; update qlvbayes"):
-        load(newer)
 
 
 def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path):

@@ -1,11 +1,13 @@
-"""Features of a first guess: what they are computed from obeys the algebra of normal densities."""
+"""Features of a first guess obey the algebra of normal densities; look prints the guess."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
+from support.endtoend import PADS, call
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.guess.features import COMMON, OWN, Expansion, features_of
@@ -109,3 +111,12 @@ def test_a_record_unlike_those_learnt_from_gets_no_guess(dragged, responses):
         assert guess.nothing is None
         assert guess.sentence.startswith("No first guess")
         assert "_" not in guess.sentence
+
+
+def test_a_guess_is_printed_next_to_json():
+    status, out, err = call("look", PADS, "--pad", "B", "--cause", "--json")
+    assert status == 0
+    assert [pad["pad"] for pad in json.loads(out)["pads"]] == ["B"]
+    (line,) = (line for line in err.splitlines() if line.startswith("pad B: "))
+    assert line.startswith("pad B: First guess from one fit: ")
+    assert line.endswith("`qlvbayes diagnose` decides.")

@@ -38,15 +38,12 @@ def test_the_kernel_is_a_covariance(seed):
     assert matrix.max() <= 1.0 + 1e-12
 
 
-def test_products_of_features_are_the_covariance():
+def test_features_and_correlations_are_those_of_the_prior():
     some = places(np.random.default_rng(0), 120)
     features = Features.from_locations(some)
     left = covariance(some, some) - features(some).T @ features(some)
     assert np.max(np.diag(left)) <= SHARE
     assert np.linalg.eigvalsh(left).min() > -1e-9  # what is left out is a covariance too
-
-
-def test_functions_of_other_tests_and_phases_are_apart():
     rng = np.random.default_rng(1)
     one = places(rng, 1)
     other_test = Locations(one.smooth, one.size, one.phase, one.test + 1)
@@ -54,9 +51,6 @@ def test_functions_of_other_tests_and_phases_are_apart():
     own = covariance(one, one)[0, 0]
     assert covariance(one, other_test)[0, 0] == pytest.approx(0.5 * own)  # the shared half
     assert covariance(one, other_phase)[0, 0] == 0.0
-
-
-def test_correlations_fall_over_the_lengths_of_the_prior():
     prior = DiscrepancyPrior(time=1.5, depth=0.4, rate=0.7, unloaded=0.25)
     smooth = prior.smooth(np.array([0.1, 0.3]), np.array([0.2, 0.9]), np.array([2.0, 5.0]))
     some = Locations(smooth, prior.size(np.array([0.0, -1.2])), np.zeros(2), np.zeros(2))
@@ -66,13 +60,19 @@ def test_correlations_fall_over_the_lengths_of_the_prior():
     assert covariance(some, some)[0, 1] == pytest.approx(expected)
 
 
-def test_a_pads_blocks_are_covered():
+def test_a_pads_blocks_are_covered_and_where_nothing_is_left_there_is_no_discrepancy():
     experiment = hidden_pad(rates=(1.0, 20.0))
     search = build_search(experiment, kinds=())
     blocks = search.density.space.record.blocks
     features = Features.from_locations(Locations.from_blocks(experiment, experiment.trials, blocks))
     assert len(search.density.discrepancy.features) == features.factor.shape[0]
     assert np.isfinite(search.density.discrepancy.shapes).all()
+    work, residuals = left_by_the_plain_model(hidden_pad(rates=(1.0, 20.0)))
+    assert work.selected.mode.size == 0.0
+    for band, residual in zip(discrepancy(work), residuals, strict=True):
+        assert band.mean.shape == band.sd.shape == residual.shape
+        assert not band.mean.any()
+        assert not band.sd.any()
 
 
 def left_by_the_plain_model(experiment):
@@ -83,15 +83,6 @@ def left_by_the_plain_model(experiment):
     samples = Samples.from_experiment(experiment, search.density.space)
     residuals = samples.residuals(candidate.hypothesis, candidate.point.constants)
     return DiagnosisWork(experiment, search, samples, (candidate,), ()), residuals
-
-
-def test_where_nothing_is_left_the_discrepancy_is_nothing():
-    work, residuals = left_by_the_plain_model(hidden_pad(rates=(1.0, 20.0)))
-    assert work.selected.mode.size == 0.0
-    for band, residual in zip(discrepancy(work), residuals, strict=True):
-        assert band.mean.shape == band.sd.shape == residual.shape
-        assert not band.mean.any()
-        assert not band.sd.any()
 
 
 def chi_square(work, errors):

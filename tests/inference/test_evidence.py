@@ -235,9 +235,7 @@ def quadratic(gradient, curvature, theta, lowest, highest):
     """A density whose loss is a quadratic about a place, between bounds."""
     terms = Terms(0.0, np.asarray(gradient), np.asarray(curvature))
     own = SimpleNamespace(
-        lowest=np.asarray(lowest),
-        highest=np.asarray(highest),
-        length=np.full(len(theta), 1e3),
+        lowest=np.asarray(lowest), highest=np.asarray(highest), length=np.full(len(theta), 1e3)
     )
     separation = SimpleNamespace(scatter=NONE)
     point = SimpleNamespace(own=own, theta=np.asarray(theta), separation=separation)

@@ -116,6 +116,7 @@ def test_of_every_relaxation(space, relaxation, effects):
 
 
 @pytest.mark.parametrize("effect", [kind.name for kind in EVERY])
+@pytest.mark.few(12)  # tests/effects/test_on_numpy.py has every one
 def test_of_every_effect(space, effect):
     check(space, effects=[effect])
 

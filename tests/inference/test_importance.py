@@ -54,14 +54,11 @@ def test_integral_is_met_within_its_error_as_often_as_that_says(widened):
         assert np.exp(one.by_size[1] - one.by_size[0]) == pytest.approx(0.5)
 
 
-def test_two_modes_are_both_counted():
+def test_two_modes_are_both_counted_and_what_lies_beyond_a_bound_is_not():
     centres = [(-6.0, 0.0, 0.0), (6.0, 0.0, 0.0)]
     density = Pretended(centres)
     one = sampled_evidence(density, density.found(centres), 0.0, 0.05)
     assert one.log == pytest.approx(TRUTH, abs=4.0 * one.error)
-
-
-def test_what_lies_beyond_a_bound_is_left_out():
     density = Pretended([(0.0, 0.0, 0.0)], lowest=1.0)
     pairs = density.found([(0.0, 0.0, 0.0)])
     one = sampled_evidence(density, pairs, 0.0, 0.05)

@@ -71,13 +71,14 @@ def columns_of(space, whitener, *effects, **constants):
     return motion_columns(space, whitener, hypothesis, row[0]), hypothesis
 
 
-def test_a_hypothesis_without_speed_or_acceleration_has_none(space, whitener):
+def test_there_are_none_without_speed_or_stated_errors_nor_within_the_noise(
+    space, whitener, experiment
+):
     columns, hypothesis = columns_of(space, whitener, "friction")
     assert rated(space, hypothesis) == []
     assert columns.shape == (0, *space.real.shape)
-
-
-def test_a_record_made_without_errors_has_none(experiment, whitener):
+    columns, _ = columns_of(space, whitener, "inertia", inertia__mass=1e-9)
+    assert len(columns) == 0
     plain = space_of(experiment, experiment.trials, EFFECTS)
     assert columns_of(plain, whitener, "inertia", inertia__mass=MASS)[0].shape[0] == 0
 
@@ -139,8 +140,3 @@ def test_a_platen_off_the_specimen_drags_through_no_film(space, whitener):
     untouched = np.stack([np.all(out[at], axis=1) for out, at in zip(off, nodes, strict=True)])
     assert untouched.any()
     assert not np.any(columns[:, untouched])
-
-
-def test_what_the_noise_hides_is_left_out(space, whitener):
-    columns, _ = columns_of(space, whitener, "inertia", inertia__mass=1e-9)
-    assert len(columns) == 0

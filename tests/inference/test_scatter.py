@@ -6,13 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.errors.scatter import (
-    UNDECIDED,
-    Scatter,
-    by_test,
-    likeliest,
-    scaled_parts,
-)
+from qlvbayes.inference.errors.scatter import UNDECIDED, Scatter, by_test, likeliest, scaled_parts
 from qlvbayes.inference.errors.whitening import Whitener
 
 TESTS, BLOCKS, FREE = 4, 12, 3

@@ -15,9 +15,7 @@ from hypothesis import strategies as st
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.readings import no_readings, wrong_signs
-from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
-
-REAL = Path(__file__).parents[3] / "shared" / "real"
+from qlvbayes.io.units import PAD, SAME, SUFFIXES, column_name
 
 
 def ramp(n=20, step=0.05):
@@ -56,7 +54,7 @@ def same_as_plain(study):
         np.testing.assert_allclose(got, wanted, rtol=0, atol=5e-7)
 
 
-def test_three_columns_are_enough(tmp_path):
+def test_three_columns_are_enough_and_values_are_the_nearest_floats_to_the_text(tmp_path):
     path = write(tmp_path, PLAIN)
     study = read_measurements(path)
     test = only_test(study)
@@ -71,23 +69,16 @@ def test_three_columns_are_enough(tmp_path):
     assert test.force_sd is None
     assert (study.units, study.notices, study.source) == (PAD, (), str(path))
     assert study.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def test_values_are_the_nearest_floats_to_the_text(tmp_path):
-    # Differences in the last place would not average out over a million samples.
     values = np.random.default_rng(1).random((500, 2))
     text = "".join(f"{i},{a!r},{b!r}\n" for i, (a, b) in enumerate(values.tolist()))
     test = only_test(read_measurements(write(tmp_path, f"{HEADER}\n{text}")))
     np.testing.assert_allclose(test.force, values[:, 1], rtol=3e-16, atol=0)
 
 
-def test_an_unknown_pad_is_refused_with_the_known_ones(tmp_path):
+def test_an_unknown_pad_is_refused_and_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
     with pytest.raises(InputError, match=r"pads\.csv: no pad 'air'; name one of: oil, glycerin"):
         study.pad("air")
-
-
-def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     lines = rows().splitlines(keepends=True)
     text = f"pad,{HEADER}\n" + "".join(f"A,{line}B,{line}" for line in lines)
     study = read_measurements(write(tmp_path, text))
@@ -107,36 +98,6 @@ def test_signs_in_doubt_pass():
     assert wrong_signs(-displacement, force) == ("displacement",)
     assert wrong_signs(5.0 - displacement, force) == ("displacement",)
     assert wrong_signs(-displacement, -force) == ("displacement", "force")
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
-def test_adhesive_in_shear():
-    study = read_measurements(REAL / "adhesive_shear.csv")
-    sizes = {pad.name: [test.time.size for test in pad.tests] for pad in study.pads}
-    assert sizes == {"stairs": [432, 370, 370, 370], "updown": [590]}
-    assert [test.role for test in study.pad("stairs").tests] == [
-        "validate",
-        "validate",
-        "fit",
-        "validate",
-    ]
-    assert study.units == PAD
-    assert study.pad("updown").tests[0].force.max() == 8.86436
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
-def test_muscle_with_measured_standard_deviation():
-    study = read_measurements(REAL / "muscle_ramps.csv")
-    assert [pad.name for pad in study.pads] == ["relaxed", "calcium", "mavacamten-calcium"]
-    assert [sum(test.time.size for test in pad.tests) for pad in study.pads] == [416, 400, 400]
-    assert study.units == STRAIN
-    tests = [test for pad in study.pads for test in pad.tests]
-    assert all(test.force_sd is not None and test.force_sd.min() > 0 for test in tests)
-    assert min(test.force.min() for test in tests) < 0  # kept as measured
-    assert study.pad("calcium").tests[2].start_s == 719.002
-
-
-# Round trip -----------------------------------------------------------------------------------
 
 
 @st.composite
@@ -192,9 +153,6 @@ def test_what_is_written_in_any_unit_is_read_back(case):
         got = (test.time, test.displacement, test.force, test.force_sd)
         for array, column in zip(got, columns, strict=True):
             np.testing.assert_allclose(array, column, rtol=1e-12, atol=0)
-
-
-# Size -----------------------------------------------------------------------------------------
 
 
 def big_text(n):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.machine_files import FIXTURES, LAG, STORED, bluehill, of_layout, pressed
+from support.machine_files import CORPUS, FIXTURES, LAG, STORED, bluehill, of_layout, pressed
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import split_header
@@ -40,9 +40,11 @@ def test_each_file_is_claimed_by_its_own_format_and_by_no_other(fixture):
     assert [kind.name for kind in whole] == [fixture.format]
 
 
-def test_each_format_has_two_fixtures_of_its_own():
+def test_each_format_has_two_fixtures_and_a_piece_without_separators_is_no_header():
     for kind in FORMATS:
         assert sum(fixture.format == kind.name for fixture in FIXTURES) >= 2, kind.name
+    assert split_header("Force_" + 50 * "of_the_cell_" + "N")[1] == ""
+    assert split_header("Force_of_the_cell_N") == ("Force_of_the_cell", "N")
 
 
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.csv*")), ids=lambda path: path.name)
@@ -51,7 +53,14 @@ def test_no_format_claims_a_tidy_file(path):
     assert not [kind.name for kind in FORMATS if kind.sniff(head).whole]
 
 
-@pytest.mark.parametrize("kind", FORMATS, ids=lambda kind: kind.name)
+def apart(kind):
+    """Each of its damaged files is read in a process of its own, which takes a second."""
+    return pytest.mark.slow if kind.name in ("matlab", "hdf5", "rosbag") else ()
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=apart(kind), id=kind.name) for kind in FORMATS]
+)
 def test_each_format_keeps_the_rules(kind, tmp_path):
     own = [fixture for fixture in FIXTURES if fixture.format == kind.name]
     check_format(kind, [fixture.written(tmp_path) for fixture in own])
@@ -162,9 +171,11 @@ def test_contact_lies_within_its_interval_as_often_as_it_says(speed, rate, noise
     assert hits >= 45
 
 
-def test_no_contact_is_found_where_there_is_no_approach():
+def test_no_contact_is_found_without_an_approach_and_pushed_and_pulled_is_in_doubt():
     test = pressed(approach=0.0)
     assert find_contact(test.way, test.load) is None
+    clock = np.linspace(0.0, 4.0 * np.pi, 400)
+    assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -172,11 +183,6 @@ def test_no_contact_is_found_where_there_is_no_approach():
 def test_signs_are_found_from_the_data(way, load):
     found = find_signs(way * TEST.way, load * TEST.load)
     assert (found.way, found.load, found.doubt) == (way, load, "")
-
-
-def test_a_specimen_pushed_and_pulled_is_in_doubt():
-    clock = np.linspace(0.0, 4.0 * np.pi, 400)
-    assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
 
 
 def test_units_as_machines_write_them():
@@ -188,9 +194,6 @@ def test_units_as_machines_write_them():
         unit = unit_of(text, quantity)
         assert (unit.tidy, unit.factor) == (tidy, pytest.approx(factor))
     assert unit_of("mm", "force") is None
-
-
-def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
     for text, quantity, tidy, factor in (
         ("mPa", "stress", "Pa", 1e-3), ("MPa", "stress", "MPa", 1.0), ("mN", "force", "mN", 1.0),
         ("MN", "force", "N", 1e6), ("MM", "displacement", "mm", 1.0), ("MS", "time", "ms", 1.0),
@@ -201,28 +204,7 @@ def test_the_prefix_of_a_thousandth_is_never_that_of_a_million():
         assert unit_of(text, quantity) is None
 
 
-OWN = """
-from typing import ClassVar
-import numpy as np
-from qlvbayes.io.recording import AbstractFormat, Channel, Recording, Sight
-
-class Bench(AbstractFormat):
-    name: ClassVar[str] = "bench"
-    machine: ClassVar[str] = "our bench"
-    marks: ClassVar[str] = "a first line BENCH"
-    reads: ClassVar[str] = "three columns"
-    reference: ClassVar[str] = "our notebook"
-
-    @staticmethod
-    def sniff(head):
-        return Sight.from_marks({"a first line BENCH": head.startswith(b"BENCH")})
-
-    @staticmethod
-    def read(path):
-        t, d, f = np.loadtxt(path, skiprows=1, ndmin=2).T
-        return (Recording(Channel("time", t, "s", "t"), Channel("displacement", d, "mm", "d"),
-                          Channel("force", f, "N", "f")),)
-"""
+OWN = (CORPUS / "own" / "format.txt").read_text("utf-8")
 
 
 def test_a_format_of_one_s_own(tmp_path):
@@ -272,8 +254,3 @@ def test_a_million_rows_take_less_than_two_seconds(tmp_path):
     (test,) = convert([path]).tests
     assert time.process_time() - start < 2.0
     assert len(test.time) > 990_000
-
-
-def test_a_piece_of_a_file_without_separators_is_no_header():
-    assert split_header("Force_" + 50 * "of_the_cell_" + "N")[1] == ""
-    assert split_header("Force_of_the_cell_N") == ("Force_of_the_cell", "N")

@@ -1,4 +1,4 @@
-"""Effects, laws and formats that installed packages add by entry points."""
+"""Names that users choose, and effects, laws and formats that installed packages add."""
 
 from __future__ import annotations
 
@@ -11,10 +11,17 @@ import pytest
 
 from qlvbayes.effects.catalogue import installed_effects
 from qlvbayes.io import catalogue
+from qlvbayes.io.catalogue import ELASTIC, NOISES, RELAXATION, TARGETS, loaded
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats import FORMATS, known_formats
 from qlvbayes.laws.catalogue import installed_laws
 from qlvbayes.model.choices import Choices
+
+
+@pytest.mark.parametrize("paths", [ELASTIC, RELAXATION, NOISES, TARGETS])
+def test_a_class_is_called_as_it_is_listed(paths):
+    assert [kind.name for kind in loaded(paths).values()] == list(paths)
+
 
 EFFECT = '''
 from typing import ClassVar
@@ -96,15 +103,12 @@ def test_a_broken_one_is_refused_by_its_name(install, name: str, term: str, word
         installed_effects()
 
 
-def test_an_installed_layout_is_tried_after_the_packages_own(install) -> None:
+def test_an_installed_layout_is_tried_last_and_a_law_that_is_none_refused(install):
     install(catalogue.FORMAT_POINTS, "OURS", LAYOUT)
     assert [kind.name for kind in known_formats()] == [*(f.name for f in FORMATS), "our-lab"]
     install(catalogue.FORMAT_POINTS, "replace", LAYOUT)
     with pytest.raises(InputError, match="no Layout"):
         known_formats()
-
-
-def test_an_installed_law_that_is_none_is_refused(install) -> None:
     install(catalogue.LAW_POINTS, "OURS", LAYOUT)
     with pytest.raises(InputError, match="law ours of the installed package our-lab"):
         installed_laws()

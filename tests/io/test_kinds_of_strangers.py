@@ -35,9 +35,6 @@ def turned_back(test):
     return Pressed(test.time, test.way[::-1].copy(), test.load[::-1].copy())
 
 
-# signs
-
-
 def test_a_part_that_begins_at_its_largest_force_has_the_sign_of_the_others(tmp_path):
     press = written(tmp_path, "extend.csv", NAMES, *rows_of(TEST))
     back = turned_back(pressed(hold=0.0, rate=50.0))
@@ -57,9 +54,6 @@ def test_a_part_that_begins_at_its_largest_force_has_the_sign_of_the_others(tmp_
     np.testing.assert_allclose(stated.force, back.load, atol=1e-5)
 
 
-# zeros
-
-
 def test_files_beside_it_do_not_move_one_that_begins_at_its_zero_without_force(tmp_path):
     others = []
     for seed, speed in enumerate((1.0, 2.0)):
@@ -75,9 +69,6 @@ def test_files_beside_it_do_not_move_one_that_begins_at_its_zero_without_force(t
         assert "begins beyond it" not in " ".join(test.findings)
 
 
-# a prescribed force
-
-
 def creep(force=1.0):
     time = np.geomspace(0.01, 40.0, 80)
     return Pressed(time, 0.03 + 0.2 * (1.0 - np.exp(-time)), np.full(80, force))
@@ -86,9 +77,6 @@ def creep(force=1.0):
 def test_a_converted_creep_says_what_is_prescribed(tmp_path):
     write_tidy(convert([written(tmp_path, "a.csv", NAMES, *rows_of(creep()))]), tmp_path / "t.csv")
     assert read_measurements(tmp_path / "t.csv").pads[0].tests[0].control == Control.FORCE
-
-
-# remedies that work
 
 
 def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
@@ -101,9 +89,6 @@ def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
         assert "\\x" not in str(told.value)
 
 
-# parts of the reader
-
-
 def test_records_that_begin_at_zero_keep_their_first_rows():
     time = np.arange(60) / 50.0
     ramp = np.clip(time - 0.1, 0.0, 0.8)
@@ -114,9 +99,6 @@ def test_records_that_begin_at_zero_keep_their_first_rows():
     noise = 1e-3 * np.random.default_rng(1).standard_normal(60) * (time >= 0.1)
     assert unread_rows(time, step + noise, 2.0 * step) == 0
     assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
-
-
-# several tests in one file
 
 
 def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
@@ -135,9 +117,6 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
     assert dropped == "rows of the mean specimen's sheet 'Moyenne'"
 
 
-# columns
-
-
 @pytest.mark.parametrize(
     ("cell", "name", "unit"),
     [
@@ -150,9 +129,6 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
 )
 def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
     assert split_header(cell) == (name, unit)
-
-
-# those kept elsewhere
 
 
 @pytest.mark.skipif(not STRANGERS.is_dir(), reason="the strangers' records are not here")
@@ -173,9 +149,6 @@ def test_the_kept_records_of_strangers():
     assert len(convert([STRANGERS / "no_x_column.lvm"]).tests[0].time) == 486
     with pytest.raises(InputError, match="there is no time"):
         read_measurements(STRANGERS / "no_time.txt")
-
-
-# files of one pad
 
 
 def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):

@@ -49,9 +49,10 @@ def test_codes_of_loggers_are_no_readings(code):
     assert found.codes == (code,)
 
 
-def test_two_codes_and_what_is_not_finite_are_found_together():
+def test_two_codes_and_what_is_not_finite_are_found_together_and_a_clock_has_none():
     record = with_values([3], -999.0, with_values([9], 9999.0, with_values([12], math.nan)))
     assert np.flatnonzero(no_readings(record).rows).tolist() == [3, 9, 12]
+    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()
 
 
 @pytest.mark.parametrize(
@@ -67,16 +68,9 @@ def test_readings_stay(record):
     assert not no_readings(record).rows.any()
 
 
-def test_a_clock_has_no_codes():
-    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()
-
-
-def test_a_reader_that_does_not_end_is_ended():
+def test_a_reader_that_does_not_end_is_ended_and_a_refusal_is_a_line(tmp_path):
     with pytest.raises(ApartError, match="did not end within 0 s"):
         read_apart("hdf5", of_layout("hdf5-a.h5"), limit=1e-3)
-
-
-def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
     file = tmp_path / "a.mat"
     file.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(InputError, match="cut off or damaged") as caught:
@@ -84,7 +78,7 @@ def test_a_library_that_refuses_a_file_says_so_in_a_line(tmp_path):
     assert caught.value.file == str(file)
 
 
-def test_an_endless_line_takes_no_memory(tmp_path):
+def test_an_endless_line_takes_no_memory_and_an_endless_field_is_refused(tmp_path):
     lines = of_layout("cellscale-a.csv").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:5], "," * ENDLESS, *lines[5:]]) + "\n")
     tracemalloc.start()
@@ -93,9 +87,6 @@ def test_an_endless_line_takes_no_memory(tmp_path):
     tracemalloc.stop()
     assert peak < 50 * ENDLESS  # bytes
     assert test.dropped["lines without numbers"] == 1
-
-
-def test_an_endless_field_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text(
         f"pad,time_s,displacement_mm,force_N\n{'x' * 140_000},0,0,0\nB,1,1,1\n"
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.stages import film_press
+from support.stages import film_press, stage, written
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.conversion import convert, write_tidy
@@ -13,21 +13,6 @@ from qlvbayes.io.loading import Answers
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 ONE = Answers.from_words(pads=("P",))
-
-
-def written(folder, name, test, contact, way=1.0):
-    path = folder / f"{name}.csv"
-    rows = zip(test.time, way * (test.way + contact), test.load, strict=True)
-    lines = "".join(f"{t:.4f},{d:.4f},{f:.4f}\n" for t, d, f in rows)
-    path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + lines)
-    return path
-
-
-def stage(folder, contact, speeds, *, way=1.0, **press):
-    return [
-        written(folder, f"at_{speed:g}", film_press(speed, seed, **press), contact, way)
-        for seed, speed in enumerate(speeds)
-    ]
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -134,3 +119,8 @@ def test_the_kept_stages(folder, contact):
     (zero,) = {test.zero for test in tests}
     assert abs(zero - contact) < 2.0 * tests[0].zero_sd
     assert tests[0].zero_sd < 0.02
+    if folder == "one_stage":
+        known = {test.test: test for test in tests}
+        assert "p4_dead" not in known
+        # 0.112 N of which 25 mN are the cell's own
+        assert known["p3_late"].force[0] == pytest.approx(0.112 - 0.025, abs=0.004)

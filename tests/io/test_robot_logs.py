@@ -79,16 +79,12 @@ ROS_1_AND_2 = pytest.mark.parametrize("made", ["bag", "mcap"])
 
 
 @ROS_1_AND_2
-def test_a_damaged_bag_is_refused_in_one_line(tmp_path, made):
+def test_a_bag_that_is_damaged_or_of_a_joint_without_a_unit_is_refused(tmp_path, made):
     path = bag(tmp_path, made)
     path.write_bytes(path.read_bytes()[:20_000])
     status, _, err = call("look", path, "-o", tmp_path / "out")
     assert status == 2
     assert "cut off or damaged" in one_line(err)
-
-
-@ROS_1_AND_2
-def test_a_joint_may_turn_or_slide_so_that_its_unit_is_asked(tmp_path, made):
     path = bag(tmp_path, made)
     with pytest.raises(UnsureError, match="unit"):
         convert([path])

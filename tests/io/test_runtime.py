@@ -42,7 +42,7 @@ def computed(cache):
     return done.stdout, done.stderr, done.returncode
 
 
-def test_damaged_entries_of_the_cache_are_passed_over_without_a_word(tmp_path):
+def test_a_damaged_or_useless_cache_costs_nothing_but_time(tmp_path):
     expected = ("[1. 2. 3.]\n", "", 0)
     assert computed(tmp_path) == expected
     entries = {path: path.read_bytes() for path in tmp_path.glob("*-cache")}
@@ -50,9 +50,6 @@ def test_damaged_entries_of_the_cache_are_passed_over_without_a_word(tmp_path):
     for path, content in entries.items():
         path.write_bytes(content[: len(content) // 2])
     assert computed(tmp_path) == expected
-
-
-def test_a_cache_that_cannot_be_used_costs_nothing_but_time(tmp_path):
     taken = tmp_path / "a file"
     taken.write_text("mine")
     assert computed(taken) == ("[1. 2. 3.]\n", "", 0)

@@ -7,22 +7,21 @@ from qlvbayes.io.units import PAD, STRAIN, SUFFIXES, column_name
 from qlvbayes.laws.elastic.polynomial import HertzPower
 
 
-def test_pad_units_are_those_of_the_paper():
+def test_units_follow_from_displacement_and_force_and_columns_carry_suffixes():
     units = (PAD.displacement, PAD.force, *map(PAD.of, ("stiffness", "exponent", "rate", "speed")))
     assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
     assert not PAD.bonded_default
-
-
-def test_the_factor_of_a_power_law_carries_the_power():
     assert PAD.of(HertzPower.units["m"]) == "N/mm^n"
     assert STRAIN.of(HertzPower.units["m"]) == "kPa"
-
-
-def test_strain_has_a_modulus_in_kilopascal_and_a_dimensionless_exponent():
     units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.of("exponent"))
     assert units == ("1", "kPa", "kPa", "1")
     assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
     assert STRAIN.bonded_default
+    for scales in SUFFIXES.values():
+        first = next(iter(scales.values()))
+        assert (first.up, first.down) == (1, 1)
+    assert column_name("force", "mN") == "force_mN"
+    assert column_name("strain", "") == "strain"
 
 
 @pytest.mark.parametrize(
@@ -46,14 +45,3 @@ def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
     values = np.array([1.0])
     SUFFIXES[quantity][suffix].convert(values)
     assert values[0] == ours
-
-
-def test_every_quantity_has_our_own_unit_first_and_unscaled():
-    for scales in SUFFIXES.values():
-        first = next(iter(scales.values()))
-        assert (first.up, first.down) == (1, 1)
-
-
-def test_column_names_carry_the_suffix_if_there_is_one():
-    assert column_name("force", "mN") == "force_mN"
-    assert column_name("strain", "") == "strain"

@@ -1,4 +1,4 @@
-"""Elastic laws: stiffness is the slope of the force, and a step is the integral it stands for."""
+"""Elastic laws: stiffness is the slope of the force, a step its integral, also at 0/0."""
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,64 @@ from qlvbayes.laws.conformance import check_law
 from qlvbayes.laws.elastic.exponential import Exponential, ToeExponential
 from qlvbayes.laws.elastic.polynomial import Cubic, HertzPower, Linear, Quadratic
 from qlvbayes.laws.elastic.spline import Spline
+from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_slope
+
+SIZES = np.concatenate([np.geomspace(1e-300, 1e-3, 40), np.geomspace(1e-3, 600.0, 400)])
+POINTS = np.concatenate([-SIZES[::-1], [0.0], SIZES, [0.1, -0.1, np.nextafter(0.1, 0.0)]])
+
+
+def exact_slope(x):
+    """(e^x - 1)/x in extended precision."""
+    wide = np.where(x == 0.0, 1.0, x).astype(np.longdouble)
+    return np.where(x == 0.0, 1.0, np.expm1(wide) / wide)
+
+
+def exact_derivative(x):
+    """d/dx of (e^x - 1)/x in extended precision; Taylor series where the formula cancels."""
+    wide = x.astype(np.longdouble)
+    near = np.abs(x) < 1.0
+    term, series = np.ones_like(wide) / 2, np.zeros_like(wide)
+    for k in range(1, 30):
+        series += np.where(near, term, 0)
+        term = np.where(near, term * wide * (k + 1) / (k * (k + 2)), 0)
+    far = np.where(near, 1, wide)
+    return np.where(near, series, (np.exp(far) * (far - 1) + 1) / far**2)
+
+
+def test_slope_and_its_derivative_are_exact_from_underflow_to_overflow():
+    assert np.allclose(exp_slope(POINTS), exact_slope(POINTS).astype(float), rtol=3e-15, atol=0)
+    assert exp_slope(0.0) == 1.0
+    derivative = jax.vmap(jax.grad(exp_slope))(jnp.asarray(POINTS))
+    assert np.allclose(derivative, exact_derivative(POINTS).astype(float), rtol=1e-13, atol=0)
+
+
+@pytest.mark.parametrize("bottom", [1e-30, 0.7, 1e30])
+def test_difference_ratio_is_the_mean_of_the_exponential_over_the_gap(bottom):
+    gap = POINTS[np.abs(POINTS) < 500.0]
+    top = (bottom * np.exp(gap.astype(np.longdouble))).astype(float)
+    ratio = exp_difference_ratio(jnp.asarray(top), bottom * jnp.ones(gap.size), jnp.asarray(gap))
+    exact = bottom * exact_slope(gap)
+    # ten roundings' worth where top and bottom nearly cancel
+    assert np.all(np.abs(ratio - exact.astype(float)) <= 1e-14 * exact)
+
+
+def test_difference_ratio_has_finite_slopes_and_the_exact_ones_at_zero_over_zero():
+    zero, one = jnp.array(0.0), jnp.array(1.0)
+    for gap in (-1e4, -1e300):
+        slopes = jax.grad(exp_difference_ratio, argnums=(0, 1, 2))(zero, one, jnp.array(gap))
+        assert np.all(np.isfinite(slopes))
+    for gap in (1e4, 1e300):
+        slopes = jax.grad(exp_difference_ratio, argnums=(0, 1, 2))(one, zero, jnp.array(gap))
+        assert np.all(np.isfinite(slopes))
+
+    def ratio(low, gap):
+        return exp_difference_ratio(jnp.exp(low + gap), jnp.exp(low), gap)
+
+    low = 0.3
+    by_low, by_gap = jax.grad(ratio, argnums=(0, 1))(low, 0.0)
+    assert np.isclose(by_low, np.exp(low), rtol=1e-14)
+    assert np.isclose(by_gap, 0.5 * np.exp(low), rtol=1e-14)
+
 
 NODES, WEIGHTS = leggauss(40)
 LAWS = [
@@ -70,16 +128,13 @@ def test_step_without_decay_is_the_difference_of_the_elastic_force(law):
         assert np.isclose(step(law, start, stop, 0.0), change, rtol=1e-13, atol=1e-16)
 
 
-def test_step_is_exact_where_stiffening_and_decay_cancel():
+def test_step_is_exact_where_stiffening_and_decay_cancel_and_for_hertz_of_power_2():
     """B dd + v h = 0 on ordinary unloading: the integrand is the constant e^{b d1}."""
     law = Exponential(0.34, 1.25)
     start, stop, decay = 1.5, 0.7, 1.0
     assert law.b * (stop - start) + decay == pytest.approx(0.0, abs=1e-15)
     expected = 0.34 * np.exp(1.25 * stop) * (stop - start)
     assert np.isclose(step(law, start, stop, decay), expected, rtol=1e-14)
-
-
-def test_hertz_step_is_exact_when_the_force_is_quadratic_in_depth():
     law = HertzPower(0.5, 2.0)
     for decay in DECAYS:
         exact = integral(law, 0.2, 1.4, decay)
@@ -102,15 +157,12 @@ def test_every_elastic_law_keeps_the_rules(kind):
     check_law(kind)
 
 
-def test_the_toe_meets_the_exponential_with_one_force_and_one_stiffness():
+def test_a_toe_meets_the_exponential_and_of_no_length_is_it():
     law = ToeExponential(0.3, 1.2, 0.45)
     below, above = (jnp.asarray(0.45 + x) for x in (-1e-9, 1e-9))
     assert np.isclose(law.force(below), law.force(above), rtol=1e-8)
     assert np.isclose(law.stiffness(below), law.stiffness(above), rtol=1e-8)
     assert law.stiffness(jnp.asarray(1.45)) == pytest.approx(0.3 * np.exp(1.2))
-
-
-def test_a_toe_of_no_length_is_the_exponential_law():
     depth = jnp.linspace(0.0, 1.6, 20)
     toe, plain = ToeExponential(0.34, 1.165, 0.0), Exponential(0.34, 1.165)
     np.testing.assert_allclose(toe.force(depth), plain.force(depth), rtol=1e-14)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import exp1
 
+from qlvbayes.inference.forward.fixedrates import FixedRates
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.conformance import LawError, check_law
 from qlvbayes.laws.relaxation.continuous import Fung, LogNormalSpectrum, PowerLaw
@@ -61,16 +62,10 @@ def test_the_box_spectrum_is_malkins_at_beta_1():
     for beta in (1.0 - 1e-6, 1.0 + 1e-6):
         np.testing.assert_allclose(malkin(0.2, 0.01, 10.0, beta, t), box, atol=1e-5)
     assert np.max(np.abs(malkin(0.2, 0.01, 10.0, 1.5, t) - box)) > 0.01
-
-
-def test_a_spectrum_uniform_in_time_is_another_law():
-    """FEBio calls it relaxation-Fung: it relaxes at the slow end."""
+    # FEBio calls it relaxation-Fung: it relaxes at the slow end
     t = np.array([0.1, 1.0])
     box = np.asarray(Fung(0.2, 0.01, 10.0).curve(jnp.asarray(t)))
     assert np.all(malkin(0.2, 0.01, 10.0, 0.0, t) > box + 0.05)
-
-
-def test_the_box_has_no_first_end():
     box, other = Fung(0.2, 0.01, 10.0), Fung(0.2, 10.0, 0.01)
     np.testing.assert_allclose(box.curve(jnp.asarray(TIME)), other.curve(jnp.asarray(TIME)))
 
@@ -149,7 +144,7 @@ def test_the_number_of_terms_hangs_on_the_tests_and_not_on_the_constants(kind):
     assert terms.pop()[0] <= MOST_TERMS
 
 
-def test_a_spectrum_of_too_many_terms_breaks_a_rule():
+def test_prony_hands_over_its_own_constants_and_too_many_terms_break_a_rule():
     class Long(PowerLaw):
         name = "long"
 
@@ -159,10 +154,38 @@ def test_a_spectrum_of_too_many_terms_breaks_a_rule():
 
     with pytest.raises(LawError, match="61 rates, more than 60"):
         check_law(Long)
-
-
-def test_prony_hands_over_its_own_constants():
     law = Prony(jnp.array([0.3, 0.7]), jnp.array([2.0]))
     assert law.spectrum()[0] is law.c
     assert law.spectrum()[1] is law.v
     assert law.times() == {"1/v[1]": 0.5}
+
+
+SHORTEST, LONGEST = 1e-3, 60.0  # s
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    dense = np.geomspace(SHORTEST, LONGEST, 400)
+    time = np.concatenate([np.arange(0.0, 0.05, SHORTEST), dense[dense > 0.06]])
+    return FixedRates.over(time[None])
+
+
+@pytest.mark.parametrize(
+    "law",
+    [Fung(0.8, 0.01, 30.0), LogNormalSpectrum(0.3, 1.0, 2.0), PowerLaw(0.1, 0.4, 0.5)],
+    ids=lambda law: law.name,
+)
+def test_few_modes_relax_as_many_do(fixed, law):
+    fractions, rates = (np.asarray(x)[None] for x in law.spectrum())
+    few = fixed.fractions(fractions, rates)[0]
+    assert fixed.rates.size < rates.size
+    time = np.append(0.0, np.geomspace(SHORTEST, LONGEST, 500))
+    whole = fractions[0, 0] + fractions[0, 1:] @ np.exp(-np.outer(rates[0], time))
+    reduced = few[0] + few[1:] @ np.exp(-np.outer(fixed.rates, time))
+    np.testing.assert_allclose(reduced, whole, atol=5e-5)
+    assert few.sum() == pytest.approx(1.0, abs=1e-5)  # the step of a sudden start
+
+
+def test_records_of_like_times_share_their_rates(fixed):
+    alike = FixedRates.over(np.linspace(0.0, 1.05 * LONGEST, 60_000)[None])
+    np.testing.assert_array_equal(alike.rates, fixed.rates)

@@ -1,6 +1,5 @@
 """Displacement from a prescribed force: closed form, differential equations, there and back."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -84,32 +83,6 @@ def test_there_and_back_with_contact_lost():
     found = displacement_from_force(model, time, load)
     back = model.force(motion_of(time, np.asarray(found)))
     assert relative(back, load) < 1e-8
-
-
-@pytest.mark.slow
-def test_slopes_along_force_and_constants_are_finite():
-    time = np.linspace(0.0, 12.0, POINTS)
-    load = np.clip(1.2 * np.sin(1.5 * time), 0.0, None)
-    model = jax.tree.map(jnp.asarray, Model(Exponential(0.34, 1.165), PRONY))
-
-    def total(model, load):
-        return jnp.sum(displacement_from_force(model, time, load))
-
-    slopes = jax.tree.leaves(jax.grad(total, argnums=(0, 1))(model, load))
-    assert all(np.all(np.isfinite(slope)) for slope in slopes)
-    assert np.any(slopes[-1] > 0.0)
-
-
-@pytest.mark.slow
-def test_a_batch_of_specimens():
-    time = np.linspace(0.0, 12.0, POINTS)
-    models = Model(Exponential(jnp.array([0.3, 0.6]), 1.165), PRONY)
-    axes = Model(Exponential(0, None), Prony(None, None))
-    load = jnp.ones(POINTS)
-    both = jax.vmap(displacement_from_force, in_axes=(axes, None, None))(models, time, load)
-    softer = displacement_from_force(Model(Exponential(0.3, 1.165), PRONY), time, load)
-    assert relative(both[0], np.asarray(softer)) < 1e-12
-    assert np.all(both[1] < both[0])
 
 
 def test_what_cannot_be_done_is_told_in_one_line():

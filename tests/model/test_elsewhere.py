@@ -44,13 +44,10 @@ def test_vectors_are_read_whatever_their_dimensions_are_called(tmp_path, options
     same_as(saved, flat)
 
 
-def test_vectors_count_as_in_the_paper():
+def test_vectors_count_as_in_the_paper_and_attributes_of_our_names_are_heeded(tmp_path):
     assert flat_names("c", [0, 1, 2], 3) == ["c[0]", "c[1]", "c[2]"]
     assert flat_names("v", [0, 1], 2) == flat_names("v", [1, 2], 2) == ["v[1]", "v[2]"]
     assert flat_names("v", [], 2) == ["v[1]", "v[2]"]
-
-
-def test_attributes_of_our_names_are_heeded(tmp_path):
     attrs = {"pad": "my pad", "fluid": "oil", "source": "a.csv", "displacement_unit": "1"}
     saved = load(written(tmp_path / "x", drawn(), attrs))
     assert (saved.pad, saved.fluid, saved.source) == ("my pad", "oil", "a.csv")
@@ -114,15 +111,12 @@ def results(tmp_path_factory):
     return folder
 
 
-def test_check_needs_the_data_and_says_so(results):
-    status, _, err = call("check", results)
-    assert status == 2
-    assert "does not say where its measurements are; say where they are with --data FILE" in err
-
-
-def test_check_predicts_from_a_posterior_made_elsewhere(tmp_path):
+def test_check_predicts_from_a_posterior_made_elsewhere_or_says_what_is_missing(tmp_path):
     """Draws about the truth: a test that nobody fitted is predicted to a few per cent."""
     written(tmp_path / "B", vectors(drawn()))
+    status, _, err = call("check", tmp_path)
+    assert status == 2
+    assert "does not say where its measurements are; say where they are with --data FILE" in err
     data = tmp_path / "one.csv"
     lines = PADS.read_text().splitlines(keepends=True)
     data.write_text("".join(x for x in lines if x.startswith(("#", "pad,", "B,B-20,"))))
@@ -132,11 +126,8 @@ def test_check_predicts_from_a_posterior_made_elsewhere(tmp_path):
     assert [cell["phase"] for cell in cells] == ["ramp", "hold", "unload", "recovery"]
     # N: the centres of m, b and c are off by a few of their sds of 1 to 5 %
     assert max(cell["rmse_N"] for cell in cells) < 0.1 * 1.6
-
-
-def test_check_without_noise_says_what_is_missing(tmp_path):
-    written(tmp_path / "B", drawn(noise=()))
-    status, _, err = call("check", tmp_path, "--data", PADS)
+    written(tmp_path / "without" / "B", drawn(noise=()))
+    status, _, err = call("check", tmp_path / "without", "--data", PADS)
     assert status == 2
     assert "the posterior of pad B has no noise; give draws of noise.white" in err
 

@@ -105,9 +105,16 @@ def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
     np.testing.assert_allclose(*(x - x[0] for x in densities), rtol=1e-3, atol=0.1)
 
 
-def test_strain_is_no_length():
+def test_strain_is_no_length_and_a_summary_says_its_units():
     with pytest.raises(InputError, match="cannot be converted"):
         factors(Choices(), {}, PAD, STRAIN)
+    with pytest.raises(KeyError):
+        unit_system("1", "nN")
+    units = unit_system("um", "nN")
+    found = FitSummary(
+        pad="a", units=units, effects=(), sampler="emcee", converged=True, parameters={}
+    ).as_dict()
+    assert found["units"] == {"displacement": "um", "force": "nN"}
 
 
 @pytest.mark.parametrize(
@@ -122,19 +129,6 @@ def test_strain_is_no_length():
 )
 def test_energy_is_force_times_displacement(units, energy):
     assert unit_system(*units).energy == energy
-
-
-def test_force_does_not_go_with_strain():
-    with pytest.raises(KeyError):
-        unit_system("1", "nN")
-
-
-def test_summary_says_its_units():
-    units = unit_system("um", "nN")
-    found = FitSummary(
-        pad="a", units=units, effects=(), sampler="emcee", converged=True, parameters={}
-    ).as_dict()
-    assert found["units"] == {"displacement": "um", "force": "nN"}
 
 
 @pytest.mark.parametrize(

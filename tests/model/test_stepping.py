@@ -4,17 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.stepped import (
-    DEPTH,
-    DT,
-    PRONY,
-    SHALLOW,
-    TIME,
-    batch,
-    relative,
-    solved,
-    stepped,
-)
+from support.stepped import DEPTH, DT, PRONY, SHALLOW, TIME, batch, relative, solved, stepped
 
 from qlvbayes import Model
 from qlvbayes.laws import (
@@ -32,9 +22,6 @@ from qlvbayes.laws import (
     ToeExponential,
 )
 from qlvbayes.model.stepping import begin, begin_at_force, step
-
-# pressed, held, taken back past the surface, pressed again
-# pressed and held, half taken back, without losing contact
 
 ELASTIC = [
     Exponential(0.34, 1.165),
@@ -98,7 +85,7 @@ def test_a_ramp_may_be_cut_into_any_steps(paper_model):
         assert abs(stepped(model, path, 0.08 / parts)[-1] - once) < 1e-12 * once
 
 
-def test_a_loose_specimen_is_never_pulled(paper_model):
+def test_a_loose_specimen_is_never_pulled_and_a_bonded_one_is(paper_model):
     """Under no load the platen stays on the surface, which comes back by itself."""
     model = paper_model("B")
     load = np.where(TIME < 1.0, 1.0, np.where(TIME < 1.01, 0.5, -0.5))
@@ -110,28 +97,22 @@ def test_a_loose_specimen_is_never_pulled(paper_model):
     # the surface is where a stuck platen would carry no force either
     stuck = paper_model("B", bonded=True)
     assert np.max(np.abs(np.asarray(stepped(stuck, place, DT))[TIME >= 1.01])) < 1e-14
-
-
-def test_a_bonded_specimen_is_pulled(paper_model):
     model = paper_model("B", bonded=True)
     place = solved(model, np.full(TIME.shape, -0.05), DT)
     assert np.all(np.asarray(place) < 0.0)
     assert relative(stepped(model, place, DT), np.full(TIME.shape, -0.05)) < 1e-12
 
 
-def test_a_force_that_no_displacement_has_is_not_a_number():
-    softening = Model(Quadratic(0.5, -0.2), PRONY)  # at most 0.3125 N
-    assert np.isnan(begin_at_force(softening, 0.5)[1])
-    assert np.isclose(begin_at_force(softening, 0.2)[1], (0.5 - np.sqrt(0.25 - 0.16)) / 0.4)
-
-
-def test_a_large_load_at_once(paper_model):
+def test_a_large_load_at_once_and_one_that_no_displacement_bears(paper_model):
     """Newton's first step from zero is far too long: the law grows by e every 0.9 mm."""
     model = paper_model("B")
     for force in (1e-6, 1.0, 1e3):
         place = begin_at_force(model, force)[1]
         constants = model.elastic
         assert np.isclose(place, np.log1p(force * constants.b / constants.m) / constants.b)
+    softening = Model(Quadratic(0.5, -0.2), PRONY)  # at most 0.3125 N
+    assert np.isnan(begin_at_force(softening, 0.5)[1])
+    assert np.isclose(begin_at_force(softening, 0.2)[1], (0.5 - np.sqrt(0.25 - 0.16)) / 0.4)
 
 
 @pytest.mark.slow

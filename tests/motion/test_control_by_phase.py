@@ -71,9 +71,6 @@ RECOVERED = [
 ]  # fmt: skip
 
 
-# the simulator
-
-
 def test_the_simulator_agrees_with_a_stiff_solver():
     """The elastic force and its modes under each control in turn, by another integrator."""
     found, loaded = record_controlled(
@@ -105,9 +102,6 @@ def test_the_simulator_agrees_with_a_stiff_solver():
         )
         assert found.true_force[at] == pytest.approx(max(force, 0.0), abs=1e-7)
     assert found.time[np.flatnonzero(loaded)[0]] == pytest.approx(4.6, abs=2e-3)
-
-
-# detected
 
 
 @pytest.mark.parametrize("closed_loop", [False, True])
@@ -175,9 +169,6 @@ def test_motion_follows_the_creep():
     assert error.max() < 2e-3  # two steps of the encoder
 
 
-# noise
-
-
 @pytest.mark.parametrize(("program", "most"), [(PRESS, 1.6), (RECOVER, 2.0)])
 def test_noise_of_a_controller_shows_in_the_displacement(program, most):
     """Its slow errors are in no reading of a held force, and yet in the model's force.
@@ -197,9 +188,6 @@ def test_only_where_the_force_is_prescribed_the_displacement_adds_noise():
     before, after = test.time < start, test.time > start
     assert np.array_equal(read.force[before], test.force[before])
     assert not np.allclose(read.force[after], test.force[after])
-
-
-# stated
 
 
 def written(path, test, control):
@@ -256,9 +244,6 @@ def test_a_cut_keeps_what_was_stated(tmp_path):
     assert held.stop == pytest.approx(test.time[loaded][-1] - 3.0, abs=0.01)
 
 
-# constants
-
-
 def pressed_and_recovered(seed, constants, closed_loop):
     """Two presses to a force, and one recovery at no force."""
     peak = float(constants.force(np.array([1.2]))[0])
@@ -280,9 +265,6 @@ def test_intervals_hold_the_truth(closed_loop):
         inside.append([abs(z) < 1.645 for z in from_truth(constants, clocked(*tests)).values()])
     # 90 % of pads by 7 constants that hang together: at least as many as these pads hold by chance
     assert np.mean(inside) > 0.9 - 3.0 * np.sqrt(0.09 / count)
-
-
-# records of machines
 
 
 def test_the_kept_pause_under_a_force():

@@ -73,9 +73,6 @@ def motion_of(time, displacement):
     return Motion(jnp.asarray(time), jnp.asarray(displacement), still, still)
 
 
-# the simulator
-
-
 def test_the_simulated_creep_is_that_of_a_stiff_solver():
     c, v = np.array(B.c[1:]), np.array(B.v)
 
@@ -102,9 +99,6 @@ def test_the_model_gives_the_prescribed_force_back(paper_model):
     assert np.max(np.abs(np.asarray(back) - force)) < 1e-5
 
 
-# distinguished from others
-
-
 @pytest.mark.slow
 def test_creep_is_seen_for_what_it_is():
     for load in (0.3, 1.0, 2.0):
@@ -126,9 +120,6 @@ def test_creep_is_seen_for_what_it_is():
 )
 def test_a_prescribed_displacement_is_never_taken_for_a_force(program):
     assert control_of(pressed(program)) == "displacement"
-
-
-# cut by their force
 
 
 def force_phases_of(test):
@@ -160,9 +151,6 @@ def test_the_motion_does_not_swing_between_sparse_readings():
     assert error.max() < 0.02 * way + 2e-3
 
 
-# noise of both readings
-
-
 @pytest.mark.parametrize("closed_loop", [False, True])
 def test_the_noise_shows_whatever_the_controller_follows(closed_loop):
     found = prepared(creep(closed_loop=closed_loop), creep(creep_protocol(0.5), seed=1)).floor
@@ -191,9 +179,6 @@ def test_a_record_begins_with_the_jump():
     assert np.max(np.abs(force - 1.0)) < 0.01
 
 
-# files
-
-
 def test_a_file_says_what_was_prescribed(tmp_path):
     write_csv(tmp_path / "creep.csv", creep_study({"B": B}, (0.5, 1.0), CORRELATED, 0, 200), [])
     study = read_measurements(tmp_path / "creep.csv")
@@ -206,9 +191,6 @@ def test_a_file_says_what_was_prescribed(tmp_path):
     (tmp_path / "wrong.csv").write_text(text)
     with pytest.raises(InputError, match="control 'load' is unknown"):
         read_measurements(tmp_path / "wrong.csv")
-
-
-# constants
 
 
 def creeps(constants, seed, closed_loop):

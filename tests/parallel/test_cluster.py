@@ -9,14 +9,13 @@ import time
 
 import h5py
 import pytest
-from support.endtoend import PADS, call, one_line, with_tests
+from support.endtoend import PADS, Listener, call, one_line, with_tests
 from support.work import SlowStep, always_killed, killed_once, pads, squared
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.parallel.engines import EngineLostError, opened_engine
 from qlvbayes.parallel.running import run_all
 from qlvbayes.pipeline.many import Work, run_pads
-from qlvbayes.pipeline.watcher import Watcher
 
 pytest.importorskip("distributed")
 pytestmark = [
@@ -154,17 +153,6 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
         for process in (own.workers, own.scheduler):
             process.send_signal(signal.SIGKILL)
             process.wait(60)
-
-
-class Listener(Watcher):
-    def __init__(self):
-        self.notices = []
-
-    def starting(self, lines):
-        self.notices += lines
-
-    def notice(self, text):
-        self.notices.append(text)
 
 
 class Killer(Listener):

@@ -40,9 +40,6 @@ def test_outcomes_come_in_order_whatever_works(processes):
     assert sorted(one.item for one in kept) == list(range(8))
     with ThreadPoolExecutor(2) as executor:
         assert answers(run_all(squared, range(8), engine_of(executor))) == alone
-
-
-def test_what_needs_no_work_passes_in_its_place(processes):
     items = [1, Fault("cannot be read"), 2, Outcome("known", 7), 4]
     for engine in (None, processes):
         found = answers(run_all(squared, items, engine))
@@ -77,25 +74,28 @@ def test_an_item_that_kills_its_worker_is_named_and_the_others_are_done(processe
     assert "was killed, again and again" in found[2].fault.text
 
 
+def script_of(*lines, **options):
+    """A process that runs these lines, which may use an engine of two processes."""
+    begin = (
+        "import signal, time", "from support.work import lasting, process_of",
+        "from qlvbayes.parallel.engines import opened_engine",
+        "from qlvbayes.parallel.running import run_all", "if __name__ == '__main__':",
+    )  # fmt: skip
+    script = "\n".join([*begin, *(f"    {line}" for line in lines)])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, **options,
+    )  # fmt: skip
+
+
 def test_processes_are_spawned_and_end_with_their_parent():
     """Also where it is killed, so that nothing is left to end them."""
-    script = (
-        "import sys, time\n"
-        "from support.work import process_of\n"
-        "from qlvbayes.parallel.engines import opened_engine\n"
-        "from qlvbayes.parallel.running import run_all\n"
-        "if __name__ == '__main__':\n"
-        "    with opened_engine(2) as engine:\n"
-        "        found = [one.answer for one in run_all(process_of, range(1), engine)]\n"
-        "        print(found[0], flush=True)\n"
-        "        time.sleep(600)\n"
-    )
-    path = os.pathsep.join(filter(None, sys.path))
-    parent = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": path},
+    parent = script_of(
+        "with opened_engine(2) as engine:",
+        "    found = [one.answer for one in run_all(process_of, range(1), engine)]",
+        "    print(found[0], flush=True)",
+        "    time.sleep(600)",
     )
     with parent:
         worker = int(parent.stdout.readline())
@@ -108,28 +108,15 @@ def test_processes_are_spawned_and_end_with_their_parent():
 
 
 def test_ctrl_c_ends_all_at_once_and_is_quiet():
-    script = (
-        "import signal\n"
-        "from support.work import lasting\n"
-        "from qlvbayes.parallel.engines import opened_engine\n"
-        "from qlvbayes.parallel.running import run_all\n"
-        "if __name__ == '__main__':\n"
+    parent = script_of(
         # what is begun in the background of a shell ignores it, and so would its processes
-        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "    try:\n"
-        "        with opened_engine(2) as engine:\n"
-        "            list(run_all(lasting, range(2), engine))\n"
-        "    except KeyboardInterrupt:\n"
-        "        print('stopped')\n"
-    )
-    path = os.pathsep.join(filter(None, sys.path))
-    parent = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        "signal.signal(signal.SIGINT, signal.default_int_handler)",
+        "try:",
+        "    with opened_engine(2) as engine:",
+        "        list(run_all(lasting, range(2), engine))",
+        "except KeyboardInterrupt:",
+        "    print('stopped')",
         start_new_session=True,
-        env={**os.environ, "PYTHONPATH": path},
     )
     with parent:
         assert [parent.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
@@ -146,14 +133,11 @@ def alive(process):
         return False
 
 
-def test_one_process_does_it_here():
+def test_one_process_does_it_here_and_a_list_does_not():
     assert process_of(0) == os.getpid()
     with opened_engine(1) as engine:
         assert engine is None
         assert [one.answer for one in run_all(process_of, range(2), engine)] == [os.getpid()] * 2
-
-
-def test_what_takes_no_work_is_refused():
     with pytest.raises(InputError, match="a list takes no work"):
         engine_of([])
 

@@ -28,7 +28,7 @@ def study(tmp_path_factory):
     return q.read_study(two_tests(tmp_path_factory.mktemp("api") / "two.csv"))
 
 
-def test_nothing_hides_a_module():
+def test_nothing_hides_a_module_and_public_functions_name_their_parameters():
     """A module loaded by ``import a.b.c`` stays ``a.b.c``, also once all names are taken out."""
     modules = {name: importlib.import_module(name) for name in MODULES}
     for name in q.__all__:
@@ -40,6 +40,11 @@ def test_nothing_hides_a_module():
             hidden.append(name)
     assert len(modules) > 200
     assert not hidden
+    found = {function.__qualname__: function for function in public_functions()}
+    assert {"compare", "read_study", "check_effect", "Specimen.fit", "Fit.predict"} <= set(found)
+    for name, function in found.items():
+        wanted = [name for name in inspect.signature(function).parameters if name != "self"]
+        assert documented(function) == wanted, name
 
 
 def test_what_is_offered_is_there_and_is_what_type_checkers_see():
@@ -67,7 +72,7 @@ def test_importing_loads_nothing_that_is_not_used():
     assert done.stdout == "[]\n"
 
 
-def test_a_study_has_its_pads_by_name(study):
+def test_a_study_has_its_pads_by_name_and_a_fit_says_what_the_readme_asks_of_it(study):
     assert list(study) == ["C"]
     assert len(study) == 1
     assert "C" in study
@@ -77,9 +82,6 @@ def test_a_study_has_its_pads_by_name(study):
     assert repr(study["C"]) == "<pad C, 2 tests>"
     with pytest.raises(q.InputError, match=r"no pad 'D'.*name one of: C"):
         study["D"]
-
-
-def test_a_pad_fits_and_the_fit_says_all_that_the_readme_asks_of_it(study):
     fit = study["C"].fit(method="least-squares", settings=q.Settings(seed=3))
     summary = fit.summary()
     assert summary.settings == q.Settings(seed=3)
@@ -108,18 +110,6 @@ def test_a_choice_that_cannot_be_used_is_refused_when_it_is_made(given):
         q.Choices(**given)
 
 
-@pytest.mark.slow
-def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, study):
-    head, *rows = Path(study.source).read_text().splitlines()
-    text = head.replace("displacement_mm", "strain").replace("force_N", "stress_kPa")
-    (tmp_path / "strain.csv").write_text("\n".join([text, *rows]) + "\n")
-    pad = q.read_study(tmp_path / "strain.csv")["C"]
-    fit = pad.fit(method="least-squares", all_tests=True)
-    assert fit.choices.bonded
-    assert len(fit.trials) == 2
-    assert not pad.fit(q.Choices(), method="least-squares").choices.bonded
-
-
 def documented(function):
     """Names in the section Parameters of a docstring (numpydoc)."""
     text = inspect.getdoc(function).partition("Parameters\n----------\n")[2]
@@ -138,11 +128,3 @@ def public_functions():
         for name, value in vars(kind).items():
             if inspect.isfunction(value) and not name.startswith("_"):
                 yield value
-
-
-def test_public_functions_name_their_parameters():
-    found = {function.__qualname__: function for function in public_functions()}
-    assert {"compare", "read_study", "check_effect", "Specimen.fit", "Fit.predict"} <= set(found)
-    for name, function in found.items():
-        wanted = [name for name in inspect.signature(function).parameters if name != "self"]
-        assert documented(function) == wanted, name

@@ -12,56 +12,43 @@ from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import alone
 from qlvbayes.pipeline.watcher import Watcher
 
-
-@pytest.fixture
-def finals_of(tmp_path, monkeypatch):
-    """The steps of the last fit of pad B, given its verdict and the roles of its tests."""
-
-    def found(verdict, roles=("fit", "validate")):
-        plain = tmp_path / "B" / "plain"
-        checked = check("B")
-        for cell in checked["cells"]:
-            cell["role"] = roles[cell["role"] == "validate"]
-        write(plain / "check.json", checked)
-        write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict))
-        for name in ("posterior.nc", "forces.png", "pairs.png"):
-            (plain / name).write_text(name)
-        work = []
-        monkeypatch.setattr(
-            finals, "run_pads", lambda out, some, **_: work.extend(some) or Tally((), ())
-        )
-        study = read_measurements(PADS)
-        finals.run_finals(
-            tmp_path,
-            [alone(study, study.pad("B"))],
-            lambda study: Choices(),
-            Settings(),
-            size=1,
-            engine=None,
-            watcher=Watcher(),
-        )
-        kept = {path.name for path in (tmp_path / "B").iterdir() if path.is_file()}
-        return work[0].steps, kept - {"diagnosis.json"}
-
-    return found
+APART, TOGETHER = ("fit", "validate"), ("fit", "fit")
+PREDICTED = {"check.json", "forces.png"}
 
 
-def test_what_is_named_is_fitted_to_all_tests_and_checked(finals_of):
-    steps, kept = finals_of("missing_effect")
-    assert [step.name for step in steps] == ["fit", "check"]
-    assert steps[0].all_tests
-    assert steps[0].choices.effects == ("viscous_drag",)
-    assert kept == set()
-
-
-def test_an_adequate_pad_is_fitted_to_all_tests_and_keeps_its_predictions(finals_of):
-    steps, kept = finals_of("adequate")
-    assert [step.name for step in steps] == ["fit"]
-    assert steps[0].all_tests
-    assert kept == {"check.json", "forces.png"}
-
-
-def test_where_no_test_was_left_out_the_plain_fit_is_the_last_one(finals_of):
-    steps, kept = finals_of("adequate", roles=("fit", "fit"))
-    assert steps == ()
-    assert kept == {"check.json", "forces.png", "pairs.png", "posterior.nc"}
+@pytest.mark.parametrize(
+    ("verdict", "roles", "names", "expected"),
+    [
+        ("missing_effect", APART, ["fit", "check"], set()),
+        ("adequate", APART, ["fit"], PREDICTED),
+        ("adequate", TOGETHER, [], PREDICTED | {"pairs.png", "posterior.nc"}),
+    ],
+)
+def test_the_last_fit_is_to_all_tests_and_keeps_what_still_holds(
+    tmp_path, monkeypatch, verdict, roles, names, expected
+):
+    """What is named is fitted and checked; where no test was left out the plain fit is the last."""
+    plain = tmp_path / "B" / "plain"
+    checked = check("B")
+    for cell in checked["cells"]:
+        cell["role"] = roles[cell["role"] == "validate"]
+    write(plain / "check.json", checked)
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict))
+    for name in ("posterior.nc", "forces.png", "pairs.png"):
+        (plain / name).write_text(name)
+    work = []
+    monkeypatch.setattr(
+        finals, "run_pads", lambda out, some, **_: work.extend(some) or Tally((), ())
+    )
+    study = read_measurements(PADS)
+    pads, watcher = [alone(study, study.pad("B"))], Watcher()
+    finals.run_finals(
+        tmp_path, pads, lambda study: Choices(), Settings(), size=1, engine=None, watcher=watcher
+    )
+    steps = work[0].steps
+    assert [step.name for step in steps] == names
+    assert all(step.all_tests for step in steps[:1])
+    if verdict == "missing_effect":
+        assert steps[0].choices.effects == ("viscous_drag",)
+    kept = {path.name for path in (tmp_path / "B").iterdir() if path.is_file()}
+    assert kept - {"diagnosis.json"} == expected

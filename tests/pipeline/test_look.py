@@ -101,16 +101,13 @@ def rich(tmp_path_factory):
     return seen(tmp_path_factory.mktemp("rich"), tests, starts=[0.0, 100.0])
 
 
-def test_one_press_and_a_hold_show_stiffness_and_relaxation_alone(plain):
+def test_what_shows_follows_from_what_the_tests_do(plain, rich):
     found = answers(plain[0])
     assert found["m"].answer == found["c"].answer == "yes"
     shown = {name for name, one in found.items() if one.answer == "yes"}
     assert shown <= {"m", "c", "inertia", "frame_ringing"}
     assert all(one.remedy for one in found.values() if one.answer != "yes")
     assert "one load" in plain[0].shown[-1].reason
-
-
-def test_every_part_is_shown_by_tests_that_are_made_for_it(rich):
     look, _ = rich
     assert {one.answer for one in look.shown if not one.effects or one.effects[0] != "inertia"} == {
         "yes"
@@ -136,15 +133,12 @@ def test_softening_and_a_set_are_told_apart_by_growing_depths(tmp_path, second, 
     assert answers(seen(tmp_path, tests)[0])["stress_softening"].answer == "yes"
 
 
-def test_relaxation_is_shown_up_to_the_longest_hold(tmp_path):
+def test_relaxation_is_shown_up_to_the_longest_hold_and_not_without(tmp_path):
     short, long = (
         answers(seen(tmp_path, {"a": pressed((1.0, 2.0, hold))})[0])["c"] for hold in (6.0, 60.0)
     )
     assert "to 6 s (the longest hold): up to 2 relaxation times" in short.reason
     assert "to 60 s (the longest hold): up to 3 relaxation times" in long.reason
-
-
-def test_without_a_hold_one_press_shows_no_relaxation(tmp_path):
     once = answers(seen(tmp_path, {"a": pressed((1.0, 0.2, 0.0))})[0])["c"]
     assert (once.answer, "hold" in once.remedy) == ("no", True)
     several = {"a": pressed((1.0, 0.2, 0.0)), "b": pressed((1.0, 2.0, 0.0))}
@@ -263,7 +257,7 @@ def test_the_command_leaves_numbers_words_and_a_picture(tmp_path):
     assert [phase["phase"] for phase in first["phases"]] == ["ramp", "hold"]
 
 
-def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
+def test_a_bad_file_does_not_lose_the_others_and_a_folder_stands_for_its_files(tmp_path):
     good = write(tmp_path / "good.csv", table({"a": pressed((1.0, 2.0, 5.0))}))
     bad = tmp_path / "bad.csv"
     bad.write_text("time_s,displacement_mm\n0,0\n")
@@ -271,9 +265,6 @@ def test_a_file_that_cannot_be_read_does_not_lose_the_others(tmp_path):
     assert isinstance(result.exception, InputError)
     assert str(bad) in str(result.exception)
     assert (tmp_path / "out" / "look.json").exists()
-
-
-def test_a_folder_stands_for_its_files(tmp_path):
     folder = tmp_path / "tests"
     folder.mkdir()
     for name in ("one", "two"):

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import stages
 from support.endtoend import PADS, call, read_json, with_tests
-from support.stages import film_press
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
@@ -21,11 +21,7 @@ QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 def stage(tmp_path_factory):
     """Three recordings of one pad on one stage, as a machine writes them."""
     folder = tmp_path_factory.mktemp("stage")
-    for seed, speed in enumerate((0.5, 2.0, 10.0)):
-        test = film_press(speed, seed, step=0.01)
-        rows = zip(test.time, test.way + 12.4, test.load, strict=True)
-        lines = "".join(f"{t:.4f},{d:.4f},{f:.4f}\n" for t, d, f in rows)
-        (folder / f"at_{speed:g}.csv").write_text("Time,Extension,Load\n(s),(mm),(N)\n" + lines)
+    stages.stage(folder, 12.4, (0.5, 2.0, 10.0), step=0.01)
     return folder
 
 
@@ -33,7 +29,7 @@ def names(source):
     return [one.pads[0].name for one in source if isinstance(one, Measurements)]
 
 
-def test_machines_files_are_tests_of_one_pad_with_one_contact(stage):
+def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
     for files in (stage, sorted(stage.iterdir())):
         source = Source.from_files(files)
         (pad,) = source.read.pads
@@ -41,9 +37,6 @@ def test_machines_files_are_tests_of_one_pad_with_one_contact(stage):
         assert len({test.contact_stage for test in pad.tests}) == 1
         assert source.is_complete
         assert source.grouping.startswith("read: pad pad of 3 tests")
-
-
-def test_the_user_names_the_pad_or_the_pads(stage):
     assert names(Source.from_files(stage, only=["stay"])) == ["stay"]
     assert names(Source.from_files(stage, only=["A", "B", "A"])) == ["A", "B"]
     (single, *_) = sorted(stage.iterdir())

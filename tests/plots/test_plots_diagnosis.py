@@ -184,17 +184,13 @@ def words(figure):
 
 
 @every_case_and_width
-def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
+def test_nothing_leaves_the_page_or_overlaps_and_type_can_be_read(case, width):
     for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
         assert np.all(ink[:2] >= page[:2])
         assert np.all(ink[2:] <= page[2:])
         assert figure.get_figwidth() == pytest.approx(width / 25.4)
         assert min(t.get_fontsize() for t in texts(figure)) >= 6.0
-
-
-@every_case_and_width
-def test_titles_legends_and_notes_do_not_overlap(case, width):
     for figure, renderer in pages(case, width):
         inside = [axis.get_tightbbox(renderer) for axis in figure.axes]
         inside = [box for box in inside if box is not None]
@@ -308,7 +304,7 @@ def real():
 
 
 @pytest.mark.slow
-def test_curves_hold_the_stages_errors_and_most_readings(real):
+def test_curves_hold_errors_and_readings_and_measured_sds_shape_the_band(real):
     shown = curves(real)
     assert real.result.tried == ("viscous_drag",)
     for model, stage in (("plain", real.result.stages[0]), ("final", real.result.stages[-1])):
@@ -322,10 +318,6 @@ def test_curves_hold_the_stages_errors_and_most_readings(real):
     # of all tests, as correlated noise wanders within one
     inside = [(c.observed > c.final.low) & (c.observed < c.final.high) for c in shown]
     assert 0.8 < np.concatenate(inside).mean() < 0.98
-
-
-@pytest.mark.slow
-def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
     noisier = tuple(3.0 * weights for weights in samples.weights)
     work = dataclasses.replace(real.work, samples=dataclasses.replace(samples, weights=noisier))

@@ -1,34 +1,58 @@
-"""A look of one's own, in Python and as a file, and how figures are imported."""
+"""The list of figures; a look of one's own, in Python and as a file; how figures are imported."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib
 import pytest
-from typer.testing import CliRunner
 
-import qlvbayes.plots as plots
-from qlvbayes.cli.main import application
+from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD
+from qlvbayes.plots.catalogue import FIGURES, figures_of
 from qlvbayes.plots.style import COLOURS, colours, style, using
+
+FOLDER = Path(plots.__file__).parent
+TEMPLATES = FOLDER.parent / "report" / "templates"
+
+
+def test_every_figure_is_listed_once():
+    texts = [(path.stem, path.read_text()) for path in FOLDER.glob("*.py")]
+    found = [(stem, name) for stem, text in texts for name in re.findall(r"\ndef plot_(\w+)", text)]
+    assert sorted(found) == sorted((one.file or one.name, one.name) for one in FIGURES)
+    assert {f"plot_{name}" for _, name in found} <= set(plots.__all__)
+
+
+@pytest.mark.parametrize("figure", [one for one in FIGURES if one.shows], ids=lambda one: one.name)
+def test_the_report_shows_every_figure_that_has_words(figure):
+    text = "".join(path.read_text() for path in TEMPLATES.glob("*.j2"))
+    assert f"figures.{figure.name}" in text or f"figure({figure.name})" in text
+    assert figure.see
+    assert ("{of}" in figure.shows) == (figure.takes is not None or figure.command == "compare")
+
+
+def test_a_figure_of_all_pads_is_not_drawn_for_one():
+    (constants,) = (one for one in FIGURES if one.name == "constants")
+    assert constants not in figures_of("fit")
+    with pytest.raises(TypeError, match="constants is not a figure of one pad"):
+        constants.draw(None)
+
 
 FOUND = CheckResult(
     pad="B", noise=0.01, cells=(Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),)
 )
 
 
-def test_every_public_figure_can_be_had_from_the_package():
+def test_public_figures_are_had_from_the_package_which_draws_nothing_in():
     for name in plots.__all__:
         value = getattr(plots, name)
         assert value.__name__ == name
         assert value.__doc__
     with pytest.raises(AttributeError, match="plot_nothing"):
         plots.plot_nothing  # noqa: B018
-
-
-def test_importing_the_package_draws_nothing_in():
     code = (
         "import sys, qlvbayes.plots, qlvbayes.cli.main; print('matplotlib.figure' in sys.modules)"
     )
@@ -51,7 +75,7 @@ def test_settings_go_over_the_package_s_and_come_back():
         assert colours() == COLOURS
 
 
-def test_a_file_and_a_named_style_can_be_used(tmp_path):
+def test_a_file_and_a_named_style_can_be_used_and_what_is_no_look_is_refused(tmp_path):
     file = tmp_path / "mine.mplstyle"
     text = '# mine\nfont.size: 10  # larger\naxes.edgecolor: "#555555"\nbackend: pdf\n'
     file.write_text(text)
@@ -61,6 +85,10 @@ def test_a_file_and_a_named_style_can_be_used(tmp_path):
     with using("grayscale"), style():
         assert colours()[0] == "0.00"
         assert matplotlib.rcParams["pdf.fonttype"] == 42
+    with pytest.raises(InputError, match="cannot be read"), using(tmp_path / "none.mplstyle"):
+        pass
+    with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -76,21 +104,3 @@ def test_a_file_that_is_no_style_is_refused_with_its_line(tmp_path, text, said):
     file.write_text(text)
     with pytest.raises(InputError, match=f"bad.mplstyle, {said}"), using(file):
         pass
-
-
-def test_what_is_no_look_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"), using(tmp_path / "none.mplstyle"):
-        pass
-    with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
-        pass
-
-
-@pytest.mark.parametrize("command", ["fit", "check", "diagnose", "study", "compare"])
-def test_every_command_that_draws_takes_a_style(command, tmp_path):
-    words = [command, "--style", str(tmp_path / "none.mplstyle"), "-o", str(tmp_path / "out"), "x"]
-    if command in ("check", "compare"):
-        words = [*words[:3], "x"]
-    found = CliRunner().invoke(application(), words)
-    assert isinstance(found.exception, InputError)
-    assert "none.mplstyle" in str(found.exception)
-    assert not (tmp_path / "out").exists()

@@ -150,11 +150,14 @@ def test_rates_fall_whatever_the_numbers(prior):
         assert np.all(rates > 0.0)
 
 
-def test_a_log_normal_has_no_density_at_zero():
+def test_a_log_normal_has_no_density_at_zero_and_descriptions_read_as_on_the_command_line():
     """Far in the tail of an ordered pair a rate underflows; there is no nan there."""
     assert RATE.log_density(0.0) == -jnp.inf
     _, density = Ordered((RATE, RATE)).constrain(jnp.array([2.0, 8.0]))
     assert density == -jnp.inf
+    assert LogNormal(1.8, 0.5).describe() == "lognormal(1.8, 0.5)"
+    assert Dirichlet([1.0, 1.0, 2.0], fixed={0: 0.3}).describe() == "dirichlet(1, 1, 2), [0] = 0.3"
+    assert Ordered((RATE, 0.14)).describe() == "lognormal(0.3, 1.4) > 0.14"
 
 
 def test_ordered_draws_have_the_moments_of_the_density():
@@ -171,9 +174,3 @@ def test_ordered_draws_have_the_moments_of_the_density():
     weights = density(prior)(points)[:, None]
     moments = jnp.sum(jnp.where(weights > 0.0, weights * rates, 0.0), 0) / jnp.sum(weights)
     assert np.allclose(moments, expected, atol=1e-6)
-
-
-def test_descriptions_read_as_on_the_command_line():
-    assert LogNormal(1.8, 0.5).describe() == "lognormal(1.8, 0.5)"
-    assert Dirichlet([1.0, 1.0, 2.0], fixed={0: 0.3}).describe() == "dirichlet(1, 1, 2), [0] = 0.3"
-    assert Ordered((RATE, 0.14)).describe() == "lognormal(0.3, 1.4) > 0.14"

@@ -1,11 +1,11 @@
-"""The examples of docs/own.md do what is said of them."""
+"""The examples of the pages on one's own parts and on prediction do what is said of them."""
 
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.endtoend import experiment, fitted
+from support.endtoend import SHORT, experiment, fitted
 from support.pages import keeps_the_page
 
 from qlvbayes.fitting import fit
@@ -42,7 +42,33 @@ def test_a_sampler_finds_the_posterior_that_emcee_finds(monkeypatch):
 
 
 def test_a_figure_is_drawn_and_saved(tmp_path):
-    axis = example("plot_strengths")(fitted(), width=85.0)
+    axis = example("plot_strengths")(fitted(settings=SHORT), width=85.0)
     assert keeps_the_page(figure_of(axis), 85.0)
     assert sum(bar.get_height() * bar.get_width() for bar in axis.patches) == pytest.approx(1.0)
     assert save_figure(axis, tmp_path / "strengths").read_bytes()[:4] == b"\x89PNG"
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def ran():
+    """The page's names once its code has run."""
+    text = (ROOT / "docs" / "prediction.md").read_text(encoding="utf-8")
+    names = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+            exec(code, names)
+    return names
+
+
+def test_the_page_does_what_it_says(ran):
+    """By the share that relaxes in half a minute, less what relaxed during the grip."""
+    c = ran["TABLE_1"]["B"].c
+    without = ran["without"]
+    fall = 1.0 - without[-1] / without[0]
+    assert 0.5 < fall < 1.0 - c[0]
+    assert abs(ran["with_model"] / ran["GRIP"] - 1.0).max() < 0.03
+    assert (ran["command"][1:] > ran["command"][:-1]).all()
+    assert ran["low"] < ran["with_model"][-1] < ran["high"]

@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
@@ -30,22 +31,12 @@ def building():
 def site(tmp_path_factory):
     """The built site; a warning of Sphinx stops the build."""
     folder = tmp_path_factory.mktemp("docs")
-    command = "import sys; from stage import build; sys.exit(build(*map(Path, sys.argv[1:])))"
-    import subprocess
-
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            f"from pathlib import Path; {command}",
-            folder / "pages",
-            folder / "site",
-        ],
-        cwd=BUILDING,
-        capture_output=True,
-        text=True,
-        check=False,
+    command = (
+        "import sys; from pathlib import Path; from stage import build; "
+        "sys.exit(build(*map(Path, sys.argv[1:])))"
     )
+    line = [sys.executable, "-c", command, folder / "pages", folder / "site"]
+    done = subprocess.run(line, cwd=BUILDING, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder / "site"
 

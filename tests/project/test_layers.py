@@ -78,28 +78,22 @@ FILES = sorted(ROOT.rglob("*.py"))
 IMPORTS = sorted({pair for path in FILES for pair in imports(path)})
 
 
-def test_every_module_is_in_exactly_one_layer():
+def test_every_module_is_in_exactly_one_layer_and_its_tests_in_a_folder_of_its_name():
     entries = [entry for row in LAYERS for entry in row]
     assert len(entries) == len(set(entries))
     present = {path.relative_to(ROOT).parts[0].removesuffix(".py") for path in FILES}
     assert present - {Path(name).stem for name in FRONTS} == set(entries)
-
-
-def test_the_tests_lie_in_folders_of_the_same_names():
     folders = {path.parent.name for path in TESTS.rglob("test_*.py")}
     assert folders - {"project", "validation"} == set(PLACE) - {"xp", "pytree"}
 
 
-def test_imports_point_upward_only():
+def test_imports_point_upward_only_and_the_simulator_shares_nothing():
     wrong = [
         f"{importer} imports {imported}"
         for importer, imported in IMPORTS
         if importer != FRONT and PLACE[imported] >= PLACE[importer]
     ]
     assert not wrong
-
-
-def test_the_simulator_shares_nothing_with_the_model():
     assert {imported for importer, imported in IMPORTS if importer == "simulate"} <= {"io"}
 
 

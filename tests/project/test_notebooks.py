@@ -21,13 +21,6 @@ def executed():
     return run(NOTEBOOKS)
 
 
-@pytest.fixture(scope="module")
-def real():
-    """The notebook of the real material, which without its file has next to nothing to do."""
-    (found,) = run([path for path in NOTEBOOKS if path.stem == "05_a_real_material"]).values()
-    return found
-
-
 def run(paths):
     """Notebooks by name, executed."""
     spec = importlib.util.spec_from_file_location("execute", ROOT / "notebooks" / "execute.py")
@@ -50,17 +43,6 @@ def test_every_notebook_runs(executed):
     for notebook in executed.values():
         cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
         assert all(cell.execution_count for cell in cells)
-
-
-@pytest.mark.slow
-def test_the_hidden_effect_is_found(executed):
-    assert "missing effect: squeeze_film" in printed(executed["03_the_hidden_effect"])
-
-
-@pytest.mark.slow
-def test_an_effect_of_ones_own_wins(executed):
-    text = printed(executed["04_your_own_data_and_effect"])
-    assert "verdict: missing_effect, effects: quadratic_drag" in text
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ _BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel
 _NO_SOURCE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.library")
 
 
-def test_the_top_of_the_repository_has_only_what_belongs_there():
+def test_the_top_of_the_repository_and_the_version_are_as_they_should_be():
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode:
         pytest.skip("no clone: what is committed cannot be listed")
@@ -30,6 +30,11 @@ def test_the_top_of_the_repository_has_only_what_belongs_there():
     files = {"README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE"}
     built = {"pyproject.toml", "setup.py", "Makefile", "MANIFEST.in", ".gitignore"}
     assert top == folders | files | built
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert PROJECT["version"] == qlvbayes.__version__
+    assert re.search(r"^version: (\S+)$", cited, re.M)[1] == qlvbayes.__version__
+    assert qlvbayes.__version__ in re.findall(r"^## (\d\S+)", changes, re.M)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +58,7 @@ def wheel(tmp_path_factory):
 
 
 @pytest.mark.integration
-def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
+def test_a_wheel_holds_every_file_of_the_package_alone_and_suits_any_python(wheel):
     """The recursion is compiled in it for this machine, where there is a compiler."""
     name, files = wheel
     version, python, abi, _ = name.removesuffix(".whl").split("-", 1)[1].split("-")
@@ -69,19 +74,7 @@ def test_a_wheel_holds_every_file_of_the_package_and_suits_any_python(wheel):
     }
     assert {"qlvbayes/diagnosis/certainty.json", "qlvbayes/report/static/page.css"} <= own
     assert own - files == set()
-
-
-@pytest.mark.integration
-def test_a_wheel_holds_nothing_but_the_package(wheel):
     assert {name.split("/")[0].partition("-")[0] for name in wheel[1]} == {"qlvbayes"}
-
-
-def test_the_version_is_the_same_everywhere():
-    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert PROJECT["version"] == qlvbayes.__version__
-    assert re.search(r"^version: (\S+)$", cited, re.M)[1] == qlvbayes.__version__
-    assert qlvbayes.__version__ in re.findall(r"^## (\d\S+)", changes, re.M)
 
 
 def completed(shell, *words):
@@ -97,18 +90,16 @@ def completed(shell, *words):
     return done.stdout
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_completes_commands(shell):
-    found = completed(shell, "di")
-    assert "diagnose" in found
-    assert "study" not in found
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_completes_the_options_of_a_command(shell):
-    found = completed(shell, "effects", "--laws")
-    assert "--laws-file" in found
-    assert "--seed" not in found
+@pytest.mark.parametrize(
+    ("words", "there", "gone"),
+    [(["di"], "diagnose", "study"), (["effects", "--laws"], "--laws-file", "--seed")],
+)
+def test_a_shell_completes_commands_and_options(shell, words, there, gone):
+    found = completed(shell, *words)
+    assert there in found
+    assert gone not in found
 
 
 def test_export_takes_the_only_pad_and_asks_which_of_several(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.endtoend import call
+from support.endtoend import Listener, call
 from support.written_results import (
     FIGURES,
     NOISE,
@@ -33,7 +33,6 @@ from qlvbayes.io.wording import number, percent_unbroken
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.polynomial import HertzPower, Linear
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs
 from qlvbayes.report.collect import collect
 from qlvbayes.report.figures import chart_of
@@ -84,14 +83,11 @@ def page(out):
     return Page(write_report(out))
 
 
-def test_the_verdict_comes_first_and_the_questions_follow_in_order(page):
+def test_the_verdict_comes_first_with_errors_before_and_after_beside_the_noise(page, out):
     sections = [attrs["id"] for attrs in page.of("section")]
     assert sections == ["verdict", "constants", "compare", "fails", "effects", "use", "methods"]
     boxes = [attrs["class"] for attrs in page.of("article")]
     assert boxes == ["box missing_effect", "box adequate"]
-
-
-def test_each_question_is_answered_at_the_top(page):
     head = page.words[: page.words.index("Median, and the interval")]
     assert "m = 0.340" in head
     assert "B and C differ in v[1] and m." in head
@@ -99,9 +95,6 @@ def test_each_question_is_answered_at_the_top(page):
     assert "Pad B: viscous_drag (steps of the force" in head
     assert "Pad C: nothing that these tests can show" in head
     assert "wrong model" not in head
-
-
-def test_errors_before_and_after_stand_beside_the_noise(out):
     box = verdict_box(collect(out).pads[0])
     texts = [text.replace("\u00a0", " ") for _, _, text, _ in box.bars]
     assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
@@ -137,7 +130,7 @@ def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law
     assert (again in warned) == said
 
 
-def test_methods_say_how_to_repeat_it(page):
+def test_methods_and_commands_say_how_to_repeat_and_use_it(page, out):
     tail = page.words[page.words.index("How this was done") :]
     assert "qlvbayes study data/pads.csv -o results --seed 7" in tail
     assert "ab" * 32 in tail
@@ -146,16 +139,13 @@ def test_methods_say_how_to_repeat_it(page):
     assert "probability over all hypotheses from which an effect is named 0.9" in tail
     assert "beam" not in tail
     assert "/somewhere" not in tail
-
-
-def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
     use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
     assert f"qlvbayes check {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
     assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
     assert "Exported already" not in use
 
 
-def test_every_figure_is_inside_with_words_for_it(out, page):
+def test_every_figure_is_inside_nothing_outside_is_referred_to_and_the_page_repeats(out, page):
     pictures = page.of("img")
     drawn = 2 * len(FIGURES) + 1
     hidden = 3  # of the pad that lacks nothing
@@ -163,9 +153,6 @@ def test_every_figure_is_inside_with_words_for_it(out, page):
     assert all(len(attrs["alt"]) > 20 for attrs in pictures)
     assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
     assert len(page.of("figure")) == len(page.of("figcaption")) == len(pictures)
-
-
-def test_nothing_outside_the_page_is_referred_to(out, page):
     text = write_report(out).read_text(encoding="utf-8")
     links = [a[k] for _, a in page.elements for k in ("src", "href", "data", "action") if k in a]
     assert all(link.startswith(("data:", "#")) for link in links)
@@ -174,6 +161,7 @@ def test_nothing_outside_the_page_is_referred_to(out, page):
     assert not page.of("iframe")
     anchors = {attrs["id"] for _, attrs in page.elements if "id" in attrs}
     assert {link[1:] for link in links if link.startswith("#")} <= anchors
+    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -186,11 +174,7 @@ def test_the_elastic_law_is_written_with_its_own_constants(tmp_path, word, law):
     assert set(re.findall(r"[a-z]", formula.replace("exp", ""))) == set(law.units)
 
 
-def test_the_same_results_give_the_same_page(out):
-    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
-
-
-def test_a_fit_alone_says_what_was_not_done(tmp_path):
+def test_a_fit_alone_says_what_was_not_done_and_that_it_has_not_converged(tmp_path):
     for pad in ("B", "C"):
         write(tmp_path / pad / "summary.json", summary(pad))
     words = Page(write_report(tmp_path)).words
@@ -198,9 +182,6 @@ def test_a_fit_alone_says_what_was_not_done(tmp_path):
     for command in (f"check {out}", f"diagnose FILE -o {out}", f"compare {out}"):
         assert f"qlvbayes {command}" in words
     assert "0.340" in words
-
-
-def test_a_chain_that_has_not_converged_is_said_in_the_box(tmp_path):
     content = summary("B") | {"converged": False, "troubles": ["R-hat of m is 1.4"]}
     write(tmp_path / "B" / "summary.json", content)
     assert (
@@ -251,7 +232,7 @@ def test_the_page_stays_small_and_names_the_figures_it_leaves_out(tmp_path):
     assert "Left out to keep this page small: A/forces.png" not in words
 
 
-def test_curves_are_drawn_as_they_were_left(out):
+def test_curves_are_drawn_as_they_were_left_or_thinned_to_the_ends_of_phases(out, tmp_path):
     pad = collect(out).pads[0]
     chart = chart_of(pad)
     left = curves("B", ("viscous_drag",), NOISE)["tests"]
@@ -261,9 +242,6 @@ def test_curves_are_drawn_as_they_were_left(out):
         missed = [a - b for a, b in zip(drawn["mean"], drawn["plain"], strict=True)]
         assert max(missed) == pytest.approx(3.7 * NOISE)
     assert chart["tests"][chart["first"]]["name"] == "B-fast"
-
-
-def test_long_curves_are_thinned_but_keep_the_ends_of_phases(tmp_path):
     write(tmp_path / "B" / "summary.json", summary("B"))
     write(tmp_path / "B" / "curves.json", curves("B", samples=4000))
     test = chart_of(collect(tmp_path).pads[0])["tests"][0]
@@ -306,16 +284,6 @@ def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
 
 def collect_runs(folder):
     return RunLog.read(folder / "run.json").runs
-
-
-class Listener(Watcher):
-    """Watcher that keeps its notices."""
-
-    def __init__(self):
-        self.notices = []
-
-    def notice(self, text):
-        self.notices.append(text)
 
 
 def test_many_pads_are_not_all_compared_unasked(tmp_path):

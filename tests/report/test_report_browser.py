@@ -1,32 +1,16 @@
 """The report in a real browser: offline, without errors, zoomed, on a phone and on paper."""
 
-import shutil
-
 import pytest
 from support.written_results import write_study
 
 from qlvbayes import write_report
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: report not opened")
 pytestmark = pytest.mark.integration
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     return write_report(write_study(tmp_path_factory.mktemp("results")))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A browser of this machine; none is downloaded."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed: the report was not opened in one")
-    with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield running
-        running.close()
 
 
 class Visit:
@@ -141,14 +125,11 @@ def test_nothing_sticks_out_of_the_page(browser, report, width):
     opened.context.close()
 
 
-def test_without_scripts_the_drawn_figures_stand_in(browser, report):
+def test_without_scripts_and_on_paper_figures_stand_in_and_all_is_unfolded(browser, report):
     opened = Visit(browser, report, java_script_enabled=False)
     assert opened.page.locator(".still img").first.is_visible()
     assert not opened.page.locator(".live").first.is_visible()
     opened.context.close()
-
-
-def test_on_paper_figures_stand_in_and_all_is_unfolded(browser, report):
     opened = Visit(browser, report)
     opened.page.emulate_media(media="print")
     opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")

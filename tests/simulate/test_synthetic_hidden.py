@@ -7,6 +7,7 @@ import pytest
 from blind.catalogue import FORMS, OUTSIDE
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from support.machine_files import CORPUS
 from typer.testing import CliRunner
 
 from qlvbayes.cli.main import application
@@ -31,54 +32,7 @@ from qlvbayes.simulate import (
 
 EVERY = {**HIDDEN, **FORMS, **OUTSIDE}
 B = TABLE_1["B"]
-PARAMETERS = {
-    "extra_relaxation_mode": {"c": 0.1, "v": 50.0},
-    "strain_dependent_rate": {"alpha": 0.5},
-    "strain_dependent_strength": {"beta": 0.1},
-    "stress_softening": {"s": 0.3},
-    "fluid_leak": {"rate": 1e-3},
-    "viscous_drag": {"eta": 0.003},
-    "power_law_drag": {"k": 0.02, "n": 0.5},
-    "squeeze_film": {"eta": 0.001, "h": 2.5},
-    "fluid_pressure": {"k": 0.1, "tau": 0.5, "a": 0.5},
-    "friction": {"strength": 0.08, "reach": 0.05},
-    "permanent_set": {"share": 0.05},
-    "contact_offset": {"gap": 0.05},
-    "adhesion": {"strength": 0.08},
-    "frame_compliance": {"compliance": 0.05},
-    "frame_ringing": {"strength": 0.004, "frequency": 10.0, "damping": 0.1},
-    "inertia": {"mass": 8e-5},
-    "force_offset": {"offset": -0.05},
-    "force_drift": {"rate": 1e-4},
-    "channel_lag": {"delay": 0.002},
-    "thixotropy": {"share": 0.1, "time": 5.0, "way": 0.5},
-    "conditioning": {"share": 0.1, "tests": 1.5},
-    "second_contact": {"stiffness": 0.3, "depth": 1.2},
-    "backlash": {"play": 0.03},
-    "interface_slip": {"yielding": 0.08},
-    "load_cell_creep": {"share": 0.05, "time": 10.0},
-    "stretched_relaxation": {"c": 0.1, "time": 0.5, "exponent": 0.5},
-    "linear_rate": {"alpha": 0.5},
-    "exponential_softening": {"s": 0.3, "k": 3.0},
-    "saturating_leak": {"share": 0.1, "time": 100.0},
-    "growing_drag": {"eta": 0.002, "depth": 0.8},
-    "steep_squeeze_film": {"eta": 0.002, "h": 2.5},
-    "quadratic_pressure": {"k": 0.1, "drain": 20.0},
-    "coulomb_friction": {"mu": 0.1, "reach": 0.05},
-    "toe": {"depth": 0.05},
-    "bending_frame": {"compliance": 0.05, "force": 1.0},
-    "saturating_drift": {"offset": 0.1, "time": 100.0},
-    "channel_low_pass": {"time": 0.003},
-    "adhesion_at_a_stretch": {"strength": 0.08, "stretch": 0.1},
-    "guide_friction": {"strength": 0.08, "reach": 0.02, "sharp": 0.8},
-    "guide_drag": {"eta": 0.003},
-    "slip": {"share": 0.1, "seed": 3},
-    "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
-    "rezeroed": {"sd": 0.05, "seed": 2},
-    "slow_creep_jump": {"offset": 0.1, "begin": 100.0, "time": 30.0},
-    "sensor_nonlinearity": {"amplitude": 0.05, "period": 1.0},
-    "amplifier_clipping": {"level": 0.9},
-}
+PARAMETERS = json.loads((CORPUS / "other/constants.json").read_text("utf-8"))["simulated"]
 # The parameter whose null leaves nothing of the effect, where that is not its first.
 NULL_AT = {"amplifier_clipping": 1e9}
 
@@ -258,35 +212,6 @@ def test_drags_follow_the_speed():
         film = 0.001 * rate / (1 - 0.8 / 2.5) ** 3
         assert added("squeeze_film", platen, middle) == pytest.approx([film, 0.0])
         assert added("growing_drag", platen, middle) == pytest.approx([0.004 * rate, 0.0])
-
-
-def test_friction_does_not_depend_on_the_rate_and_stays_in_the_hold():
-    platens = [Platen((Move(1.6, rate), Hold(5.0), Move(1.2, rate))) for rate in (0.1, 30.0)]
-    ends = [np.array([p.pieces[2].start, p.pieces[3].start, p.duration]) for p in platens]
-    slow, fast = (added("friction", p, t, bonded=True) for p, t in zip(platens, ends, strict=True))
-    assert slow == pytest.approx(fast, abs=1e-6)
-    assert fast == pytest.approx([0.08, 0.08, -0.08], rel=2e-3)
-
-
-def test_a_leak_and_a_drift_go_by_the_clock_of_the_study():
-    for name, later in (("fluid_leak", np.exp(-0.5)), ("saturating_leak", None)):
-        forces = []
-        for start in (0.0, 500.0):
-            platen, times = paired(paper_protocol, start_s=start)
-            forces.append(force_of(effect(name), platen=platen, times=times))
-        assert np.all(forces[1] <= forces[0])
-        if later is not None:
-            assert forces[1] == pytest.approx(later * forces[0])
-    platen, times = paired(paper_protocol, start_s=500.0)
-    assert added("force_drift", platen, times) == pytest.approx(1e-4 * (500.0 + times))
-
-
-def test_adhesion_pulls_with_its_strength_at_most():
-    platen = Platen((Move(1.6, 20.0), Hold(10.0), Move(0.0, 20.0)))
-    times = np.linspace(platen.pieces[4].start, platen.duration, 5000)
-    for strength in (0.02, 0.1):
-        force = force_of(effect("adhesion", strength=strength), platen=platen, times=times)
-        assert force.min() == pytest.approx(-strength, rel=1e-3)
 
 
 def study(protocol, pad):

@@ -9,23 +9,15 @@ prescribed by :math:`\dot e = K \dot\delta`, where the force is by
 :math:`\dot e = \dot F + \sum_i c_i v_i q_i`.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from math import ceil, inf, log1p
+from dataclasses import dataclass
+from math import ceil, log1p
 
 import numpy as np
-from numpy.typing import NDArray
 
-from qlvbayes.io.checks import InputError
-from qlvbayes.simulate.constants import Constants
 from qlvbayes.simulate.creep import Load, runge_kutta
 from qlvbayes.simulate.platen import Hold, Move
-from qlvbayes.simulate.rig import SAMPLE_RATE, Record
+from qlvbayes.simulate.rig import Record
 from qlvbayes.simulate.sensors import Noise, encode
-
-Array = NDArray[np.float64]
 
 _LONGEST = 1_000_000  # samples, in which a force must be reached
 
@@ -37,37 +29,21 @@ class Press:
     force: float
     speed: float
 
-    def __post_init__(self) -> None:
-        if not (0.0 < self.force < inf and 0.0 < self.speed < inf):
-            raise InputError(f"a force to reach and its speed must be above 0, not {self}")
 
-
-Controlled = Move | Hold | Press | Load
-
-
-def press_and_pause(force: float, speed: float, pause: float) -> tuple[Controlled, ...]:
+def press_and_pause(force, speed, pause):
     """Return a programme: move to a force (N), pause under it (s), move back to 0."""
     return Press(force, speed), Load(force, 0.0, pause), Move(0.0, speed)
 
 
-def hold_and_recover(depth: float, speed: float, hold: float) -> tuple[Controlled, ...]:
+def hold_and_recover(depth, speed, hold):
     """Return a programme: move to a depth (mm), hold it (s), recover at no force as long."""
     return Move(depth, speed), Hold(hold), Load(0.0, 0.2, hold)
 
 
-def record_controlled(
-    constants: Constants,
-    program: Iterable[Controlled],
-    noise: Noise,
-    rng: np.random.Generator,
-    sample_rate: float = SAMPLE_RATE,
-    closed_loop: bool = False,
-) -> tuple[Record, NDArray[np.bool_]]:
+def record_controlled(constants, program, noise, rng, sample_rate, closed_loop=False):
     """Run one test; return it, and (n,) at which samples the force was prescribed."""
-    program = tuple(program)
     still = _ControlledRun(constants, 1.0 / sample_rate, None)
-    for step in program:
-        still.do(step)
+    still.do(program)
     # a controller may reach a force some samples later
     time = np.arange(2 * len(still.force)) / sample_rate
     slow = Noise(0.0, noise.correlated, noise.correlation_time).draw(time, rng)
@@ -75,84 +51,74 @@ def record_controlled(
     run = still
     if closed_loop:
         run = _ControlledRun(constants, 1.0 / sample_rate, slow)
-        for step in program:
-            run.do(step)
+        run.do(program)
     force, displacement = np.array(run.force), np.array(run.displacement)
     read = force + (slow + white)[: force.size]
     record = Record(time[: force.size], encode(displacement), read, displacement, force)
     return record, np.array(run.loaded)
 
 
-@dataclass
 class _ControlledRun:
     """A pad on its way through a programme, with all samples so far."""
 
-    constants: Constants
-    step: float
-    slow: Array | None
-    state: list[float] = field(init=False)
-    displacement: list[float] = field(default_factory=lambda: [0.0])
-    force: list[float] = field(default_factory=lambda: [0.0])
-    loaded: list[bool] = field(default_factory=lambda: [False])
+    def __init__(self, constants, step, slow):
+        self.constants, self.step, self.slow = constants, step, slow
+        self.state = [0.0] * len(constants.c)
+        self.displacement, self.force, self.loaded = [0.0], [0.0], [False]
 
-    def __post_init__(self) -> None:
-        self.state = [0.0] * len(self.constants.c)
+    def do(self, program):
+        """Go through the steps of a programme; durations are rounded up to whole samples."""
+        for step in program:
+            if isinstance(step, Press):
+                self._press(step)
+            elif isinstance(step, Hold):
+                for _ in range(self._samples(step.seconds)):
+                    self._move(0.0)
+            elif isinstance(step, Move):
+                way = step.target - self.displacement[-1]
+                count = self._samples(abs(way) / step.speed)
+                for _ in range(count):
+                    self._move(way / (count * self.step))
+            else:
+                begin, count = self.force[-1], self._samples(step.within)
+                for k in range(count):
+                    self._load(begin + (step.force - begin) * (k + 1) / count)
+                for _ in range(self._samples(step.hold)):
+                    self._load(step.force)
 
-    def do(self, step: Controlled) -> None:
-        """Go through one step of the programme; its duration is rounded up to whole samples."""
-        if isinstance(step, Press):
-            self._press(step)
-        elif isinstance(step, Hold):
-            for _ in range(self._samples(step.seconds)):
-                self._move(0.0)
-        elif isinstance(step, Move):
-            way = step.target - self.displacement[-1]
-            count = self._samples(abs(way) / step.speed)
-            for _ in range(count):
-                self._move(way / (count * self.step))
-        else:
-            begin, count = self.force[-1], self._samples(step.within)
-            for k in range(count):
-                self._load(begin + (step.force - begin) * (k + 1) / count)
-            for _ in range(self._samples(step.hold)):
-                self._load(step.force)
-
-    def _press(self, step: Press) -> None:
+    def _press(self, step):
         """Move in until the force is reached, to which the last sample is brought."""
-        while True:
+        while self.force[-1] < step.force:
             before = self.state
             self._move(step.speed)
-            if self.force[-1] >= step.force:
-                break
-            if len(self.force) > _LONGEST:
-                raise InputError(f"{step} is not reached in {_LONGEST} samples")
+            assert len(self.force) < _LONGEST
         reached, begun = self.force[-1], self.force[-2]
         for values in (self.displacement, self.force, self.loaded):
             values.pop()
         self.state = before
         self._move(step.speed * (step.force - begun) / (reached - begun))
 
-    def _samples(self, seconds: float) -> int:
+    def _samples(self, seconds):
         return max(ceil(seconds / self.step - 1e-9), 1)
 
-    def _move(self, speed: float) -> None:
+    def _move(self, speed):
         m, b, v = self.constants.m, self.constants.b, self.constants.v
 
-        def slope(speed: float, state: Sequence[float]) -> list[float]:
+        def slope(speed, state):
             flow = (m + b * state[0]) * speed
             return [flow, *(flow - x * q for x, q in zip(v, state[1:], strict=True))]
 
         self.state = runge_kutta(slope, speed, self.state, self.step)
         self._sample(loaded=False)
 
-    def _load(self, wanted: float) -> None:
+    def _load(self, wanted):
         """Bring the force to a value, as far as the controller's load cell shows it."""
         goal = wanted
         if self.slow is not None:
             goal = max(wanted - float(self.slow[len(self.force)]), 0.0)
         modes = list(zip(self.constants.c[1:], self.constants.v, strict=True))
 
-        def slope(rate: float, state: Sequence[float]) -> list[float]:
+        def slope(rate, state):
             flow = rate + sum(c * v * q for (c, v), q in zip(modes, state[1:], strict=True))
             return [flow, *(flow - v * q for (_, v), q in zip(modes, state[1:], strict=True))]
 
@@ -161,11 +127,11 @@ class _ControlledRun:
         self._sample(loaded=True)
 
     @property
-    def _superposed(self) -> float:
+    def _superposed(self):
         """Force of the modes (N); below 0 the pad has left the platen."""
         return sum(c * q for c, q in zip(self.constants.c, self.state, strict=True))
 
-    def _sample(self, *, loaded: bool) -> None:
+    def _sample(self, *, loaded):
         m, b = self.constants.m, self.constants.b
         self.displacement.append(log1p(b * self.state[0] / m) / b)
         self.force.append(max(self._superposed, 0.0))

@@ -6,7 +6,6 @@ import io
 import json
 import math
 import os
-import subprocess
 import sys
 from pathlib import Path
 from unittest import mock
@@ -19,6 +18,7 @@ from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots import files as plots_files
 from qlvbayes.simulate import TABLE_1
 
@@ -27,6 +27,19 @@ COMMAND = Path(sys.executable).with_name("qlvbayes")
 TRUTH = TABLE_1["B"]
 CONSTANTS = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
 SHORT = Settings(max_steps=40)
+
+
+class Listener(Watcher):
+    """A watcher that keeps what it is told."""
+
+    def __init__(self):
+        self.notices = []
+
+    def starting(self, lines):
+        self.notices += lines
+
+    def notice(self, text):
+        self.notices.append(text)
 
 
 def with_tests(path, *tests, data=PADS):
@@ -51,12 +64,6 @@ def true_value(name):
 def environment():
     """Return an environment in which stdout is buffered, as it is for users."""
     return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-
-
-def qlvbayes(*words):
-    """Run the command in a process of its own; stdout and stderr are pipes."""
-    line = [str(COMMAND), *map(str, words)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=900, env=environment())
 
 
 def call(*words, drawn=False):

@@ -81,6 +81,13 @@ def _fixtures():
 FIXTURES = tuple(_fixtures())
 
 
+def refusals(name):
+    """Stored refusals: who refuses, what was given, a word of what is said."""
+    with (CORPUS / f"{name}.tsv").open(encoding="utf-8", newline="") as file:
+        _, *rows = csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)
+    return rows
+
+
 def of_layout(name):
     """The path of a stored file of a layout, as 'bluehill-3-a.csv'."""
     return CORPUS / "machines" / name

@@ -11,8 +11,26 @@ LIMIT = 1000.0  # mm/s2
 STROKE = 1.6  # mm
 
 
+class WithJumps:
+    """A motion that has ``jumps``, times at which velocity or acceleration jump, and ``at``."""
+
+    def away(self, t, samples, step):
+        """(n,) False at the ``samples`` readings on either side of a jump, and until it shows.
+
+        A jump of velocity or acceleration shows when it has moved the reading by two encoder steps.
+        """
+        clear = np.ones(t.size, dtype=bool)
+        for jump in self.jumps:
+            (_, _), (v0, v1), (a0, a1) = (y for y in self.at(jump + np.array([-1e-7, 1e-7])))
+            change = max(abs(v1 - v0), 1e-300), max(abs(a1 - a0), 1e-300)
+            shown = min(2.0 * step / change[0], np.sqrt(4.0 * step / change[1]))
+            k = np.searchsorted(t, [jump - shown, jump + shown])
+            clear[max(k[0] - samples, 0) : k[1] + samples] = False
+        return clear
+
+
 @dataclass(frozen=True)
-class Known:
+class Known(WithJumps):
     """Polynomial pieces; ``jumps``: where velocity or acceleration jump."""
 
     poly: PPoly
@@ -25,28 +43,9 @@ class Known:
     def at(self, t):
         return tuple(np.asarray(self.poly(t, nu)) for nu in (0, 1, 2))
 
-    def away(self, t, samples, step):
-        """(n,) False near a jump: see ``clear_of``."""
-        return clear_of(self, t, samples, step)
-
-
-def clear_of(motion, t, samples, step):
-    """(n,) False at the ``samples`` readings on either side of a jump, and until it shows.
-
-    A jump of velocity or acceleration shows when it has moved the reading by two encoder steps.
-    """
-    clear = np.ones(t.size, dtype=bool)
-    for jump in motion.jumps:
-        (_, _), (v0, v1), (a0, a1) = (y for y in motion.at(jump + np.array([-1e-7, 1e-7])))
-        change = max(abs(v1 - v0), 1e-300), max(abs(a1 - a0), 1e-300)
-        shown = min(2.0 * step / change[0], np.sqrt(4.0 * step / change[1]))
-        k = np.searchsorted(t, [jump - shown, jump + shown])
-        clear[max(k[0] - samples, 0) : k[1] + samples] = False
-    return clear
-
 
 @dataclass(frozen=True)
-class Wave:
+class Wave(WithJumps):
     """Sums of sines: amplitude, frequency and phase (rad) of each, and a constant."""
 
     terms: tuple[tuple[float, float, float], ...]
@@ -63,13 +62,9 @@ class Wave:
             a = a - size * w**2 * np.sin(w * t + phase)
         return x, v, a
 
-    def away(self, t, samples, step):
-        """(n,) False near a jump: see ``clear_of``."""
-        return clear_of(self, t, samples, step)
-
 
 @dataclass(frozen=True)
-class Bumps:
+class Bumps(WithJumps):
     """A hand: Gaussian-smooth moves of different size, length and time."""
 
     moves: tuple[tuple[float, float, float], ...]  # size, time, width
@@ -83,10 +78,6 @@ class Bumps:
             g = size * np.exp(-0.5 * u**2)
             x, v, a = x + g, v - g * u / width, a + g * (u**2 - 1.0) / width**2
         return x, v, a
-
-    def away(self, t, samples, step):
-        """(n,) False near a jump: see ``clear_of``."""
-        return clear_of(self, t, samples, step)
 
 
 def constant_jerk(pieces, order):
@@ -168,7 +159,7 @@ def sine(frequency, cycles, phase=-0.5 * np.pi, lead=0.0):
 
 
 @dataclass(frozen=True)
-class _Late:
+class _Late(WithJumps):
     wave: Wave
     lead: float
     duration: float
@@ -180,10 +171,6 @@ class _Late:
             np.where(moving, y, rest)
             for y, rest in zip(self.wave.at(t - self.lead), (0.0, 0.0, 0.0), strict=True)
         )
-
-    def away(self, t, samples, step):
-        """(n,) False near a jump: see ``clear_of``."""
-        return clear_of(self, t, samples, step)
 
 
 def _after(wave, lead):

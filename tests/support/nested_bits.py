@@ -13,28 +13,15 @@ plain averages over the prior underflow where tests tell much. The same readings
 go the same way; as their mean is known, only the difference has a Monte Carlo error.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from qlvbayes.diagnosis.nexttest.belief import STEP, Belief, Explanation
-from qlvbayes.diagnosis.nexttest.design import Design, Rig
+from qlvbayes.diagnosis.nexttest.belief import STEP
 from qlvbayes.diagnosis.nexttest.information import whitening
-from qlvbayes.diagnosis.nexttest.records import ReadingErrors, Whitening, record_of
-from qlvbayes.motion.record import Record
+from qlvbayes.diagnosis.nexttest.records import record_of
 
-Array = NDArray[np.float64]
-
-OUTER = 48
-"""Sets of readings that are simulated."""
-INNER = 12
-"""Pairs of draws of the parameters for each of these."""
 _STEPS = 2  # Gauss-Newton steps to the mode
 _FARTHEST = 4.0  # sds of the belief: longest step
 _MANY = 4000  # sets of linear readings, so that the error of their mean does not count
@@ -51,12 +38,6 @@ class NestedBits:
     cause_error: float
 
 
-class Tests(Protocol):
-    """Tests that give the whitened forces (K, n) of any explanation for z (K, F)."""
-
-    def forces(self, one: Explanation, z: Array) -> Array: ...
-
-
 class WhitenedTests:
     """A series of tests, for which it gives the whitened forces of any explanation.
 
@@ -64,23 +45,15 @@ class WhitenedTests:
     begins at ``clock`` (s).
     """
 
-    def __init__(
-        self,
-        belief: Belief,
-        designs: Sequence[Design],
-        rig: Rig,
-        errors: ReadingErrors,
-        clock: float,
-    ) -> None:
-        first = belief.explanations[0]
-        self._parts: list[tuple[Record, Whitening]] = []
+    def __init__(self, belief, designs, rig, errors, clock):
+        first, self._parts = belief.explanations[0], []
         for design in designs:
             record = record_of([design], rig, clock)
             force = first.forces(np.zeros((1, first.size)), record)[0, 0]
             self._parts.append((record, whitening(design, 0, record, rig, errors, force)))
             clock += design.wait + design.duration
 
-    def forces(self, one: Explanation, z: Array) -> Array:
+    def forces(self, one, z):
         """Return the whitened forces (K, n) of an explanation for z (K, F)."""
         parts = [white(one.forces(z, record)[:, 0]) for record, white in self._parts]
         return np.concatenate(parts, axis=1)
@@ -89,43 +62,32 @@ class WhitenedTests:
 class LinearTests:
     """The same tests with forces that are linear in z, with their slopes at z = 0."""
 
-    def __init__(self, tests: Tests, belief: Belief) -> None:
+    def __init__(self, tests, belief):
         self._own = {}
         for one in belief.explanations:
             rows = STEP * np.concatenate([np.zeros((1, one.size)), np.eye(one.size)])
             force = tests.forces(one, rows)
             self._own[id(one)] = force[0], (force[1:] - force[0]) / STEP
 
-    def forces(self, one: Explanation, z: Array) -> Array:
+    def forces(self, one, z):
         """Return the whitened forces (K, n) of an explanation for z (K, F)."""
         force, slopes = self._own[id(one)]
-        return np.asarray(force + z @ slopes)
+        return force + z @ slopes
 
-    def bits_for(self, one: Explanation, rows: Array) -> float:
+    def bits_for(self, one, rows):
         """Return the expected bits about directions, rows (r, F), of an explanation's z."""
         slopes = self._own[id(one)][1]
         left = rows @ np.linalg.solve(np.eye(one.size) + slopes @ slopes.T, rows.T)
         return float(-0.5 * np.linalg.slogdet(left)[1] / _LN2)
 
 
-def nested_bits(
-    belief: Belief,
-    designs: Sequence[Design],
-    rig: Rig,
-    errors: ReadingErrors,
-    names: Sequence[str],
-    *,
-    clock: float = 0.0,
-    seed: int = 0,
-    outer: int = OUTER,
-    inner: int = INNER,
-) -> NestedBits:
+def nested_bits(belief, designs, rig, errors, names, *, seed=0, outer=48, inner=12):
     """Return the bits that all these tests together are expected to tell.
 
     ``names`` are the constants that are asked for; ``outer`` sets of readings, with ``inner`` pairs
     of draws for each.
     """
-    tests = WhitenedTests(belief, designs, rig, errors, clock)
+    tests = WhitenedTests(belief, designs, rig, errors, 0.0)
     linear = LinearTests(tests, belief)
     real = _simulated(tests, belief, names, seed, outer, inner)
     same = _simulated(linear, belief, names, seed, outer, inner)
@@ -139,9 +101,7 @@ def nested_bits(
     return NestedBits(*means)
 
 
-def _simulated(
-    tests: Tests, belief: Belief, names: Sequence[str], seed: int, outer: int, inner: int
-) -> tuple[list[Array], list[Array]]:
+def _simulated(tests, belief, names, seed, outer, inner):
     """Return the bits about constants and cause of readings of each explanation."""
     p = belief.probabilities
     log_p = np.log(np.maximum(p, 1e-300))
@@ -168,11 +128,8 @@ def _simulated(
     return constants, cause
 
 
-def _mean(values: Sequence[Array], p: Array) -> tuple[float, float]:
-    """Return the mean over explanations by their probability, with its error.
-
-    Values that are not finite are left out.
-    """
+def _mean(values, p):
+    """Return the mean of finite values over explanations by their probability, with its error."""
     kept = [one[np.isfinite(one)] for one in values]
     if any(one.size < 2 for one in kept):
         return float("nan"), float("nan")
@@ -181,34 +138,16 @@ def _mean(values: Sequence[Array], p: Array) -> tuple[float, float]:
     return float(mean), float(np.sqrt(variance))
 
 
-def _log_given_constants(
-    tests: Tests,
-    one: Explanation,
-    rows: Array,
-    z: Array,
-    readings: Array,
-    noise: Array,
-    inner: int,
-    rng: np.random.Generator,
-) -> Array:
+def _log_given_constants(tests, one, rows, z, readings, noise, inner, rng):
     """Return log p(y | phi) (K,), where phi are the constants along rows (r, F) of z (K, F)."""
     if len(rows) in (0, one.size):
-        return np.asarray(-0.5 * np.sum(noise**2, axis=1))
+        return -0.5 * np.sum(noise**2, axis=1)
     others = np.linalg.svd(rows)[2][len(rows) :]
     fixed = z @ rows.T @ rows
     return _log_marginals(tests, one, readings, fixed, z @ others.T, others.T, inner, rng)
 
 
-def _log_marginals(
-    tests: Tests,
-    one: Explanation,
-    readings: Array,
-    fixed: Array,
-    start: Array,
-    basis: Array,
-    inner: int,
-    rng: np.random.Generator,
-) -> Array:
+def _log_marginals(tests, one, readings, fixed, start, basis, inner, rng):
     """Return log p(y | fixed) (K,) up to a constant.
 
     z = fixed + basis psi is integrated over psi ~ N(0, 1). Shapes: readings (K, n), fixed (K, F),
@@ -234,12 +173,10 @@ def _log_marginals(
     logs += 0.5 * np.sum(normal**2, axis=2) - 0.5 * np.sum(psi**2, axis=2)
     logs = np.where(np.isfinite(logs), logs, -np.inf)
     volume = np.log(np.abs(np.einsum("kff->kf", roots))).sum(axis=1)
-    return np.asarray(logsumexp(logs, axis=1) - np.log(2 * inner) + volume)
+    return logsumexp(logs, axis=1) - np.log(2 * inner) + volume
 
 
-def _linearised(
-    tests: Tests, one: Explanation, readings: Array, fixed: Array, psi: Array, basis: Array
-) -> tuple[Array, Array]:
+def _linearised(tests, one, readings, fixed, psi, basis):
     """Return residuals (K, n) at psi (K, k), and slopes (K, k, n) of the forces along psi."""
     count, size = psi.shape
     steps = STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])

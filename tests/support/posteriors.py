@@ -3,11 +3,7 @@
 import arviz_base
 import numpy as np
 
-from qlvbayes.fitting.marginal_likelihood import (
-    discrepancy_of,
-    floor_likelihood,
-    white_likelihood,
-)
+from qlvbayes.fitting.marginal_likelihood import discrepancy_of, floor_likelihood, white_likelihood
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.model.choices import Choices
@@ -19,15 +15,8 @@ ORDER = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
 
 
 def table_1(pad):
-    pad = TABLE_1[pad]
-    return {
-        "m": pad.m,
-        "b": pad.b,
-        "c[1]": pad.c[1],
-        "c[2]": pad.c[2],
-        "v[1]": pad.v[0],
-        "v[2]": pad.v[1],
-    }
+    names, pad = ("m", "b", "c[1]", "c[2]", "v[1]", "v[2]"), TABLE_1[pad]
+    return dict(zip(names, (pad.m, pad.b, *pad.c[1:], *pad.v), strict=True))
 
 
 def posterior(truth, rng, widths=WIDTHS, size=300, *, centred=False):
@@ -62,8 +51,8 @@ def vectors(flat):
     """The same with c and v as vectors, their coordinates left to ArviZ."""
     found = {k: x for k, x in flat.items() if "[" not in k}
     for key in "cv":
-        members = [x for k, x in flat.items() if k.startswith(f"{key}[")]
-        found[key] = np.stack(members, axis=-1)
+        if members := [x for k, x in flat.items() if k.startswith(f"{key}[")]:
+            found[key] = np.stack(members, axis=-1)
     return found
 
 

@@ -24,3 +24,18 @@ def film_press(speed, seed, *, eta=0.004, power=1.0, noise=0.003, step=0.0, appr
     drag = eta * np.gradient(way, time) * (way > 0.0) / (1.0 - depth / 3.5) ** 3
     load = relaxed + drag + noise * rng.standard_normal(time.size)
     return Pressed(time, way, np.round(load / step) * step if step else load)
+
+
+def written(folder, name, test, contact, way=1.0):
+    path = folder / f"{name}.csv"
+    rows = zip(test.time, way * (test.way + contact), test.load, strict=True)
+    lines = "".join(f"{t:.4f},{d:.4f},{f:.4f}\n" for t, d, f in rows)
+    path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + lines)
+    return path
+
+
+def stage(folder, contact, speeds, *, way=1.0, **press):
+    return [
+        written(folder, f"at_{speed:g}", film_press(speed, seed, **press), contact, way)
+        for seed, speed in enumerate(speeds)
+    ]

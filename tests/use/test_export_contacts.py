@@ -85,6 +85,7 @@ def test_the_numbers_are_the_closest(pad, files):
         assert off(*best) < off(*np.multiply(best, factors))
 
 
+@pytest.mark.integration
 def test_mujocos_contact_is_the_law(files):
     """The exported file in MuJoCo itself, at rest, at steady speed and accelerated."""
     pytest.importorskip("mujoco", reason="no MuJoCo here: its contact is not run")
@@ -100,6 +101,7 @@ def test_mujocos_contact_is_the_law(files):
         assert found == pytest.approx(ours, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("hydroelastic", [False, True], ids=["point", "hydroelastic"])
 def test_drakes_contact_is_the_law(files, hydroelastic):
     """The exported properties in Drake itself, a face of the block's area on a wider pad."""

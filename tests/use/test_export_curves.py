@@ -105,7 +105,7 @@ def test_a_cycle_loses_what_its_loop_encloses(tmp_path):
     assert dynamic["lost_in_a_cycle (N/mm)"][row] == pytest.approx(last / amplitude**2, rel=5e-3)
 
 
-def test_bands_hold_the_middle_and_are_those_of_the_draws(pad):
+def test_bands_hold_the_middle_and_a_shape_makes_moduli(pad):
     for table in tables(pad):
         for name in table:
             plain, _, unit = name.partition(" ")
@@ -113,9 +113,6 @@ def test_bands_hold_the_middle_and_are_those_of_the_draws(pad):
             if f"{plain}_low{tail}" in table:
                 assert np.all(table[f"{plain}_low{tail}"] < table[name])
                 assert np.all(table[name] < table[f"{plain}_high{tail}"])
-
-
-def test_a_specimens_shape_makes_moduli_of_it(pad):
     plain, block = tables(pad)[1], tables(pad, Geometry(height=10.0, area=200.0))[1]
     assert block["storage (MPa)"] == pytest.approx(plain["storage (N/mm)"] * 10.0 / 200.0)
     assert block["tan_delta"] == pytest.approx(plain["tan_delta"])

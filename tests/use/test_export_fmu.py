@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
-from support.exported_pad import exported
+from support.exported_pad import described, exported
 
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.code import CHeader, Fmu
@@ -66,16 +66,13 @@ def late(values):
     return np.concatenate([values[:1], values[:-1]])
 
 
-def test_the_force_is_the_headers(unit):
+def test_forces_and_displacements_are_the_headers_for_every_draw(unit):
     path, program = unit
     found = simulated(path, "displacement_in", DEPTH)
     expected, touched = program.force(TIME, late(DEPTH))
     assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
     assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= 1e-12
     assert np.array_equal(found["contact"], touched)
-
-
-def test_a_force_can_be_prescribed(unit):
     path, program = unit
     force = np.interp(TIME, [0.0, 0.1, 2.0], [0.0, 1.0, 1.0])
     found = simulated(path, "force_in", force, start_values={"prescribe_force": True})
@@ -85,9 +82,6 @@ def test_a_force_can_be_prescribed(unit):
     assert np.max(np.abs(found["force"] - bears)) <= 1e-12
     asked = late(force) > 0.04  # what is read unloaded is the least
     assert np.max(np.abs(bears - late(force))[asked]) <= 1e-12
-
-
-def test_a_draw_of_the_posterior_can_be_chosen(unit):
     path, program = unit
     found = simulated(path, "displacement_in", DEPTH, start_values={"draw": 3})
     expected, _ = program.force(TIME, late(DEPTH), draw=2)
@@ -231,16 +225,8 @@ def test_sources_are_inside_and_strict(tmp_path, effects):
 @needs_gcc
 def test_a_described_law_is_in_it(tmp_path):
     """A law that a diagnosis described, with a state and in the force, as in the header."""
-    from qlvbayes.diagnosis.description.grammar import grammar
-    from qlvbayes.diagnosis.description.source import References, name_of, source_of
-    from qlvbayes.io.units import PAD
-
-    wanted = ("factor_of_remembered_elastic_force", "power_drag_of_depth_squared")
-    terms = [next(one for one in grammar() if one.name == name) for name in wanted]
-    path = tmp_path / "described_effect.py"
-    references = References(1.6, 100.0, 1000.0, 1.5, 500.0)
-    path.write_text(source_of(terms, references, PAD, "It describes tests."), encoding="utf-8")
-    choices = Choices(effects=(name_of(terms),), effects_file=str(path))
+    names = "factor_of_remembered_elastic_force", "power_drag_of_depth_squared"
+    choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)
     unit = tmp_path / "pad_B.fmu"
     unit.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])

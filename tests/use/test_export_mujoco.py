@@ -83,17 +83,8 @@ def test_the_plugin_presses_like_the_header(files):
     name = pad.identifier
     home = Path(mujoco.__file__).parent
     (library,) = home.glob("libmujoco.so*")
-    command = [
-        GCC,
-        "-O2",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-shared",
-        "-fPIC",
-        f"-I{home / 'include'}",
-    ]
-    command += [folder / f"{name}_plugin.c", library, f"-Wl,-rpath,{home}", "-lm"]
+    flags = ("-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", f"-I{home / 'include'}")
+    command = [GCC, *flags, folder / f"{name}_plugin.c", library, f"-Wl,-rpath,{home}", "-lm"]
     subprocess.run([*command, "-o", folder / f"{name}_plugin.so"], check=True)
     mujoco.mj_loadPluginLibrary(str(folder / f"{name}_plugin.so"))
     model = mujoco.MjModel.from_xml_string(WORLD.replace("pad_B", name))

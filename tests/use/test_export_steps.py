@@ -12,6 +12,7 @@ from support.compiled_pad import STRICT, CompiledPad, needs_gcc
 from support.endtoend import study
 from support.exported_pad import EFFECTS, ELASTIC, RELAXATION, exported, reference
 from support.lawmotions import LAWS, retracting
+from support.machine_files import CORPUS
 from support.octave import OCTAVE
 
 from qlvbayes.effects.catalogue import find
@@ -177,7 +178,7 @@ def test_whatever_the_force_does_the_displacement_bears_it(compiled, case):
 
 
 @needs_gcc
-def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
+def test_pads_without_a_force_recover_and_what_bears_none_is_told(compiled):
     _, program, _ = compiled({"elastic": "exponential"})
     time = np.linspace(0.0, 60.0, 600)
     force = np.where(time < 5.0, 1.0, np.where(time < 6.0, -1.0, 0.0))
@@ -187,20 +188,12 @@ def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
     assert np.all(np.diff(depth[~left]) > 0.0)  # creep
     assert np.all(np.diff(depth[left]) < 0.0)  # recovery
     assert np.all(depth[left] > 0.0)
-
-
-@needs_gcc
-def test_a_force_that_no_displacement_bears_is_told(compiled):
-    """Glued, an exponential pad pulls with m/b at most, however fast."""
+    # glued, an exponential pad pulls with m/b at most, however fast
     pad, program, _ = compiled({"bonded": True})
     most = float(pad.elastic.m / pad.elastic.b)
     found, _ = program.displacement(np.array([0.0, 1.0, 2.0]), np.array([0.1, -1.01 * most, 0.1]))
     assert np.isnan(found).tolist() == [False, True, False]
-
-
-@needs_gcc
-def test_touch_is_that_of_the_specimen(compiled):
-    """With an offset of the load cell the reading of an untouched pad is not 0."""
+    # with an offset of the load cell the reading of an untouched pad is not 0
     _, program, model = compiled({"effects": TOGETHER})
     time, depth = retracting()
     _, touched = program.force(time, depth)
@@ -286,70 +279,7 @@ def test_a_law_that_cannot_be_written_is_refused(tmp_path):
         CHeader().files(exported(tmp_path, Choices(elastic="spline")), None)
 
 
-OWN = """
-import jax
-import jax.numpy as jnp
-from typing import Any, ClassVar
-from qlvbayes.effects import AbstractEffect, Level
-
-
-class Ratchet(AbstractEffect):
-    \"\"\"Force that grows with the way so far: one number in memory, a table, a sum over it.\"\"\"
-
-    size: Any
-    name: ClassVar[str] = "ratchet"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 9
-    units: ClassVar[dict[str, str]] = {"size": "stiffness"}
-    null: ClassVar[dict[str, float]] = {"size": 0.0}
-    law: ClassVar[str] = "F += size (1 + tanh way + way^2/9)"
-    seen: ClassVar[str] = "stiffer after every move"
-    reference: ClassVar[str] = "none"
-
-    @classmethod
-    def default(cls, scales):
-        return cls(scales.positive(scales.depth))
-
-    def force(self, below, motion):
-        place = motion.alone.displacement
-        way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
-        return below.force(motion) + self.size * self._grown(way)
-
-    def _grown(self, way):
-        powers = jnp.stack([jnp.ones_like(way), jnp.tanh(way), way**2])
-        return jnp.array([1.0, 1.0, 1.0 / 9.0]) @ powers
-
-    def begin(self, below, displacement):
-        return below.begin(displacement), {"at": displacement, "way": 0.0 * displacement}
-
-    def step(self, below, state, line):
-        inner, own = state
-        inner, force = below.step(inner, line)
-        way = own["way"] + jnp.abs(line.displacement - own["at"])
-        return (inner, {"at": line.displacement, "way": way}), force + self.size * self._grown(way)
-
-
-class Sorting(Ratchet):
-    \"\"\"Its step sorts, which no other language has in one word.\"\"\"
-
-    name: ClassVar[str] = "sorting"
-    rank: ClassVar[int] = 10
-
-    def step(self, below, state, line):
-        state, force = super().step(below, state, line)
-        return state, force + 0.0 * jnp.sort(jnp.stack([force, self.size]))[0]
-
-
-class Looping(Ratchet):
-    \"\"\"Its step loops.\"\"\"
-
-    name: ClassVar[str] = "looping"
-    rank: ClassVar[int] = 11
-
-    def step(self, below, state, line):
-        state, force = super().step(below, state, line)
-        return state, jax.lax.fori_loop(0, 3, lambda _, x: x + self.size, force)
-"""
+OWN = (CORPUS / "own" / "effects.txt").read_text("utf-8")
 
 
 @needs_gcc
@@ -426,6 +356,7 @@ def ran(tmp_path_factory):
     return root, time, depth, back
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here: the function is not run")
 @every_case
 @pytest.mark.few(6)

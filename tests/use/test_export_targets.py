@@ -261,7 +261,7 @@ def test_a_range_that_is_not_known_is_told_or_refused(tmp_path):
         find("drake")().files(pad, None)
 
 
-def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
+def test_the_command_writes_each_target_into_a_folder_with_the_summarys_intervals(tmp_path):
     write_fit(tmp_path)
     words = ("export", tmp_path, "--pad", "B", "--to", "c,json", "--draws", "5", "--json")
     status, out, err = call(*words)
@@ -272,10 +272,6 @@ def test_the_command_writes_each_target_into_a_folder_of_its_own(tmp_path):
         "json": [str(folder / "json" / "pad_B.json")],
     }
     assert "#define PAD_B_DRAWS 5" in (folder / "c" / "pad_B_draws.h").read_text()
-
-
-def test_the_intervals_are_the_summarys(tmp_path):
-    write_fit(tmp_path)
     interval = {"unit": "x", "median": 7.0, "hdi90": [6.0, 8.0]}
     names = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
     summary = {"parameters": dict.fromkeys(names, interval)}

@@ -23,7 +23,7 @@ def at(program, *times):
     return np.interp(times, program.time, program.value)
 
 
-def test_a_program_in_words_is_the_motion_that_it_says():
+def test_a_program_in_words_is_the_motion_that_it_says_in_the_units_of_the_fit():
     found = parse("ramp 1.6 mm at 20 mm/s, hold 30 s, ramp to 800 um in 2 s", PAD)
     assert found.quantity == "displacement"
     assert (found.time[0], found.value[0]) == (0.0, 0.0)
@@ -35,18 +35,12 @@ def test_a_program_in_words_is_the_motion_that_it_says():
     moving = np.diff(found.time) > 0.0
     slopes = np.diff(found.value)[moving] / np.diff(found.time)[moving]
     assert np.allclose(found.rate[:-1][moving], slopes, atol=1e-9)
-
-
-def test_a_sine_swings_about_where_it_is():
     found = parse("ramp 1 mm in 1 s; sine 0.1 mm 2 Hz 3 cycles", PAD)
     time = np.linspace(1.0, 2.5, 1000)
     exact = 1.0 + 0.1 * np.sin(4.0 * np.pi * (time - 1.0))
     # chords of 96 pieces: pi^2/2/96^2 of the amplitude
     assert np.max(np.abs(at(found, *time) - exact)) < 0.1 * 5.4e-4
     assert found.time[-1] == pytest.approx(2.5)
-
-
-def test_units_are_those_of_the_fit():
     cell = UnitSystem("um", "nN")
     assert parse("ramp 0.001 mm at 1 um/s", cell).value[-1] == pytest.approx(1.0)
     assert parse("force 2 uN in 1 s", cell).value[-1] == pytest.approx(2000.0)
@@ -144,16 +138,13 @@ def test_creep_is_that_of_a_much_finer_grid(rows, tmp_path):
     assert relative(np.interp(found.time, fine, exact), found.answers[0]) < 1e-4
 
 
-def test_bands_hold_their_share_of_the_draws():
+def test_bands_hold_their_share_of_the_draws_and_effects_of_the_fit_take_part():
     found = predict_program(draws(), CREEP)
     assert len(found.answers) == 200
     for share in (0.5, 0.9):
         low, high = found.band(share)
         inside = np.mean((found.answers > low) & (found.answers < high), axis=0)
         assert np.allclose(inside[1:], share, atol=0.011)  # an end lies between two draws
-
-
-def test_effects_of_the_fit_take_part():
     plain, drag = (predict_program(x, "ramp 1 mm in 1 s") for x in (saved(), WITH_DRAG))
     assert np.median(drag.answers[:, 1] - plain.answers[:, 1]) == pytest.approx(0.05, rel=0.1)
     assert drag.effects == ("viscous_drag",)
@@ -228,7 +219,7 @@ def test_a_free_curve_of_stiffness_stands_over_the_depth_of_its_tests():
         predict_program(replace(fit, covered=None), "ramp 1.6 mm in 1 s")
 
 
-def test_two_rows_of_one_time_are_a_jump(tmp_path):
+def test_two_rows_of_one_time_are_a_jump_and_a_load_put_on_at_once_creeps(tmp_path):
     """No speed is felt in it, and nothing flows: the limit of ever quicker ramps."""
     path = tmp_path / "jump.csv"
     path.write_text("time_s,displacement_mm\n0,0\n0,0.5\n2,0.5\n2,1\n4,1\n")
@@ -240,9 +231,6 @@ def test_two_rows_of_one_time_are_a_jump(tmp_path):
     ramped = predict_program(saved(), path, draws=20)
     assert np.allclose(jumped.answers, ramped.answers, rtol=1e-7, atol=1e-9)
     assert "it jumps at 0 s, and the quickest ramp" in " ".join(jumped.warnings)
-
-
-def test_a_load_that_is_put_on_at_once_creeps(tmp_path):
     path = tmp_path / "load.csv"
     path.write_text("time_s,force_N\n0,0\n1,0\n1,1\n5,1\n")
     found = predict_program(saved(), path, draws=20)

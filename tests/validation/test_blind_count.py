@@ -65,16 +65,10 @@ def nothing(verdict="adequate", **more):
     return case(kind="none", names=(), verdict=verdict, effects=effects, **more)
 
 
-# the population
-
-
-def test_the_papers_strata_are_levels_of_all_strata():
+def test_the_papers_population_is_balanced_and_hides_only_the_chosen_effects():
     """Less white noise, which a user may ask for."""
     assert set(PAPER_STRATA) == set(STRATA)
     assert all(set(levels) <= set(STRATA[name]) for name, levels in PAPER_STRATA.items())
-
-
-def test_kinds_protocols_and_effects_come_equally_often():
     items = [Population(1, paper=True).item(index) for index in range(12 * len(PRESENT.listed))]
     count = Counter(item.levels["kind"] for item in items)
     assert count == dict.fromkeys(KINDS, 2 * len(PRESENT.listed))
@@ -82,9 +76,6 @@ def test_kinds_protocols_and_effects_come_equally_often():
     assert alone == dict.fromkeys(PRESENT.listed, 2)
     protocols = Counter(item.levels["protocol"] for item in items)
     assert protocols["paper"] == protocols["one_retraction"] == 6 * len(PRESENT.listed)
-
-
-def test_only_the_chosen_effects_are_hidden_alone():
     population = Population(0, paper=True, effects=("friction", "inertia"))
     items = [population.item(index) for index in range(40)]
     alone = {item.names[0] for item in items if item.levels["kind"] == "single"}
@@ -94,9 +85,6 @@ def test_only_the_chosen_effects_are_hidden_alone():
         Population(0, effects=("rust",))
     with pytest.raises(InputError, match="no noise"):
         Population(0, noise="pink")
-
-
-# one study
 
 
 def index_of(population, kind):
@@ -117,9 +105,6 @@ def test_a_study_is_drawn_within_its_ranges(study):
     assert len(study.pad.tests) == 6
     assert all(test.time.size <= 350 for test in study.pad.tests)
     assert abs(study.effects[0].offset) / study.peak == pytest.approx(study.sizes[0], rel=0.2)
-
-
-def test_white_noise_has_no_memory(study):
     t = np.array([0.0, 0.01, 1.0])
     none = np.zeros(3)
     covariance = study.cell.covariance(t, none, none, none, study.peak)
@@ -141,42 +126,30 @@ def test_a_program_that_stops_is_stored_as_a_failure(monkeypatch):
     json.dumps(found, allow_nan=False)
 
 
-# rates, errors, coverage
-
-
-def test_the_standard_error_is_binomial_and_never_zero():
+def test_rates_have_binomial_errors_and_truth_the_names_of_a_fit():
     assert Rate(50, 100).error == pytest.approx(0.05)
     assert Rate(100, 100).error > 0.0
     assert str(Rate(0, 0)) == "-"
+    values = true_values(Law(**LAW))
+    assert list(values) == ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
+    assert values["c[0]"] == pytest.approx(1.0 - 0.4 - 0.2)
+    assert values["v[1]"] == 6.0
 
 
-def test_coverage_of_the_constants_before_and_after():
+def test_coverage_is_of_the_papers_constants():
     found = coverage([case(m=TRUE_M + 0.016), case(m=TRUE_M + 0.017), case(seen=False)])
     assert found["m"].before == Rate(0, 2)
     assert found["m"].after == Rate(1, 2)
     assert found["m"].error_before == pytest.approx(5.0)
     assert found["all"].after == Rate(1, 2)
-
-
-def test_a_study_of_other_laws_says_nothing_of_the_papers_constants():
     other = case() | {"law": LAW | {"elastic": "hertz", "curve": [1.0]}}
     assert not coverage([other])
     changed = case()
     changed["stages"][-1]["base"] = ["hertz", LAWS[1]]
     assert not coverage([changed])
-
-
-def test_constants_of_rivals_are_scored_by_their_average():
     off = case(verdict="ambiguous", m=TRUE_M + 0.03)
     assert coverage([off])["m"].after == Rate(0, 1)
     assert coverage([off | {"found": {"m": [TRUE_M + 0.02, 0.02]}}])["m"].after == Rate(1, 1)
-
-
-def test_true_values_have_the_names_of_a_fit():
-    values = true_values(Law(**LAW))
-    assert list(values) == ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
-    assert values["c[0]"] == pytest.approx(1.0 - 0.4 - 0.2)
-    assert values["v[1]"] == 6.0
 
 
 def relaxation(c, v, shares, rates, t):

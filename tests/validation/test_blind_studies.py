@@ -8,15 +8,7 @@ import pytest
 import registration
 from blind.catalogue import FOREIGN, FURTHER
 from blind.contact import NearContact
-from blind.counting import (
-    Rate,
-    is_grouped,
-    is_named,
-    lower,
-    names_kin,
-    names_wrongly,
-    upper,
-)
+from blind.counting import Rate, is_grouped, is_named, lower, names_kin, names_wrongly, upper
 from blind.disturbed import RECORDS, unequal_holds
 from blind.laws import ELASTIC, RELAXATION, Law, draw_law
 from blind.loadcell import CELLS, LoadCell, draw_cell
@@ -45,41 +37,26 @@ from qlvbayes.simulate.motion import Piece, Track
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 
 
-# the population
-
-
-def test_every_level_comes_equally_often():
+def test_the_population_is_balanced_crossed_and_repeats():
     items = [Population(3).item(k) for k in range(240)]
     for stratum, levels in STRATA.items():
         count = Counter(item.levels[stratum] for item in items)
         assert set(count) == set(levels)
         assert min(count.values()) == max(count.values()) == 240 // len(levels) >= 20
-
-
-def test_strata_are_crossed():
-    """No level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees."""
+    # no level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees
     pairs = Counter(
         (i.levels["protocol"], i.levels["noise"]) for i in map(Population(0).item, range(800))
     )
     assert sum((pairs[p, n] - 10) ** 2 / 10 for p in PROTOCOL_NAMES for n in CELLS) < 110.0
-
-
-def test_the_population_repeats_and_the_seed_changes_it():
     items = [Population(1).item(k) for k in range(60)]
     assert items == [Population(1).item(k) for k in range(60)]
     assert items != [Population(2).item(k) for k in range(60)]
-
-
-def test_hidden_effects_are_of_their_kind():
     for item in map(Population(4).item, range(120)):
         kind, names = item.levels["kind"], item.names
         listed = [name for name in names if name in kin(name)]
         want = {"none": (0, 0), "single": (1, 1), "double": (2, 2), "form": (1, 0)}
         want |= {"outside": (1, 0), "outside_beside": (2, 1)}
         assert (len(names), len(listed)) == want[kind]
-
-
-# disturbed records
 
 
 def test_each_disturbance_comes_in_a_thirteenth_and_changes_nothing_else():
@@ -142,7 +119,7 @@ def test_noise_that_changes_changes_the_noise_alone():
             assert np.mean(changed[large] ** 2) > 9.0 * np.mean(changed[small] ** 2)
 
 
-def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
+def test_late_starts_and_lost_readings():
     time = np.arange(0.0, 10.0, 0.01)
     way = np.minimum(time, 1.6)
     one = Test("a", "p", time, way, 2.0 * way, start_s=50.0)
@@ -155,12 +132,8 @@ def test_a_late_start_begins_on_the_way_in_by_the_clock_of_the_pad():
         assert test.time[0] == 0.0
         assert test.displacement[0] == pytest.approx(start)
         assert np.allclose(clock, test.time + start)
-
-
-def test_lost_readings_are_few_zeros_in_one_channel():
-    time = np.arange(0.0, 10.0, 0.01)
     one = Test("a", "p", time, 1.0 + time, 2.0 + time)
-    pad, times = Pad("p", (one,) * 20, PAD), (time,) * 20
+    pad = Pad("p", (one,) * 20, PAD)
     _, found = _disturbed("lost_readings", times, pad, np.random.default_rng(0))
     for test in found.tests:
         lost = [np.count_nonzero(x == 0.0) for x in (test.displacement, test.force)]
@@ -185,6 +158,7 @@ def test_unequal_holds_change_rests_alone(protocol):
     assert np.all(np.diff(starts) > own.pause)
 
 
+@pytest.mark.slow
 def test_a_held_force_stays_while_the_platen_goes_on():
     """The force of a path that is found is solved finer along that path, and again by its rest."""
     wanted = {"protocol": "paper", "logger": "uniform"}
@@ -214,10 +188,7 @@ def both(one, two):
     return one.motions.values(), two.motions.values()
 
 
-# motion, law, noise
-
-
-def test_the_sine_is_one():
+def test_sines_swings_and_creeping_holds():
     track = sine(1.6, 0.5, 3)
     t = np.linspace(0.0, track.duration, 5000, endpoint=False)
     turn = 2.0 * np.pi * 0.5
@@ -227,17 +198,11 @@ def test_the_sine_is_one():
     assert (
         np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
     )
-
-
-def test_a_swing_goes_from_rest_to_rest_over_its_stroke():
     pieces = swing(-0.7, 3.0)
     assert pieces[-1].end == pytest.approx(-0.7, rel=1e-12)
     assert min(p.velocity for p in pieces) == pytest.approx(-3.0)
     with pytest.raises(InputError, match="gap"):
         Track((Piece(0.0, 1.0, 0.0, 1.0, 0.0), Piece(1.0, 1.0, 0.0, 0.0, 0.0)))
-
-
-def test_a_creeping_hold_moves_on():
     platen = Platen((Move(1.0, 10.0), Hold(5.0, creep=3e-4)))
     assert platen.displacement(platen.duration) == pytest.approx(1.0003, abs=1e-12)
 
@@ -295,9 +260,6 @@ def test_readings_are_steps_and_errors_grow_with_force():
     reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
     np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
     assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
-
-
-# effects of no list
 
 
 NEW = {**FOREIGN, **FURTHER}
@@ -381,9 +343,6 @@ def test_contact_comes_where_the_gap_ends():
     assert depth[2] == pytest.approx(0.98, abs=1e-6)
 
 
-# a study
-
-
 @pytest.fixture(scope="module")
 def place():
     """The first study with one listed effect, three tests and a thinned record."""
@@ -404,9 +363,6 @@ def test_a_study_repeats_and_its_effect_counts(place):
     assert found == visible(two)
 
 
-# the count
-
-
 def case(kind="single", names=("friction",), verdict="missing_effect", effects=(), group=()):
     return {
         "kind": kind, "names": list(names), "kin": {n: sorted(kin(n)) for n in names},
@@ -414,7 +370,7 @@ def case(kind="single", names=("friction",), verdict="missing_effect", effects=(
     }  # fmt: skip
 
 
-def test_named_is_exactly_what_is_hidden():
+def test_what_is_named_and_grouped_and_a_form_may_be_called_by_its_family():
     assert is_named(case(effects=("friction",)))
     assert not is_named(case(effects=("friction", "inertia")))
     assert not is_named(case(verdict="ambiguous", effects=("friction",)))
@@ -424,8 +380,6 @@ def test_named_is_exactly_what_is_hidden():
     assert is_named(case("outside_beside", hidden, "partly_explained", ("friction",)))
     assert not is_named(case("outside_beside", hidden, "unexplained"))
 
-
-def test_a_group_is_the_verdicts_own_and_small():
     def ambiguous(*group):
         return case(verdict="ambiguous", effects=("inertia",), group=group)
 
@@ -436,15 +390,12 @@ def test_a_group_is_the_verdicts_own_and_small():
     assert not is_grouped(wrong | {"not_ruled_out": [["inertia"], ["friction"]]})
     assert names_wrongly(wrong)
     assert not is_grouped(case("none", (), "ambiguous", ("inertia",), ("inertia",)))
-
-
-def test_a_form_may_be_called_by_its_family():
     assert names_kin(case("form", ("root_leak",), effects=("fluid_leak",)))
     assert not names_kin(case("form", ("root_leak",), effects=("fluid_leak", "inertia")))
     assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
 
 
-def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
+def test_the_rigs_gap_and_a_mode_that_the_law_lacks_are_neither_wanted_nor_wrong():
     rig, gap = {"rig": {"gap_mm": 0.01}}, "contact_offset"
     assert is_named(case(effects=("friction", gap)) | rig)
     assert not is_named(case(effects=(gap,)) | rig)
@@ -457,8 +408,6 @@ def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
     rivals = case(verdict="ambiguous", effects=(gap, "inertia"), group=("inertia", "friction"))
     assert is_grouped(rivals | rig)
 
-
-def test_a_mode_that_the_base_law_lacks_is_neither_wanted_nor_wrong():
     def on_laws(true, base, *effects):
         laws = {"strata": {"relaxation": true}, "base": {"relaxation": base}}
         return case("none", (), effects=effects) | laws
@@ -477,9 +426,6 @@ def test_bounds_are_those_of_clopper_and_pearson():
     assert lower(Rate(30, 30)) == pytest.approx(0.05 ** (1 / 30))
     assert lower(Rate(0, 30)) == 0.0
     assert upper(Rate(30, 30)) == 1.0
-
-
-# registration
 
 
 def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import described
 import numpy as np
-import pytest
 from described_pads import BLOCK, OUTSIDERS, item, make_study
 
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
@@ -19,15 +18,12 @@ SEED, SWELLING = 5, 5  # of a study whose pad stiffens while a test lasts
 NOTHING = 3  # of one that hides nothing
 
 
-def test_every_outsider_comes_equally_often() -> None:
+def test_outsiders_come_equally_often_and_fresh_tests_are_others():
     seen = [item(SEED, k) for k in range(2 * len(BLOCK))]
     hidden = [name for scene, name, _ in seen if scene == "outsider"]
     assert sorted(hidden) == sorted(OUTSIDERS)
     assert not set(OUTSIDERS) & {kind.name for kind in EVERY}
     assert {paper for *_, paper in seen} == {True, False}
-
-
-def test_fresh_tests_are_no_tests_of_the_record() -> None:
     study = make_study(SEED, SWELLING)
     depths = {round(float(test.displacement.max()), 2) for test in study.pad.tests}
     fresh = [round(float(test.displacement.max()), 2) for test in study.fresh]
@@ -55,7 +51,7 @@ def test_a_law_of_the_plain_model_predicts_fresh_tests() -> None:
     assert law.record.parameters["k" if "k" in law.record.parameters else "k1"].sd > 0.0
 
 
-def test_cases_are_counted_by_scene() -> None:
+def test_cases_are_counted_by_scene_and_fresh_tests_have_no_noise():
     case = {"scene": "outsider", "verdict": "unexplained", "law": "x", "fresh": [1.0, 0.4]}
     cases = [
         case,
@@ -65,14 +61,6 @@ def test_cases_are_counted_by_scene() -> None:
     ]
     found = {words: (rate.hits, rate.n) for words, (rate, _) in described.rates(cases).items()}
     assert list(found.values()) == [(2, 3), (2, 3), (1, 3), (1, 3), (0, 1), (0, 0)]
-
-
-@pytest.mark.slow
-def test_a_pad_without_anything_hidden_is_not_described() -> None:
-    assert _law_of(NOTHING)[1].record is None
-
-
-def test_noise_free_fresh_tests() -> None:
     study = make_study(SEED, NOTHING)
     last = study.fresh[0].force[-20:]
     assert np.ptp(np.diff(last, 2)) < 0.01 * study.noise

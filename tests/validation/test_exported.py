@@ -7,6 +7,7 @@ from support.endtoend import PADS, call
 
 import qlvbayes as q
 
+pytestmark = pytest.mark.integration
 HIDDEN = PADS.with_name("hidden.csv")
 EFFECT = "squeeze_film"  # what the diagnosis names
 

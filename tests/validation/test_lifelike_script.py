@@ -31,7 +31,7 @@ def test_twenty_studies_hide_what_a_block_holds_and_every_name_comes():
     assert all(len(set(one.names)) == 2 for one in items if one.scene == "double")
 
 
-def test_truth_lies_in_its_ranges(study):
+def test_truth_the_unlisted_part_and_the_noise_have_their_sizes(study):
     low, high = UNLISTED_SHARE
     assert 0.97 * low < study.unlisted_share < 1.03 * high
     noise = np.hypot(study.cell.white, study.cell.correlated)
@@ -41,19 +41,13 @@ def test_truth_lies_in_its_ranges(study):
     assert abs(study.rig.contact) <= CONTACT_MM
     assert 4 <= len(study.pad.tests) <= 9
     assert all(value >= SEEN for value in study.seen.values())
-
-
-def test_unlisted_part_has_its_size(study):
-    """Measured in the arrays, phase by phase."""
+    # measured in the arrays, phase by phase
     parts = [a - b for a, b in zip(study.forces(), study.forces(unlisted=False), strict=True)]
     squares = []
     for motion, t, part in zip(study.rig.motions.values(), study.rig.times, parts, strict=True):
         ends = [begin for begin, _ in motion.phases[1:]]
         squares += [np.mean(own**2) for own in np.split(part, np.searchsorted(t, ends))]
     assert np.sqrt(np.mean(squares)) / study.peak == pytest.approx(study.unlisted_share, rel=1e-6)
-
-
-def test_readings_are_forces_with_the_noise_of_the_cell(study):
     errors = [t.force - f for t, f in zip(study.pad.tests, study.forces(), strict=True)]
     expected = np.hypot(study.cell.white, study.cell.correlated)
     assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) == pytest.approx(expected, rel=0.4)
@@ -108,14 +102,7 @@ def test_all_tests_are_touched_at_the_one_contact(study):
         assert np.all(force[way > max(rig.contact + 8.0 * rig.width, 0.01)] > 0.0)
 
 
-def test_the_same_seed_gives_the_same_arrays():
-    one, two = (make_study(SEED, INDICES["none"]) for _ in range(2))
-    for a, b in zip(one.pad.tests, two.pad.tests, strict=True):
-        assert np.array_equal(a.force, b.force)
-        assert np.array_equal(a.displacement, b.displacement)
-
-
-def test_strengths_are_those_of_the_tests():
+def test_strengths_are_those_of_the_tests_and_a_seed_repeats():
     study = make_study(SEED, INDICES["single"])
     (effect,), (factors,) = study.effects, study.strengths
     assert len(factors) == len(study.pad.tests)
@@ -130,6 +117,10 @@ def test_strengths_are_those_of_the_tests():
         pressed = (a > 0.05 * study.peak) & (b > 0.05 * study.peak)
         wanted = factor * effect.parameters[key] * motion.velocity(t)
         assert (a - b)[pressed] == pytest.approx(wanted[pressed], abs=1e-3 * study.peak)
+    one, two = (make_study(SEED, INDICES["none"]) for _ in range(2))
+    for a, b in zip(one.pad.tests, two.pad.tests, strict=True):
+        assert np.array_equal(a.force, b.force)
+        assert np.array_equal(a.displacement, b.displacement)
 
 
 def test_a_written_study_reads_back_with_its_truth(tmp_path):

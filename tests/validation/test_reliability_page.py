@@ -12,8 +12,9 @@ from wide import keep
 ORIGIN = Origin("command", "today", "commit", "machine")
 
 
-def test_the_page_is_what_the_script_generates():
+def test_the_page_is_what_the_script_generates_and_results_stay_small():
     assert PAGE.read_text(encoding="utf-8") == page()
+    assert sum(path.stat().st_size for path in RESULTS.rglob("*")) < 1e6
 
 
 @pytest.mark.parametrize("run", ["support", "rig"])
@@ -21,10 +22,6 @@ def test_rates_of_a_run_are_those_of_its_studies(run):
     kept, line = read_cases(run), read_runs()[run]
     assert rates_of(kept) == line.rates
     assert (len(kept), sum(case["seen"] for case in kept)) == (line.finished, line.seen)
-
-
-def test_results_stay_small():
-    assert sum(path.stat().st_size for path in RESULTS.rglob("*")) < 1e6
 
 
 def test_studies_and_rates_come_back_from_their_files(tmp_path, monkeypatch):

@@ -1,0 +1,187 @@
+"""Checks of a diagnosis: errors of samples, contact, strengths in each test, decisive readings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.hidden_pads import FEW, hidden_pad
+
+from qlvbayes.diagnosis.candidate import candidate_at
+from qlvbayes.diagnosis.checks.adequacy import adequacy
+from qlvbayes.diagnosis.checks.decisive import decisive, fewest, log_densities
+from qlvbayes.diagnosis.checks.heldout import HeldOut
+from qlvbayes.diagnosis.checks.samples import Samples, rmse
+from qlvbayes.diagnosis.checks.strengths import agreement, pooled, strengths
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.settings import Imitation
+from qlvbayes.effects.catalogue import find
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.modes import find_mode, find_modes
+from qlvbayes.io.data import Pad
+from qlvbayes.io.units import PAD
+from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.simulate import HIDDEN
+from qlvbayes.simulate.hidden import ViscousDrag
+
+
+def test_errors_of_samples_are_weighted_by_their_sds():
+    residuals = [np.array([3.0, -4.0]), np.array([0.0])]
+    assert rmse(residuals) == pytest.approx(np.sqrt(25.0 / 3.0))
+    equal = [np.full(2, 0.7), np.full(1, 0.7)]
+    assert rmse(residuals, equal) == pytest.approx(rmse(residuals))
+    good, bad = 0.1, 50.0
+    expected = np.sqrt((good**2 + bad**2 / 100.0) / 1.01)
+    assert rmse([np.array([good, bad])], [np.array([1.0, 10.0])]) == pytest.approx(expected)
+    # the inverse-variance mean of a constant force is best, so its error is the least
+    rng = np.random.default_rng(0)
+    sds = np.geomspace(0.1, 3.0, 50)
+    force = 2.0 + sds * rng.standard_normal(50)
+    mean = np.average(force, weights=sds**-2.0)
+    errors = [rmse([force - other], [sds]) for other in (mean - 0.01, mean, mean + 0.01)]
+    assert errors[1] == min(errors)
+    assert rmse([force - force.mean()], [sds]) > errors[1]
+    residuals, sds = [np.array([1.0, 9.0]), np.array([2.0])], [np.array([1.0, 1e6]), np.ones(1)]
+    left_out = HeldOut.from_residuals(residuals, sds)
+    assert left_out.by_part == pytest.approx((1.0, 2.0))
+    assert left_out.rmse == pytest.approx(np.sqrt(2.5))
+
+
+OFF = (0.03, -0.02, 0.02)  # mm, of a stroke of 2 mm
+
+
+def shifted(contact_sd: float | None) -> Experiment:
+    """A pad with nothing hidden, whose tests have zeros that are off."""
+    known = hidden_pad(rates=(1.0, 5.0, 20.0))
+    tests = tuple(
+        replace(trial.test, displacement=trial.test.displacement + off, contact_sd=contact_sd)
+        for trial, off in zip(known.trials, OFF, strict=True)
+    )
+    return prepare(Pad(known.pad, tests, known.units))
+
+
+def fitted(experiment: Experiment) -> tuple[float, tuple[float, ...]]:
+    """Return the p-value of the plain model, and the scatter between tests that it needs."""
+    search = build_search(experiment, kinds=FEW)
+    search.evaluate(search.baseline)
+    point = search.candidates[search.baseline].point
+    record = search.density.space.record
+    tested = adequacy(experiment, record, point, search.settings.cells)
+    return tested.p_value, point.separation.scatter.sizes
+
+
+def test_a_known_error_of_the_zeros_explains_what_they_leave():
+    """Without it the stiffness would have to differ from test to test."""
+    _, scatter = fitted(shifted(None))
+    assert any(scatter)
+    p_value, scatter = fitted(shifted(0.02))
+    assert p_value > 0.05
+    assert not any(scatter)
+
+
+RATES = (5.0, 10.0, 20.0, 40.0)  # mm/s
+DRAG = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
+
+
+def found_strengths(etas):
+    """One test at each rate, each with a drag of its own (N s/mm)."""
+    pads = {eta: hidden_pad(HIDDEN["viscous_drag"](eta=eta), rates=RATES) for eta in etas}
+    tests = tuple(pads[eta].trials[k].test for k, eta in enumerate(etas))
+    experiment = prepare(Pad("B", tests, PAD))
+    search = build_search(experiment, kinds=FEW)
+    density, space = search.density, search.density.space
+    mode = find_mode(density, DRAG, np.median(space.prior_draws(DRAG), axis=0))
+    found = candidate_at(density, DRAG, mode, search.settings.tolerance)
+    samples = Samples.from_experiment(experiment, space)
+    return strengths(density, samples, found, "viscous_drag", Imitation())
+
+
+def test_a_drag_of_one_strength_agrees_and_one_of_many_strengths_is_told():
+    one = found_strengths([0.004] * 4)
+    assert one.agreement > 0.95
+    many = found_strengths([0.012, 0.002, 0.010, 0.004])
+    assert many.spread > 0.2
+    assert many.agreement < one.agreement
+    low, high = many.range
+    assert high > 1.5 * low
+    assert [part.test for part in many.parts] == [part.test for part in one.parts]
+
+
+@pytest.mark.parametrize(
+    ("deviations", "expected"), [([0.0, 0.0], 1.0), ([1.0, -1.0], 0.5), ([3.0, -3.0], 0.1)]
+)
+def test_agreement_is_the_share_of_the_force_that_one_strength_makes(deviations, expected):
+    share = agreement(np.ones(2), np.array(deviations))
+    assert share == pytest.approx(expected)
+
+
+def test_strengths_are_pooled_about_their_mean_whatever_the_mean_is():
+    """A common factor is the amplitude's, not a scatter."""
+    curvature, squares = np.eye(6) / 0.05**2, np.ones(6)
+    scatter = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1])
+    moved, sds, spread = pooled(curvature, curvature @ (scatter + 2.0), squares, Imitation())
+    assert moved == pytest.approx(scatter, abs=0.05)
+    assert np.all(sds < 0.06)
+    assert 0.1 < spread < 0.5
+    same, _, none = pooled(curvature, curvature @ np.full(6, 2.0), squares, Imitation())
+    assert none == 0.0
+    assert np.all(same == 0.0)
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=8))
+def test_no_smaller_set_carries_half(values):
+    gains = np.array(values)
+    if gains.sum() <= 0.0:
+        return
+    count, half = fewest(gains), 0.5 * gains.sum()
+    ordered = np.sort(gains)[::-1]
+    assert ordered[:count].sum() >= half - 1e-12
+    assert count == 1 or ordered[: count - 1].sum() < half
+
+
+@pytest.fixture(scope="module")
+def searched():
+    """A pad with drag, seen without it and with it, and a lag of next to nothing."""
+    experiment = hidden_pad(ViscousDrag(eta=0.004), rates=(1.0, 20.0))
+    search = build_search(experiment, kinds=[find("viscous_drag")])
+    search.begin()
+    with_drag = search.baseline.plus("viscous_drag")
+    theta = search.density.space.parameters(with_drag)
+    start = np.zeros(theta.size)
+    point = search.modes[search.baseline][0].point
+    start[theta.positions_of(point.own)] = point.theta
+    start[-1] = 0.1
+    found = find_modes(search.density, with_drag, start)
+    search.keep(with_drag, search.candidates_from(with_drag, found))
+    return experiment, search, with_drag
+
+
+@pytest.mark.parametrize("effects", [frozenset(), frozenset({"viscous_drag"})], ids=len)
+def test_the_block_means_log_densities_add_up_to_the_likelihood(searched, effects):
+    _, search, _ = searched
+    density = search.density
+    found = search.modes[replace(search.baseline, effects=effects)][0]
+    terms = density.terms(found.point, found.mode.size)
+    expected = density.log_constant - (terms.loss - found.point.prior.loss)
+    assert log_densities(density, found).sum() == pytest.approx(float(expected), rel=1e-9)
+
+
+def test_a_drag_is_carried_by_many_and_one_reading_is_told_as_one(searched):
+    experiment, search, with_drag = searched
+    density = search.density
+    found, without = search.modes[with_drag][0], search.modes[search.baseline][0]
+    drag = decisive(density, experiment.trials, found, without)
+    assert drag.blocks > 4  # of two coarsely sampled tests
+    assert drag.phase in ("ramp", "unload")
+    assert drag.of == density.whitener.precisions.size
+    # the same fits, of a record in which one reading alone is off the plain model
+    spiked = found.point.predicted.copy()
+    test, block = 1, 40
+    spiked[test, block] -= 1.0
+    other = replace(found, mode=replace(found.mode, size=0.0))
+    alone = replace(other, mode=replace(other.mode, point=replace(found.point, predicted=spiked)))
+    one = decisive(density, experiment.trials, other, alone)
+    assert one.blocks == 1
+    assert one.test == experiment.trials[test].name
+    assert decisive(density, experiment.trials, alone, other) is None
