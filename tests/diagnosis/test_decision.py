@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from qlvbayes.diagnosis.verdict import Verdict
 
 from qlvbayes.diagnosis.checks.naming import refusals
 from qlvbayes.diagnosis.decision import (
+    Verdict,
     Weight,
     apply_adequacy,
     decide,
