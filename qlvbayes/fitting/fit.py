@@ -9,21 +9,31 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.fitting.chainstore import ChainStore
-from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of
-from qlvbayes.fitting.least_squares import NormalApproximation, fitting_draws
-from qlvbayes.fitting.marginal_likelihood import Spread, white_likelihood
+from qlvbayes.fitting.ensemble import (
+    STEPS_PER_TIME,
+    Chain,
+    ChainStore,
+    Progress,
+    Settings,
+    diagnose_chain,
+    key_of,
+)
+from qlvbayes.fitting.least_squares import (
+    NormalApproximation,
+    fitting_draws,
+    one_step,
+    part_notice,
+    two_step,
+)
+from qlvbayes.fitting.marginal_likelihood import white_likelihood
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
-from qlvbayes.fitting.routes import one_step, part_notice, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import check_known
 from qlvbayes.io.runtime import one_blas_thread
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
@@ -36,6 +46,8 @@ from qlvbayes.motion.record import Record
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
 ]
+_Setup = tuple[str, str, Choices, Settings, Experiment, tuple[Trial, ...]]
+"""Pad, method, choices, settings, experiment and fitted trials: the first fields of a `Fit`."""
 SAMPLERS: dict[str, Sampler] = catalogue.loaded(catalogue.SAMPLERS)
 _KEPT = 2000  # largest number of draws kept in the results
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
@@ -101,22 +113,21 @@ class Fit:
 
     def summary(self) -> FitSummary:
         """Return means, intervals and diagnostics of every constant, before thinning."""
-        diagnostics = diagnose_chain(self.chain) if self.method in SAMPLERS else None
-        troubles = (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(self))
+        judged, troubles = None, [] if self.enough else ["no two starts came to the same optimum"]
+        if self.method in SAMPLERS:
+            judged = diagnose_chain(self.chain)
+            troubles = judged.troubles
+            steps, time = self.facts["kept_steps"], self.facts["autocorrelation_steps"]
+            if steps < STEPS_PER_TIME * time:
+                text = f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of"
+                troubles = [*troubles, f"{text} {time:.0f}"]
+        named = enumerate(zip(self.names, self.units, strict=True))
+        constants = {n: constant_of(self.every[..., k], u, k, judged) for k, (n, u) in named}
         return FitSummary(
-            pad=self.pad,
-            units=self.experiment.units,
-            effects=self.choices.effects,
-            sampler=self.method,
-            converged=not troubles,
-            troubles=troubles,
-            notices=tuple(_notices(self)),
-            settings=self.settings,
-            parameters={
-                name: constant_of(self.every[..., k], unit, k, diagnostics)
-                for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
-            },
-        )
+            pad=self.pad, units=self.experiment.units, effects=self.choices.effects,
+            sampler=self.method, converged=not troubles, troubles=tuple(troubles),
+            notices=tuple(_notices(self)), settings=self.settings, parameters=constants,
+        )  # fmt: skip
 
     @property
     def inference_data(self) -> Any:
@@ -164,13 +175,15 @@ def fit_pad(
     """Fit the trials whose role is ``fit``."""
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
-    trials = experiment.with_role("fit")
+    trials, rng = experiment.with_role("fit"), np.random.default_rng(settings.seed)
     if method not in SAMPLERS:
         check_known("method", method, catalogue.METHODS)
+        choices = independent_noise(choices)
+    setup = experiment.pad, method, choices, settings, experiment, trials
     with one_blas_thread():  # its products are small
         if method in SAMPLERS:
-            return _sampled(experiment, choices, method, trials, settings, folder, progress)
-        return _approximated(experiment, independent_noise(choices), settings, trials, method)
+            return _sampled(setup, folder, progress, rng)
+        return _approximated(setup, rng)
 
 
 def independent_noise(choices: Choices) -> Choices:
@@ -179,18 +192,12 @@ def independent_noise(choices: Choices) -> Choices:
 
 
 def _sampled(
-    experiment: Experiment,
-    choices: Choices,
-    method: str,
-    trials: tuple[Trial, ...],
-    settings: Settings,
-    folder: Path | None,
-    progress: Progress | None,
+    setup: _Setup, folder: Path | None, progress: Progress | None, rng: np.random.Generator
 ) -> Fit:
     """Return the fit by a sampler."""
-    rng = np.random.default_rng(settings.seed)
+    _, method, choices, settings, experiment, trials = setup
     start = find_start(experiment, choices, trials, settings.seed)
-    posterior = start.posterior
+    posterior, own = start.posterior, start.posterior.parameters
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
     chain = SAMPLERS[method](posterior, start.normal, settings, store, progress)
     steps, walkers = chain.log_density.shape
@@ -198,8 +205,12 @@ def _sampled(
     theta = np.swapaxes(chain.theta, 0, 1)
     constants = _constants(posterior, theta, rng)
     every = constants
-    if start.spread is not None:
-        every = _moved(posterior, theta, constants, start.spread, rng)
+    if start.spread is not None:  # a discrepancy may have moved the constants
+        noise = constants.reshape(-1, constants.shape[-1])[:, posterior.of_noise]
+        moves = start.spread.draws(noise[:, -1], rng)  # the last one is the discrepancy's size
+        every = own.constants(own.within(theta.reshape(-1, theta.shape[-1]) + moves))
+        every[:, posterior.of_noise] = noise
+        every = every.reshape(constants.shape)
     facts = {
         "autocorrelation_steps": chain.autocorrelation,
         "acceptance": chain.acceptance,
@@ -208,20 +219,13 @@ def _sampled(
         "walkers": walkers,
         "thinned_by": thin,
     }
-    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
     draws = theta[:, ::thin], every[:, ::thin], every, constants
-    return Fit(*setup, *draws, chain.enough, facts)
+    return Fit(*setup, posterior, *draws, chain.enough, facts)
 
 
-def _approximated(
-    experiment: Experiment,
-    choices: Choices,
-    settings: Settings,
-    trials: tuple[Trial, ...],
-    method: str,
-) -> Fit:
+def _approximated(setup: _Setup, rng: np.random.Generator) -> Fit:
     """Return the fit by a least-squares route."""
-    rng = np.random.default_rng(settings.seed)
+    _, method, choices, _, experiment, trials = setup
     predictor = predictor_of(experiment, choices, trials)
     route = one_step if method == "least-squares" else two_step
     result = route(experiment, predictor, rng)
@@ -235,8 +239,7 @@ def _approximated(
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
     curves, every = _constants(posterior, theta, rng), _constants(posterior, moved, rng)
     facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
-    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
-    return Fit(*setup, theta, every, every, curves, result.agreeing > 1, facts)
+    return Fit(*setup, posterior, theta, every, every, curves, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:
@@ -246,8 +249,13 @@ def _notices(fit: Fit) -> Iterator[str]:
     def predicted(record: Record) -> np.ndarray:
         return np.asarray(fit.posterior.over(record).forces(constants[None])[0])
 
-    if isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares":
-        yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
+    sds = {trial.name: trial.test.contact_sd for trial in fit.trials if trial.test.contact_sd}
+    if sds and (isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares"):
+        listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
+        yield (
+            f"pad {fit.pad}: the contact point is uncertain, and the constants' intervals include "
+            f"this (standard error in {fit.experiment.units.displacement}: {listed})"
+        )
     yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
@@ -259,45 +267,7 @@ def _notices(fit: Fit) -> Iterator[str]:
         yield from part_notice(fit.experiment, fit.method)
 
 
-def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> Iterator[str]:
-    """Yield that the error of the contact point is part of the fit, where it was measured."""
-    sds = {trial.name: trial.test.contact_sd for trial in trials if trial.test.contact_sd}
-    if sds:
-        listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
-        unit = units.displacement
-        yield (
-            f"pad {pad}: the contact point is uncertain, and the constants' intervals include this "
-            f"(standard error in {unit}: {listed})"
-        )
-
-
-def _length_troubles(fit: Fit) -> list[str]:
-    """Return messages on a chain that is too short, or on least squares without agreement."""
-    if fit.method not in SAMPLERS:
-        return [] if fit.enough else ["no two starts came to the same optimum"]
-    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
-    if steps >= STEPS_PER_TIME * time:
-        return []
-    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]
-
-
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return constants (..., P) at thetas (..., D)."""
     flat = theta.reshape(-1, theta.shape[-1])
     return posterior.drawn_constants(flat, rng).reshape(*theta.shape[:-1], -1)
-
-
-def _moved(
-    posterior: Posterior,
-    theta: np.ndarray,
-    chain: np.ndarray,
-    spread: Spread,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Return constants (..., P) with the moves that a discrepancy may have caused."""
-    own, flat = posterior.parameters, theta.reshape(-1, theta.shape[-1])
-    noise = chain.reshape(-1, chain.shape[-1])[:, posterior.of_noise]
-    moves = spread.draws(noise[:, -1], rng)  # the last one is the discrepancy's size
-    values = own.constants(own.within(flat + moves))
-    values[:, posterior.of_noise] = noise
-    return values.reshape(chain.shape)

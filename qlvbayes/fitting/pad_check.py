@@ -8,15 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 from qlvbayes.fitting.prediction import Prediction, predict
-from qlvbayes.fitting.residuals import CheckResult, check_experiment
+from qlvbayes.fitting.residuals import KEYS, CheckResult, check_experiment
 from qlvbayes.fitting.results import Saved
+from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
-from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.experiment import Experiment
 
 _DIGITS = 5  # significant digits
 
@@ -46,7 +47,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     return CheckedPad(experiment, tuple(predictions), check)
 
 
-class PhaseSpan(Part, frozen=True, rename={"start": "start_s", "stop": "stop_s"}):
+class PhaseSpan(Part, frozen=True, rename=KEYS):
     """A phase of a test: its kind, and its beginning and end (s)."""
 
     kind: str
@@ -54,11 +55,7 @@ class PhaseSpan(Part, frozen=True, rename={"start": "start_s", "stop": "stop_s"}
     stop: float
 
 
-class LeftOut(
-    Part,
-    frozen=True,
-    rename={"time": "time_s", "displacement": "displacement_mm", "force": "force_N"},
-):
+class LeftOut(Part, frozen=True, rename=KEYS):
     """A reading that was left out: time (s), displacement, force, channel and why."""
 
     time: float
@@ -70,19 +67,7 @@ class LeftOut(
     kind: str
 
 
-class TestCurves(
-    Part,
-    frozen=True,
-    rename={
-        "rate": "rate_mm_s",
-        "time": "time_s",
-        "displacement": "displacement_mm",
-        "observed": "observed_N",
-        "mean": "mean_N",
-        "low": "low_N",
-        "high": "high_N",
-    },
-):
+class TestCurves(Part, frozen=True, rename=KEYS):
     """The curves of one test, at n samples, in the units of `Curves`.
 
     time (s), phase (its kind), displacement and observed force; mean: posterior mean of the force;
@@ -104,7 +89,7 @@ class TestCurves(
     left_out: tuple[LeftOut, ...] = ()
 
 
-class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
+class Curves(Result, frozen=True, kw_only=True, rename=KEYS):
     """The curves of one pad at representative samples, at most 300 a phase: ``curves.json``."""
 
     indent: ClassVar[int | None] = None
@@ -123,65 +108,35 @@ class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
 
 def curves(checked: CheckedPad) -> Curves:
     """Return the curves of a checked pad."""
-    units = checked.experiment.units
+    units, check = checked.experiment.units, checked.check
     return Curves(
-        pad=checked.check.pad,
-        effects=checked.check.effects,
-        units=units,
-        force_unit=units.force,
-        force_name=units.force_name,
-        displacement_unit=units.displacement,
-        displacement_name=units.displacement_name,
-        speed_unit=units.speed,
-        noise=checked.check.noise,
-        tests=tuple(_test(prediction) for prediction in checked.predictions),
-    )
+        pad=check.pad, effects=check.effects, units=units, force_unit=units.force,
+        force_name=units.force_name, displacement_unit=units.displacement,
+        displacement_name=units.displacement_name, speed_unit=units.speed, noise=check.noise,
+        tests=tuple(map(_curves_of, checked.predictions)),
+    )  # fmt: skip
 
 
-def _test(prediction: Prediction) -> TestCurves:
-    """Return the curves of one test."""
-    trial = prediction.trial
+def _curves_of(prediction: Prediction) -> TestCurves:
+    trial, unused = prediction.trial, prediction.trial.left_out
+    displacement = np.interp(prediction.time, trial.test.time, trial.test.displacement)
+    lines = (displacement, prediction.observed, prediction.mean, prediction.low, prediction.high)
+    left_out: tuple[LeftOut, ...] = ()
+    if unused is not None:
+        channels = np.column_stack([unused.time, unused.displacement, unused.force])
+        left_out = tuple(
+            LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
+            for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
+        )
     return TestCurves(
-        test=trial.name,
-        role=trial.role,
-        rate=float(trial.rate) if np.isfinite(trial.rate) else None,
-        phases=tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
-        time=tuple(_exact(t) for t in prediction.time),
-        phase=tuple(str(kind) for kind in prediction.phase),
-        displacement=_rounded(_displacement(prediction)),
-        observed=_rounded(prediction.observed),
-        mean=_rounded(prediction.mean),
-        low=_rounded(prediction.low),
-        high=_rounded(prediction.high),
-        left_out=_left_out(trial),
-    )
-
-
-def _left_out(trial: Trial) -> tuple[LeftOut, ...]:
-    """Return the readings of a trial that were left out."""
-    unused = trial.left_out
-    if unused is None:
-        return ()
-    channels = np.column_stack([unused.time, unused.displacement, unused.force])
-    return tuple(
-        LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
-        for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
-    )
-
-
-def _displacement(prediction: Prediction) -> np.ndarray:
-    """Return the measured displacement (n,) at the samples of a prediction."""
-    test = prediction.trial.test
-    return np.interp(prediction.time, test.time, test.displacement)
-
-
-def _rounded(values: np.ndarray) -> tuple[float, ...]:
-    """Return values as a tuple, rounded."""
-    return tuple(_short(value) for value in values)
+        trial.name, trial.role, finite_or_none(trial.rate),
+        tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
+        tuple(map(_exact, prediction.time)), tuple(map(str, prediction.phase)),
+        *(tuple(map(_short, line)) for line in lines), left_out=left_out,
+    )  # fmt: skip
 
 
 def _short(value: float) -> float:
-    """Return a value rounded to five significant digits."""
     return float(f"{value:.{_DIGITS}g}")
 
 

@@ -19,13 +19,14 @@ from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.pulling import pull_notices
 
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
+_FORCES = ("noise", "rmse", "bias", "limit", "force", "observed", "mean", "low", "high")
+KEYS = {name: f"{name}_N" for name in _FORCES}
+KEYS |= {"rate": "rate_mm_s", "displacement": "displacement_mm"}
+KEYS |= {name: f"{name}_s" for name in ("start", "stop", "time")}
+"""Keys of files that say a quantity's unit, by the attribute's name."""
 
 
-class Cell(
-    Part,
-    frozen=True,
-    rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N", "limit": "limit_N"},
-):
+class Cell(Part, frozen=True, rename=KEYS):
     """Errors of a model in one kind of phase of one test."""
 
     test: str
@@ -46,7 +47,7 @@ class Cell(
     limit: float | None = None
 
 
-class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
+class Cycle(Part, frozen=True, rename=KEYS):
     """Errors in one phase of a test that has several of its kind, such as the loading of a cycle.
 
     number: counts from 1 in order of time; rmse, bias: as in `Cell` (N).
@@ -60,7 +61,7 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
     bias: float
 
 
-class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
+class CheckResult(Result, frozen=True, kw_only=True, rename=KEYS):
     """Errors of one pad's model by test and phase, against the noise floor: ``check.json``.
 
     Forces are in the unit of ``units.force``, N by default.
@@ -103,18 +104,13 @@ def check(
     notices: Sequence[str] = (),
 ) -> CheckResult:
     """Compare predictions with measured forces, given the sd of the noise floor (N)."""
-    keys = [
-        (prediction, kind)
-        for prediction in predictions
-        for kind in KINDS
-        if np.any(prediction.phase == kind)
-    ]
+    every = [(one, kind) for one in predictions for kind in KINDS if np.any(one.phase == kind)]
     return CheckResult(
         pad=pad,
         effects=tuple(effects),
         units=units,
         noise=noise,
-        cells=tuple(_cell(*key, FALSE_ALARMS / len(keys)) for key in keys),
+        cells=tuple(_cell(*each, FALSE_ALARMS / len(every)) for each in every),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
     )
@@ -124,40 +120,26 @@ def check_experiment(
     experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
 ) -> CheckResult:
     """Return `check` with all that is known of the pad, and notices on its tests."""
-    bonded, effects = choices.bonded, choices.effects
+    bonded, effects, floor = choices.bonded, choices.effects, experiment.floor
     pull = pull_notices(experiment, bonded=bonded, effects=effects)
-    noise_notices = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
-    return check(
-        experiment.pad,
-        experiment.floor.total,
-        predictions,
-        effects,
-        units=experiment.units,
-        notices=(*experiment.notices, *pull, *noise_notices),
-    )
+    noise = (f"pad {experiment.pad}: {text}" for text in floor.notices)
+    notices = (*experiment.notices, *pull, *noise)
+    units = experiment.units
+    return check(experiment.pad, floor.total, predictions, effects, units=units, notices=notices)
 
 
 def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
     """Return one cell, which fails if its p-value is below ``level``."""
-    selected = prediction.phase == kind
+    selected, trial = prediction.phase == kind, prediction.trial
     residual = prediction.residual[selected]
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
-    trial = prediction.trial
-    rmse = _rmse(residual)
-    p_value, limit = _judged(rmse, prediction, selected, level)
+    p_value, limit = _judged(_rmse(residual), prediction, selected, level)
     return Cell(
-        test=trial.name,
-        role=trial.role,
-        rate=finite_or_none(trial.rate),
-        phase=kind,
-        n=int(selected.sum()),
-        rmse=rmse,
-        bias=float(residual.mean()),
-        coverage90=float(inside[selected].mean()),
-        p_value=p_value,
-        fails=p_value < level,
+        test=trial.name, role=trial.role, rate=finite_or_none(trial.rate), phase=kind,
+        n=int(selected.sum()), rmse=_rmse(residual), bias=float(residual.mean()),
+        coverage90=float(inside[selected].mean()), p_value=p_value, fails=p_value < level,
         limit=limit,
-    )
+    )  # fmt: skip
 
 
 def _cycles(prediction: Prediction) -> list[Cycle]:

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import arviz_base
 import h5py
@@ -77,14 +78,16 @@ def to_arviz(
 ) -> xarray.DataTree:
     """Return a fit as a tree of posterior, predictive, log likelihood and data."""
     posterior, dims, coords = _grouped(fit.names, fit.constants)
-    force = fit.experiment.units.force_name
-    real = np.asarray(fit.posterior.record.blocks.real)
-    shape = fit.theta.shape[:2]
+    units, blocks = fit.experiment.units, fit.posterior.record.blocks
+    force, real, shape = units.force_name, np.asarray(blocks.real), fit.theta.shape[:2]
     followed = fit.followed.reshape(-1, fit.followed.shape[-1])
     likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
     moved = not np.array_equal(fit.followed, fit.constants)
     curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
-    facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
+    fields = {"first_s": "first", "last_s": "last", "samples": "count", "weight": "weight"}
+    facts = {"test": np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)[real]}
+    facts |= {name: np.asarray(getattr(blocks, field))[real] for name, field in fields.items()}
+    coords["block"] = np.arange(int(real.sum()))
     dims |= {name: ["block"] for name in (force, *facts)}
     tree = arviz_base.from_dict(
         {
@@ -92,68 +95,21 @@ def to_arviz(
             **curve,
             "posterior_predictive": {force: predicted.reshape(*shape, -1)},
             "log_likelihood": {force: likelihood.reshape(*shape, -1)},
-            "observed_data": {force: np.asarray(fit.posterior.record.blocks.force)[real]},
+            "observed_data": {force: np.asarray(blocks.force)[real]},
             "constant_data": facts,
         },
         coords=coords,
         dims=dims,
     )
-    _label(tree, fit, force)
-    for node in tree.subtree:
-        node.attrs.pop("created_at", None)  # the same fit gives the same file
-    tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
-    return tree
-
-
-def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
-    """Return variables (c and v as vectors), their dimensions and their coordinates."""
-    members: dict[str, list[tuple[int | None, int]]] = {}
-    for column, name in enumerate(names):
-        match = _MEMBER.fullmatch(name)
-        key, index = (match[1], int(match[2])) if match else (name, None)
-        members.setdefault(key, []).append((index, column))
-    variables, dims, coords = {}, {}, {}
-    for key, indices_columns in members.items():
-        columns = [column for _, column in indices_columns]
-        if indices_columns[0][0] is None:
-            variables[key] = constants[..., columns[0]]
-            continue
-        variables[key] = constants[..., columns]
-        dims[key] = [f"{key}_index"]
-        coords[f"{key}_index"] = np.array([index for index, _ in indices_columns])
-    return variables, dims, coords
-
-
-def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the test, times, samples and weight of each block."""
-    blocks = fit.posterior.record.blocks
-    test = np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)
-    return {
-        "test": test[real],
-        "first_s": np.asarray(blocks.first)[real],
-        "last_s": np.asarray(blocks.last)[real],
-        "samples": np.asarray(blocks.count)[real],
-        "weight": np.asarray(blocks.weight)[real],
-    }
-
-
-def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
-    """Add units to the variables."""
     for name, unit in zip(fit.names, fit.units, strict=True):
-        match = _MEMBER.fullmatch(name)
-        tree["posterior"][match[1] if match else name].attrs["units"] = unit
+        tree["posterior"][_split(name)[0]].attrs["units"] = unit
     for group in ("posterior_predictive", "observed_data"):
-        tree[group][force].attrs["units"] = fit.experiment.units.force
+        tree[group][force].attrs["units"] = units.force
     for name in ("first_s", "last_s"):
         tree["constant_data"][name].attrs["units"] = "s"
-
-
-def _provenance(
-    fit: Fit, summary: FitSummary, source: str, sha256: str, all_tests: bool, seed: int
-) -> dict:
-    """Return the attributes that say how the fit was made."""
-    units = fit.experiment.units
-    return {
+    for node in tree.subtree:
+        node.attrs.pop("created_at", None)  # the same fit gives the same file
+    tree.attrs.update({
         "schema": _SCHEMA,
         "pad": fit.pad,
         "method": fit.method,
@@ -172,7 +128,31 @@ def _provenance(
         "force_unit": units.force,
         "qlvbayes_version": qlvbayes.__version__,
         **fit.facts,
-    }
+    })  # fmt: skip
+    return tree
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    """Return the vector's name and the index of one of its members: ``v`` and 1 of ``v[1]``."""
+    match = _MEMBER.fullmatch(name)
+    return (match[1], int(match[2])) if match else (name, None)
+
+
+def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
+    """Return variables (c and v as vectors), their dimensions and their coordinates."""
+    members: dict[str, dict[int | None, int]] = {}
+    for column, name in enumerate(names):
+        key, index = _split(name)
+        members.setdefault(key, {})[index] = column
+    variables, dims, coords = {}, {}, {}
+    for key, columns in members.items():
+        if None in columns:
+            variables[key] = constants[..., columns[None]]
+            continue
+        variables[key] = constants[..., list(columns.values())]
+        dims[key] = [f"{key}_index"]
+        coords[f"{key}_index"] = np.array(list(columns))
+    return variables, dims, coords
 
 
 def save(tree: xarray.DataTree, path: Path) -> None:
@@ -241,25 +221,33 @@ def _check_arrays(path: Path) -> None:
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
     """Return the contents of a file that this program wrote."""
     attrs, coverage = tree.attrs, tree.attrs.get("covered")
+    if missing := {"pad", "method", "source", "sha256", "all_tests"} - attrs.keys():
+        raise KeyError(*missing)
     choices = Choices.from_dict(json.loads(attrs["choices"]))
-    draws = _with_noise(choices, posterior)
     curves = _with_noise(choices, tree["curve"].to_dataset()) if "curve" in tree else None
     return Saved(
-        pad=str(attrs["pad"]),
-        names=tuple(draws),
-        constants=np.stack(list(draws.values()), axis=-1),
+        **_stated(attrs, _with_noise(choices, posterior), pad="", method=""),
         choices=choices,
-        method=str(attrs["method"]),
-        source=str(attrs["source"]),
-        sha256=str(attrs["sha256"]),
-        all_tests=bool(attrs["all_tests"]),
         fitted=tuple(json.loads(attrs["fitted_tests"])),
-        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(coverage)) if coverage else None,
         converged=bool(attrs.get("converged", True)),
         curves=None if curves is None else np.stack(list(curves.values()), axis=-1),
     )
+
+
+def _stated(attrs: dict, draws: dict[str, np.ndarray], *, pad: str, method: str) -> dict[str, Any]:
+    """Return what draws (chain, draw) by name and the attributes of any file say, by field."""
+    return {
+        "pad": str(attrs.get("pad", pad)),
+        "names": tuple(draws),
+        "constants": np.stack(list(draws.values()), axis=-1),
+        "method": str(attrs.get("method", method)),
+        "source": str(attrs.get("source", "")),
+        "sha256": str(attrs.get("sha256", "")),
+        "all_tests": bool(attrs.get("all_tests", False)),
+        "fluid": str(attrs["fluid"]) if attrs.get("fluid") else None,
+    }
 
 
 def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.ndarray]:
@@ -294,19 +282,9 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
         check_draws(choices, draws)
     except InputError as error:
         raise InputError(str(error), file=path) from error
-    return Saved(
-        pad=str(attrs.get("pad", pad_name(path))),
-        names=tuple(draws),
-        constants=np.stack(list(draws.values()), axis=-1),
-        choices=choices,
-        method=str(attrs.get("method", attrs.get("inference_library", "elsewhere"))),
-        source=str(attrs.get("source", "")),
-        sha256=str(attrs.get("sha256", "")),
-        all_tests=bool(attrs.get("all_tests", False)),
-        fitted=(),
-        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
-        units=units,
-    )
+    method = attrs.get("inference_library", "elsewhere")
+    stated = _stated(attrs, draws, pad=pad_name(path), method=method)
+    return Saved(**stated, choices=choices, fitted=(), units=units)
 
 
 def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:

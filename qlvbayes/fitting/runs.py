@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,9 @@ from qlvbayes.io.files import Part, Result
 from qlvbayes.model.choices import Choices
 
 _LIBRARIES = (
-    "qlvbayes",
-    "jax",
-    "jaxlib",
-    "equinox",
-    "emcee",
-    "numpy",
-    "scipy",
-    "arviz",
-    "xarray",
-    "pandas",
+    "qlvbayes", "jax", "jaxlib", "equinox", "emcee", "numpy", "scipy", "arviz", "xarray", "pandas",
     "matplotlib",
-)
+)  # fmt: skip
 
 
 class Run(Part, frozen=True):
@@ -61,27 +53,14 @@ def record_run(
 ) -> None:
     """Record in ``out/run.json`` which command made a step; ``study`` replaces all others."""
     path = out / "run.json"
-    runs = {} if step == "study" else _before(path)
-    options = to_builtins(dict(settings or {}))
-    chosen = choices.as_dict()
-    runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), options)
-    RunLog(runs=runs).write(path)
-
-
-def _before(path: Path) -> dict[str, Run]:
-    """Return the recorded runs; none where there is no such file, or one of another program."""
-    try:
-        return RunLog.read(path).runs
-    except (OSError, InputError):
-        return {}  # there is none yet, or it is another program's
-
-
-def _versions() -> dict[str, str]:
-    """Return the versions of Python and of the libraries that the numbers depend on."""
+    runs: dict[str, Run] = {}
+    if step != "study":
+        with suppress(OSError, InputError):  # there is none yet, or it is another program's
+            runs = RunLog.read(path).runs
+    options, chosen = to_builtins(dict(settings or {})), choices.as_dict()
     versions = {"python": platform.python_version()}
     for name in _LIBRARIES:
-        try:
+        with suppress(PackageNotFoundError):
             versions[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return versions
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, versions, options)
+    RunLog(runs=runs).write(path)

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.fitting.constants_table import (
+from qlvbayes.fitting.pad_check import Curves, TestCurves
+from qlvbayes.fitting.summary import (
+    FitSummary,
     constants_table,
     matching_references,
     read_references,
     write_constants,
 )
-from qlvbayes.fitting.pad_check import Curves, TestCurves
-from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.report.page import MOST_ON_A_PAGE
 

@@ -14,8 +14,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
-from qlvbayes.fitting.chainstore import remove_chain
-from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.ensemble import Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
 from qlvbayes.fitting.pad_check import check_pad, curves
 from qlvbayes.fitting.relaxation import relaxation_report

@@ -12,7 +12,7 @@ import numpy as np
 
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.fitting.diagnostics import diagnose_chain
+from qlvbayes.fitting.ensemble import diagnose_chain
 from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load
