@@ -35,7 +35,10 @@ def fault_of(error: BaseException) -> Fault:
     if isinstance(error, InputError):
         return Fault(str(error))
     if isinstance(error, OSError):
-        return Fault(visible(_plain(error)))
+        prefix = f"{error.filename}: " if error.filename else ""
+        full = error.errno == errno.ENOSPC
+        remedy = "free some space" if full else "check the path and its rights"
+        return Fault(visible(f"{prefix}{error.strerror or error}; {remedy}"))
     if isinstance(error, MemoryError):
         return Fault("not enough memory; read fewer pads with --pads, or use fewer --jobs")
     text = visible(" ".join(str(error).split())[:300])
@@ -71,9 +74,3 @@ class FailedError(InputError):
         lines = [f"{listed(names)}: {text}" for text, names in reasons.items()]
         rest = self.total - len(self.faults)
         return [*lines, f"{len(self.faults)} of {self.total} failed; {rest} are done"]
-
-
-def _plain(error: OSError) -> str:
-    prefix = f"{error.filename}: " if error.filename else ""
-    remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
-    return f"{prefix}{error.strerror or error}; {remedy}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from msgspec import convert
@@ -21,17 +23,17 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import Fault, fault_of
-from qlvbayes.pipeline.comparing import compare_few, fitted_pads
-from qlvbayes.pipeline.drawing import (
+from qlvbayes.pipeline.comparing import (
     ReferenceFile,
+    compare_few,
     draw_constants,
     draw_forces_at_rates,
     find_references,
+    fitted_pads,
 )
-from qlvbayes.pipeline.finished import faults_in
 from qlvbayes.pipeline.many import Tally, Work, run_pads
 from qlvbayes.pipeline.source import pad_of
-from qlvbayes.pipeline.steps import PLAIN, CheckStep, FitStep
+from qlvbayes.pipeline.steps import PLAIN, CheckStep, FitStep, faults_in
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.catalogue import figures_of
 from qlvbayes.report.collect import facts_of, runs_in
@@ -121,17 +123,14 @@ def _missing_finals(
 ) -> tuple[Fault, ...]:
     """Do the final fits that the diagnosed pads of a study lack; return the faults."""
     pads = [file.parents[1].name for file in sorted(out.glob(f"*/{PLAIN}/check.json"))]
-    pads = [pad for pad in pads if (out / pad / "diagnosis.json").exists()]
-    missing = [pad for pad in pads if not _is_final(out / pad)]
+    diagnosed = (pad for pad in pads if (out / pad / "diagnosis.json").exists())
+    missing = [pad for pad in diagnosed if not _is_final(out / pad)]
     return run_finals(
-        out,
-        saved_studies(out, missing, within=PLAIN),
+        out, saved_studies(out, missing, within=PLAIN),
         lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
-        convert(run.settings["sampler"], Settings),
-        size=len(missing),
-        engine=engine,
+        convert(run.settings["sampler"], Settings), size=len(missing), engine=engine,
         watcher=watcher,
-    ).faults
+    ).faults  # fmt: skip
 
 
 def _is_final(folder: Path) -> bool:
@@ -143,9 +142,8 @@ def _is_final(folder: Path) -> bool:
         return False
     last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", PLAIN))
     expected = with_verdict(_choices(baseline), verdict(folder.parent, folder.name))
-    if not last or _choices(last) != expected:
-        return False
-    return bool(last["all_tests"]) or not _leaves_tests_out(folder / PLAIN)
+    fitted = bool(last) and _choices(last) == expected
+    return fitted and (bool(last["all_tests"]) or not _leaves_tests_out(folder / PLAIN))
 
 
 def _choices(facts: dict) -> Choices:
@@ -159,43 +157,31 @@ def saved_studies(
 
     ``data`` is the file or the folder of them, if they have moved since the fits.
     """
-    reader = _Reader(data)
+    read = lru_cache(1)(read_measurements)  # the next pad is often in the same file
     for pad in pads:
         try:
-            yield reader.study(load(out / pad / within / "posterior.nc"))
+            saved = load(out / pad / within / "posterior.nc")
+            source = _source_of(saved, data)
+            study = read(source)
+            if saved.sha256 and study.sha256 != saved.sha256:
+                what, remedy = "the file has changed since the fit", "run qlvbayes fit again"
+                raise InputError(what, file=source, remedy=remedy)
+            yield pad_of(study, saved.pad)
         except Exception as error:  # one missing file must not stop the others
             yield replace(fault_of(error), of=f"pad {pad}")
 
 
-class _Reader:
-    """Reader of measurements, which keeps the last file, as the next pad is often in it."""
-
-    def __init__(self, data: Path | None) -> None:
-        self._data = data
-        self._source: Path | None = None
-        self._study: Measurements | None = None
-
-    def study(self, saved: Saved) -> Measurements:
-        """Return the study of one pad; raise InputError where its file is gone or changed."""
-        source = Path(saved.source)
-        if self._data is not None:
-            source = self._data / source.name if self._data.is_dir() else self._data
-        if self._study is None or source != self._source:
-            self._study, self._source = self._read(source, saved), source
-        if saved.sha256 and self._study.sha256 != saved.sha256:
-            raise InputError(
-                "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"
-            )
-        return pad_of(self._study, saved.pad)
-
-    def _read(self, source: Path, saved: Saved) -> Measurements:
-        remedy = "say where they are with --data FILE"
-        if not saved.source and source == Path():
-            what = f"the posterior of pad {saved.pad} does not say where its measurements are"
-            raise InputError(what, remedy=remedy)
-        if not source.exists():
-            raise InputError("the measurements are no longer here", file=source, remedy=remedy)
-        return read_measurements(source)
+def _source_of(saved: Saved, data: Path | None) -> Path:
+    """Return the file of a fit's measurements, or raise InputError where it is gone."""
+    source, remedy = Path(saved.source), "say where they are with --data FILE"
+    if data is not None:
+        source = data / source.name if data.is_dir() else data
+    elif not saved.source:
+        what = f"the posterior of pad {saved.pad} does not say where its measurements are"
+        raise InputError(what, remedy=remedy)
+    if not source.exists():
+        raise InputError("the measurements are no longer here", file=source, remedy=remedy)
+    return source
 
 
 def verdict(out: Path, pad: str) -> DiagnosisResult:
@@ -224,12 +210,8 @@ def on_laws(choices: Choices, result: DiagnosisResult) -> Choices:
         replaced.update(find_relaxation(choices.relaxation, choices.laws).units)
 
     def remaining(settings: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(text for text in settings if _constant(text) not in replaced)
+        constants = ((text, re.split(r"[=[]", text)[0].strip()) for text in settings)
+        return tuple(text for text, constant in constants if constant not in replaced)
 
     priors, fixed = remaining(choices.priors), remaining(choices.fixed)
     return replace(choices, elastic=elastic, relaxation=relaxation, priors=priors, fixed=fixed)
-
-
-def _constant(setting: str) -> str:
-    """Return the constant's name in ``v[2]=0.14``, without its number."""
-    return setting.partition("=")[0].partition("[")[0].strip()

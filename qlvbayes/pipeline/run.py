@@ -15,8 +15,8 @@ from qlvbayes.io.data import Measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.faults import Fault
-from qlvbayes.parallel.shards import Shard
-from qlvbayes.pipeline.drawing import find_references
+from qlvbayes.parallel.running import Shard
+from qlvbayes.pipeline.comparing import find_references
 from qlvbayes.pipeline.finals import ChoicesOf, finish, run_finals, verdict
 from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.many import Tally, map_pads, raise_failed, run_steps
@@ -89,13 +89,24 @@ def run_study(
     out, watcher, engine = Path(out), watcher or Watcher(), engine_of(client)
     part = Shard.from_text(shard) if shard else None
     source = file if isinstance(file, Source) else Source.from_files(file, only=pads, shard=part)
-    choices_of = _choices_function(choices)
+
+    def choices_of(study: Measurements) -> Choices:
+        given = choices(study) if callable(choices) else choices
+        return given or Choices(bonded=study.units.bonded_default)
+
     settings, thresholds = settings or Settings(), thresholds or DiagnosisSettings()
-    given = None if references is None else Path(references)
-    reference_file = find_references(source.location, given)
+    reference_file = find_references(source.location, Path(references) if references else None)
     whole = source.shard.count == 1
+    base = choices_of(source.whole)
     if source.is_complete and whole:
-        _look(source, out, choices_of(source.whole), engine, watcher)
+        tests = [study.pads[0] for study in source if isinstance(study, Measurements)]
+        with watcher.doing("looking"):
+            look, figures = look_into(
+                out, source.whole, tests, bonded=base.bonded, effects=base.effects,
+                keep_all_readings=base.keep_all_readings, use=base.use, leave_out=base.leave_out,
+                apply=partial(map_pads, engine),
+            )  # fmt: skip
+        watcher.looked(look, figures)
     source = source.kept(out)
 
     def plain_steps(study: Measurements) -> tuple[Step, ...]:
@@ -110,7 +121,6 @@ def run_study(
     if not baseline.pads:
         raise_failed([baseline])
         return []
-    base = choices_of(source.whole)
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
     used = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, source.whole, base, settings.seed, used)
@@ -125,31 +135,10 @@ def run_study(
     return verdicts
 
 
-def _look(source: Source, out: Path, choices: Choices, engine: Any, watcher: Watcher) -> None:
-    """Look at the tests, before anything is fitted."""
-    pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
-    with watcher.doing("looking"):
-        look, figures = look_into(
-            out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
-            keep_all_readings=choices.keep_all_readings, use=choices.use,
-            leave_out=choices.leave_out, apply=partial(map_pads, engine),
-        )  # fmt: skip
-    watcher.looked(look, figures)
-
-
-def _choices_function(choices: Choices | ChoicesOf | None) -> ChoicesOf:
-    if isinstance(choices, Choices):
-        fixed = choices
-        return lambda study: fixed
-    return choices or (lambda study: Choices(bonded=study.units.bonded_default))
-
-
 def _done_pads(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
     """Yield the pads that are done, once more; faults were reported before."""
     pads, failed = set(done.pads), {fault.of for fault in done.faults}
     for one in source:
-        if isinstance(one, Fault):
-            if one.of not in failed:
-                yield one
-        elif one.pads[0].name in pads:
+        new = one.of not in failed if isinstance(one, Fault) else one.pads[0].name in pads
+        if new:
             yield one

@@ -23,9 +23,8 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.finals import on_laws
-from qlvbayes.pipeline.finished import is_finished
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, key_of
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, is_finished, key_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 

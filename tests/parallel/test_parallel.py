@@ -15,8 +15,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.parallel import running
 from qlvbayes.parallel.engines import engine_of, opened_engine
 from qlvbayes.parallel.faults import FailedError, Fault, fault_of
-from qlvbayes.parallel.running import Outcome, run_all
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import Outcome, Shard, run_all
 
 
 @pytest.fixture(scope="module")

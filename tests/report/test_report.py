@@ -34,8 +34,8 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline import Watcher
 from qlvbayes.pipeline.comparing import compare_pairs
+from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import collect
 from qlvbayes.report.methods import methods_of
