@@ -13,6 +13,7 @@ from qlvbayes.fitting.ensemble import (
     STEPS_PER_TIME,
     Chain,
     ChainStore,
+    Diagnostics,
     Progress,
     Settings,
     diagnose_chain,
@@ -113,7 +114,8 @@ class Fit:
 
     def summary(self) -> FitSummary:
         """Return means, intervals and diagnostics of every constant, before thinning."""
-        judged, troubles = None, [] if self.enough else ["no two starts came to the same optimum"]
+        judged: Diagnostics | None = None
+        troubles = [] if self.enough else ["no two starts came to the same optimum"]
         if self.method in SAMPLERS:
             judged = diagnose_chain(self.chain)
             troubles = judged.troubles

@@ -81,7 +81,8 @@ class Source:
         find them in the tests' names.
         """
         part = shard or Shard()
-        named = only if callable(only) else (lambda known: list(only))
+        names = () if callable(only) else tuple(only)
+        named: NamesAmong = only if callable(only) else lambda known: list(names)
         if isinstance(measurements, str | Path):
             measurements = [measurements]
         if isinstance(measurements, Measurements):
