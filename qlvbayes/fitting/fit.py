@@ -214,13 +214,9 @@ def _sampled(
         every[:, posterior.of_noise] = noise
         every = every.reshape(constants.shape)
     facts = {
-        "autocorrelation_steps": chain.autocorrelation,
-        "acceptance": chain.acceptance,
-        "steps": chain.steps,
-        "kept_steps": steps,
-        "walkers": walkers,
-        "thinned_by": thin,
-    }
+        "autocorrelation_steps": chain.autocorrelation, "acceptance": chain.acceptance,
+        "steps": chain.steps, "kept_steps": steps, "walkers": walkers, "thinned_by": thin,
+    }  # fmt: skip
     draws = theta[:, ::thin], every[:, ::thin], every, constants
     return Fit(*setup, posterior, *draws, chain.enough, facts)
 

@@ -106,14 +106,11 @@ def check(
     """Compare predictions with measured forces, given the sd of the noise floor (N)."""
     every = [(one, kind) for one in predictions for kind in KINDS if np.any(one.phase == kind)]
     return CheckResult(
-        pad=pad,
-        effects=tuple(effects),
-        units=units,
-        noise=noise,
+        pad=pad, effects=tuple(effects), units=units, noise=noise,
         cells=tuple(_cell(*each, FALSE_ALARMS / len(every)) for each in every),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
-    )
+    )  # fmt: skip
 
 
 def check_experiment(

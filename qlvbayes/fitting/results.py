@@ -110,24 +110,16 @@ def to_arviz(
     for node in tree.subtree:
         node.attrs.pop("created_at", None)  # the same fit gives the same file
     tree.attrs.update({
-        "schema": _SCHEMA,
-        "pad": fit.pad,
-        "method": fit.method,
-        "converged": int(summary.converged),
-        "choices": json.dumps(fit.choices.as_dict()),
+        "schema": _SCHEMA, "pad": fit.pad, "method": fit.method,
+        "converged": int(summary.converged), "choices": json.dumps(fit.choices.as_dict()),
         "priors": json.dumps(described(all_fields(fit.posterior))),
         "effects": json.dumps(list(fit.choices.effects)),
         "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
-        "all_tests": int(all_tests),
-        "fluid": fit.experiment.fluid or "",
+        "all_tests": int(all_tests), "fluid": fit.experiment.fluid or "",
         "covered": json.dumps(covered(fit.experiment).as_dict()),
-        "source": source,
-        "sha256": sha256,
-        "seed": seed,
-        "displacement_unit": units.displacement,
-        "force_unit": units.force,
-        "qlvbayes_version": qlvbayes.__version__,
-        **fit.facts,
+        "source": source, "sha256": sha256, "seed": seed,
+        "displacement_unit": units.displacement, "force_unit": units.force,
+        "qlvbayes_version": qlvbayes.__version__, **fit.facts,
     })  # fmt: skip
     return tree
 

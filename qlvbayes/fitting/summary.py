@@ -87,16 +87,13 @@ def constant_of(
     values: np.ndarray, unit: str, index: int, diagnostics: Diagnostics | None
 ) -> Constant:
     """Return the summary of draws (chains, draws) of one constant."""
-    varies = np.ptp(values) > 0.0  # a fixed constant keeps its exact value; its sd is exactly 0
-    return Constant(
-        unit=unit,
-        mean=float(values.mean()) if varies else float(values.flat[0]),
-        sd=float(values.std()) if varies else 0.0,
-        median=float(np.median(values)),
-        hdi90=highest_density(values),
-        r_hat=finite_or_none(diagnostics.r_hat[index]) if diagnostics else None,
-        ess_bulk=finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None,
-    )
+    # a fixed constant keeps its exact value, and has an sd of exactly 0
+    fixed = np.ptp(values) == 0.0
+    mean, sd = (values.flat[0], 0.0) if fixed else (values.mean(), values.std())
+    judged = (diagnostics.r_hat[index], diagnostics.ess_bulk[index]) if diagnostics else ()
+    r_hat, ess = map(finite_or_none, judged or (np.nan, np.nan))
+    median, interval = float(np.median(values)), highest_density(values)
+    return Constant(unit, float(mean), float(sd), median, interval, r_hat, ess)
 
 
 @dataclass(frozen=True)
