@@ -28,7 +28,7 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.parallel.running import Shard
 from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.report.firstlook import FirstLook
 
 _TABLES = 12  # pads; where there are more, each has one line instead of tables

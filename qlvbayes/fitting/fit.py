@@ -1,14 +1,20 @@
-"""Estimate the constants of a pad from its tests, by emcee or by the paper's least squares."""
+"""Estimate the constants of a pad from its tests, by emcee or by the paper's least squares.
+
+A fit is written as ArviZ takes it.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import qlvbayes
 from qlvbayes.fitting.ensemble import (
     STEPS_PER_TIME,
     Chain,
@@ -31,6 +37,7 @@ from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
+from qlvbayes.fitting.results import SCHEMA
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import check_known
@@ -39,10 +46,14 @@ from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor, White
-from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.model.parameters import all_fields, described, unit_kinds
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Record
+
+if TYPE_CHECKING:
+    import xarray
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
@@ -50,6 +61,7 @@ Sampler = Callable[
 _Setup = tuple[str, str, Choices, Settings, Experiment, tuple[Trial, ...]]
 """Pad, method, choices, settings, experiment and fitted trials: the first fields of a `Fit`."""
 SAMPLERS: dict[str, Sampler] = catalogue.loaded(catalogue.SAMPLERS)
+_MEMBER = re.compile(r"(.+)\[(\d+)\]")
 _KEPT = 2000  # largest number of draws kept in the results
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
 
@@ -132,15 +144,14 @@ class Fit:
         )  # fmt: skip
 
     @property
-    def inference_data(self) -> Any:
+    def inference_data(self) -> xarray.DataTree:
         """Return posterior, predictions, log likelihoods and data as ArviZ takes them.
 
         It is the ``xarray.DataTree`` that ``posterior.nc`` holds, for any function of ArviZ.
         """
-        return catalogue.at("fitting.results.to_arviz")(
-            self, self.summary(), source="", sha256="",
-            all_tests=len(self.trials) == len(self.experiment.trials), seed=self.settings.seed,
-        )  # fmt: skip
+        every = len(self.trials) == len(self.experiment.trials)
+        seed = self.settings.seed
+        return to_arviz(self, self.summary(), source="", sha256="", all_tests=every, seed=seed)
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
         """Predict tests sample by sample, with noise; return one `Prediction` for each.
@@ -269,3 +280,79 @@ def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator
     """Return constants (..., P) at thetas (..., D)."""
     flat = theta.reshape(-1, theta.shape[-1])
     return posterior.drawn_constants(flat, rng).reshape(*theta.shape[:-1], -1)
+
+
+def to_arviz(
+    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
+) -> xarray.DataTree:
+    """Return a fit as a tree of posterior, predictive, log likelihood and data."""
+    import arviz_base  # here, as a fit alone needs none of it
+
+    posterior, dims, coords = _grouped(fit.names, fit.constants)
+    units, blocks = fit.experiment.units, fit.posterior.record.blocks
+    force, real, shape = units.force_name, np.asarray(blocks.real), fit.theta.shape[:2]
+    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
+    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
+    moved = not np.array_equal(fit.followed, fit.constants)
+    curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
+    fields = {"first_s": "first", "last_s": "last", "samples": "count", "weight": "weight"}
+    facts = {"test": np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)[real]}
+    facts |= {name: np.asarray(getattr(blocks, field))[real] for name, field in fields.items()}
+    coords["block"] = np.arange(int(real.sum()))
+    dims |= {name: ["block"] for name in (force, *facts)}
+    tree = arviz_base.from_dict(
+        {
+            "posterior": posterior,
+            **curve,
+            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
+            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
+            "observed_data": {force: np.asarray(blocks.force)[real]},
+            "constant_data": facts,
+        },
+        coords=coords,
+        dims=dims,
+    )
+    for name, unit in zip(fit.names, fit.units, strict=True):
+        tree["posterior"][_split(name)[0]].attrs["units"] = unit
+    for group in ("posterior_predictive", "observed_data"):
+        tree[group][force].attrs["units"] = units.force
+    for name in ("first_s", "last_s"):
+        tree["constant_data"][name].attrs["units"] = "s"
+    for node in tree.subtree:
+        node.attrs.pop("created_at", None)  # the same fit gives the same file
+    tree.attrs.update({
+        "schema": SCHEMA, "pad": fit.pad, "method": fit.method,
+        "converged": int(summary.converged), "choices": json.dumps(fit.choices.as_dict()),
+        "priors": json.dumps(described(all_fields(fit.posterior))),
+        "effects": json.dumps(list(fit.choices.effects)),
+        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
+        "all_tests": int(all_tests), "fluid": fit.experiment.fluid or "",
+        "covered": json.dumps(covered(fit.experiment).as_dict()),
+        "source": source, "sha256": sha256, "seed": seed,
+        "displacement_unit": units.displacement, "force_unit": units.force,
+        "qlvbayes_version": qlvbayes.__version__, **fit.facts,
+    })  # fmt: skip
+    return tree
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    """Return the vector's name and the index of one of its members: ``v`` and 1 of ``v[1]``."""
+    match = _MEMBER.fullmatch(name)
+    return (match[1], int(match[2])) if match else (name, None)
+
+
+def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
+    """Return variables (c and v as vectors), their dimensions and their coordinates."""
+    members: dict[str, dict[int | None, int]] = {}
+    for column, name in enumerate(names):
+        key, index = _split(name)
+        members.setdefault(key, {})[index] = column
+    variables, dims, coords = {}, {}, {}
+    for key, columns in members.items():
+        if None in columns:
+            variables[key] = constants[..., columns[None]]
+            continue
+        variables[key] = constants[..., list(columns.values())]
+        dims[key] = [f"{key}_index"]
+        coords[f"{key}_index"] = np.array(list(columns))
+    return variables, dims, coords

@@ -1,23 +1,33 @@
-"""Check where a model fails, test by test and phase by phase, against the noise floor."""
+"""Check where a model fails, test by test and phase by phase, against the noise floor.
+
+A saved fit is compared with a pad's tests, and its curves are kept to plot.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
 from scipy.stats import chi2
 
-from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.fitting.prediction import Prediction, predict
+from qlvbayes.fitting.results import Saved
 from qlvbayes.io.arrays import finite_or_none
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import factors
+from qlvbayes.model.elsewhere import has_noise
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.pulling import pull_notices
 
+_DIGITS = 5  # significant digits of curves
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
 _FORCES = ("noise", "rmse", "bias", "limit", "force", "observed", "mean", "low", "high")
 KEYS = {name: f"{name}_N" for name in _FORCES}
@@ -189,3 +199,126 @@ def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
     second = np.trace(twice) / (draws * (draws - 1))
     third = np.sum(twice * products) / (draws * (draws - 1) * (draws - 2))
     return mean, 2.0 * float(second), 8.0 * float(third)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPad:
+    """The tests of one pad, their predictions, and the comparison by test and phase."""
+
+    experiment: Experiment
+    predictions: tuple[Prediction, ...]
+    check: CheckResult
+
+
+def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
+    """Predict all tests of a pad from a saved posterior, and check them."""
+    if not has_noise(saved.names):
+        raise InputError(
+            f"the posterior of pad {saved.pad} has no noise",
+            remedy="give draws of noise.white, or also of noise.ou and noise.tau",
+        )
+    experiment = saved.choices.prepare(pad, all_tests=saved.all_tests)
+    constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
+    scales = factors(saved.choices, constants, saved.units, pad.units)
+    constants = {name: scales[name] * draws for name, draws in constants.items()}
+    predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
+    check = check_experiment(experiment, saved.choices, predictions)
+    return CheckedPad(experiment, tuple(predictions), check)
+
+
+class PhaseSpan(Part, frozen=True, rename=KEYS):
+    """A phase of a test: its kind, and its beginning and end (s)."""
+
+    kind: str
+    start: float
+    stop: float
+
+
+class LeftOut(Part, frozen=True, rename=KEYS):
+    """A reading that was left out: time (s), displacement, force, channel and why."""
+
+    time: float
+    displacement: float
+    force: float
+    channel: str
+    # the fault, or ``excluded`` where the user leaves the force out; of a long run of these there
+    # are fifty, evenly spaced
+    kind: str
+
+
+class TestCurves(Part, frozen=True, rename=KEYS):
+    """The curves of one test, at n samples, in the units of `Curves`.
+
+    time (s), phase (its kind), displacement and observed force; mean: posterior mean of the force;
+    low, high: ends of the 90 % predictive interval; left_out: readings that are not among the
+    samples.
+    """
+
+    test: str
+    role: str
+    rate: float | None
+    phases: tuple[PhaseSpan, ...]
+    time: tuple[float, ...]
+    phase: tuple[str, ...]
+    displacement: tuple[float, ...]
+    observed: tuple[float, ...]
+    mean: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+
+class Curves(Result, frozen=True, kw_only=True, rename=KEYS):
+    """The curves of one pad at representative samples, at most 300 a phase: ``curves.json``."""
+
+    indent: ClassVar[int | None] = None
+
+    pad: str
+    effects: tuple[str, ...]
+    units: UnitSystem = PAD
+    force_unit: str
+    force_name: str
+    displacement_unit: str
+    displacement_name: str
+    speed_unit: str
+    noise: float
+    tests: tuple[TestCurves, ...]
+
+
+def curves(checked: CheckedPad) -> Curves:
+    """Return the curves of a checked pad."""
+    units, check = checked.experiment.units, checked.check
+    return Curves(
+        pad=check.pad, effects=check.effects, units=units, force_unit=units.force,
+        force_name=units.force_name, displacement_unit=units.displacement,
+        displacement_name=units.displacement_name, speed_unit=units.speed, noise=check.noise,
+        tests=tuple(map(_curves_of, checked.predictions)),
+    )  # fmt: skip
+
+
+def _curves_of(prediction: Prediction) -> TestCurves:
+    trial, unused = prediction.trial, prediction.trial.left_out
+    displacement = np.interp(prediction.time, trial.test.time, trial.test.displacement)
+    lines = (displacement, prediction.observed, prediction.mean, prediction.low, prediction.high)
+    left_out: tuple[LeftOut, ...] = ()
+    if unused is not None:
+        channels = np.column_stack([unused.time, unused.displacement, unused.force])
+        left_out = tuple(
+            LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
+            for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
+        )
+    return TestCurves(
+        trial.name, trial.role, finite_or_none(trial.rate),
+        tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
+        tuple(map(_exact, prediction.time)), tuple(map(str, prediction.phase)),
+        *(tuple(map(_short, line)) for line in lines), left_out=left_out,
+    )  # fmt: skip
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _exact(time: float) -> float:
+    """Return a time rounded to microseconds, which also resolves times late in a test."""
+    return round(float(time), 6)

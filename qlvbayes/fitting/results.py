@@ -1,23 +1,24 @@
-"""Write a fit as an ArviZ file and read it: the only module that uses ArviZ's data structures."""
+"""Read posteriors from ArviZ files, write them, and record how results were made."""
 
 from __future__ import annotations
 
 import json
-import re
+import platform
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import arviz_base
 import h5py
 import numpy as np
 import xarray
+from msgspec import field, to_builtins
 
-import qlvbayes
-from qlvbayes.fitting.fit import Fit
-from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.files import folder_fault, write_whole
+from qlvbayes.io.data import Measurements
+from qlvbayes.io.files import Part, Result, folder_fault, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import (
@@ -29,12 +30,14 @@ from qlvbayes.model.elsewhere import (
     stated_units,
 )
 from qlvbayes.model.noise import NOISES, neutral_names
-from qlvbayes.model.parameters import all_fields, described
-from qlvbayes.motion.covered import Covered, covered
+from qlvbayes.motion.covered import Covered
 
-_SCHEMA = 1  # version of the attributes of a file
+SCHEMA = 1  # version of the attributes of a file
+_LIBRARIES = (
+    "qlvbayes", "jax", "jaxlib", "equinox", "emcee", "numpy", "scipy", "arviz", "xarray", "pandas",
+    "matplotlib",
+)  # fmt: skip
 _LARGEST = 2**31  # bytes of all arrays together: a fit of long records takes some 100 MB
-_MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -73,80 +76,6 @@ class Saved:
         return self.draws if self.curves is None else self.curves.reshape(self.draws.shape)
 
 
-def to_arviz(
-    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
-) -> xarray.DataTree:
-    """Return a fit as a tree of posterior, predictive, log likelihood and data."""
-    posterior, dims, coords = _grouped(fit.names, fit.constants)
-    units, blocks = fit.experiment.units, fit.posterior.record.blocks
-    force, real, shape = units.force_name, np.asarray(blocks.real), fit.theta.shape[:2]
-    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
-    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
-    moved = not np.array_equal(fit.followed, fit.constants)
-    curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
-    fields = {"first_s": "first", "last_s": "last", "samples": "count", "weight": "weight"}
-    facts = {"test": np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)[real]}
-    facts |= {name: np.asarray(getattr(blocks, field))[real] for name, field in fields.items()}
-    coords["block"] = np.arange(int(real.sum()))
-    dims |= {name: ["block"] for name in (force, *facts)}
-    tree = arviz_base.from_dict(
-        {
-            "posterior": posterior,
-            **curve,
-            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
-            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
-            "observed_data": {force: np.asarray(blocks.force)[real]},
-            "constant_data": facts,
-        },
-        coords=coords,
-        dims=dims,
-    )
-    for name, unit in zip(fit.names, fit.units, strict=True):
-        tree["posterior"][_split(name)[0]].attrs["units"] = unit
-    for group in ("posterior_predictive", "observed_data"):
-        tree[group][force].attrs["units"] = units.force
-    for name in ("first_s", "last_s"):
-        tree["constant_data"][name].attrs["units"] = "s"
-    for node in tree.subtree:
-        node.attrs.pop("created_at", None)  # the same fit gives the same file
-    tree.attrs.update({
-        "schema": _SCHEMA, "pad": fit.pad, "method": fit.method,
-        "converged": int(summary.converged), "choices": json.dumps(fit.choices.as_dict()),
-        "priors": json.dumps(described(all_fields(fit.posterior))),
-        "effects": json.dumps(list(fit.choices.effects)),
-        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
-        "all_tests": int(all_tests), "fluid": fit.experiment.fluid or "",
-        "covered": json.dumps(covered(fit.experiment).as_dict()),
-        "source": source, "sha256": sha256, "seed": seed,
-        "displacement_unit": units.displacement, "force_unit": units.force,
-        "qlvbayes_version": qlvbayes.__version__, **fit.facts,
-    })  # fmt: skip
-    return tree
-
-
-def _split(name: str) -> tuple[str, int | None]:
-    """Return the vector's name and the index of one of its members: ``v`` and 1 of ``v[1]``."""
-    match = _MEMBER.fullmatch(name)
-    return (match[1], int(match[2])) if match else (name, None)
-
-
-def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
-    """Return variables (c and v as vectors), their dimensions and their coordinates."""
-    members: dict[str, dict[int | None, int]] = {}
-    for column, name in enumerate(names):
-        key, index = _split(name)
-        members.setdefault(key, {})[index] = column
-    variables, dims, coords = {}, {}, {}
-    for key, columns in members.items():
-        if None in columns:
-            variables[key] = constants[..., columns[None]]
-            continue
-        variables[key] = constants[..., list(columns.values())]
-        dims[key] = [f"{key}_index"]
-        coords[f"{key}_index"] = np.array(list(columns))
-    return variables, dims, coords
-
-
 def save(tree: xarray.DataTree, path: Path) -> None:
     """Write the file completely or not at all, with checksums of its numbers."""
     checksums = {
@@ -169,10 +98,10 @@ def load(path: Path) -> Saved:
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
         here = "choices" in tree.attrs
-        if here and int(tree.attrs.get("schema", _SCHEMA)) > _SCHEMA:
+        if here and int(tree.attrs.get("schema", SCHEMA)) > SCHEMA:
             raise InputError(
                 f"written by a newer version of qlvbayes (schema {tree.attrs['schema']}, known is "
-                f"{_SCHEMA})",
+                f"{SCHEMA})",
                 file=path,
                 remedy="update qlvbayes, or run qlvbayes fit again",
             )
@@ -293,3 +222,47 @@ def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
             names += flat_names(str(key), labels, values.shape[-1])
             columns += list(np.moveaxis(values, -1, 0))
     return names, columns
+
+
+class Run(Part, frozen=True):
+    """A command: its data with their digest, its seed, the model's choices, and versions."""
+
+    command: str
+    source: str
+    sha256: str
+    seed: int
+    # as `Choices.as_dict` gives them, because a file of laws or effects may have vanished since
+    choices: dict[str, Any]
+    versions: dict[str, str]
+    # further options of the step, ``sampler`` and ``thresholds`` among them
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class RunLog(Result, frozen=True, kw_only=True):
+    """The commands by which a folder of results was made, by step: ``run.json``."""
+
+    runs: dict[str, Run]
+
+
+def record_run(
+    out: Path,
+    step: str,
+    command: str,
+    study: Measurements,
+    choices: Choices,
+    seed: int,
+    settings: Mapping[str, object] | None = None,
+) -> None:
+    """Record in ``out/run.json`` which command made a step; ``study`` replaces all others."""
+    path = out / "run.json"
+    runs: dict[str, Run] = {}
+    if step != "study":
+        with suppress(OSError, InputError):  # there is none yet, or it is another program's
+            runs = RunLog.read(path).runs
+    options, chosen = to_builtins(dict(settings or {})), choices.as_dict()
+    versions = {"python": platform.python_version()}
+    for name in _LIBRARIES:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, versions, options)
+    RunLog(runs=runs).write(path)

@@ -88,10 +88,10 @@ def constant_of(
 ) -> Constant:
     """Return the summary of draws (chains, draws) of one constant."""
     # a fixed constant keeps its exact value, and has an sd of exactly 0
-    fixed = np.ptp(values) == 0.0
-    mean, sd = (values.flat[0], 0.0) if fixed else (values.mean(), values.std())
-    judged = (diagnostics.r_hat[index], diagnostics.ess_bulk[index]) if diagnostics else ()
-    r_hat, ess = map(finite_or_none, judged or (np.nan, np.nan))
+    varies = np.ptp(values) > 0.0
+    mean, sd = (values.mean(), values.std()) if varies else (values.flat[0], 0.0)
+    r_hat = finite_or_none(diagnostics.r_hat[index]) if diagnostics else None
+    ess = finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None
     median, interval = float(np.median(values)), highest_density(values)
     return Constant(unit, float(mean), float(sd), median, interval, r_hat, ess)
 

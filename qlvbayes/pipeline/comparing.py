@@ -19,7 +19,7 @@ import numpy as np
 from qlvbayes.comparison.compare import REGION, compare
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.comparison.writing import write_comparison
-from qlvbayes.fitting.pad_check import Curves
+from qlvbayes.fitting.residuals import Curves
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.summary import (
     FitSummary,
@@ -34,8 +34,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.covered import covered
 from qlvbayes.parallel.running import package_digest
 from qlvbayes.pipeline.source import REFERENCES
-from qlvbayes.pipeline.steps import FITTED, digest_of, is_finished, record_finished
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import FITTED, Watcher, digest_of, is_finished, record_finished
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"

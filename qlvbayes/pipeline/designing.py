@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.nexttest.summary import summarize
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import one_blas_thread
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 
 
 def design_into(

@@ -16,11 +16,11 @@ from uuid import uuid4
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
-from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.parallel.running import Outcome, run_all
+from qlvbayes.parallel.running import FailedError, Fault, Outcome, run_all
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import (
     Step,
+    Watcher,
     digest_of,
     forget_fault,
     is_finished,
@@ -29,7 +29,6 @@ from qlvbayes.pipeline.steps import (
     record_fault,
     record_finished,
 )
-from qlvbayes.pipeline.watcher import Watcher
 
 Answer = TypeVar("Answer")
 

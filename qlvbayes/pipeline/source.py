@@ -26,8 +26,7 @@ from qlvbayes.io.table import head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
 from qlvbayes.io.wording import UNNAMED, as_typed, listed
-from qlvbayes.parallel.faults import Fault, fault_of
-from qlvbayes.parallel.running import Shard
+from qlvbayes.parallel.running import Fault, Shard, fault_of
 
 REFERENCES = "paper_table1.csv"
 """File of reference constants, next to the measurements, that is drawn with the pads' own."""

@@ -22,8 +22,7 @@ from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.parallel.engines import engine_of
-from qlvbayes.parallel.faults import FailedError
-from qlvbayes.parallel.running import run_all
+from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.report.firstlook import PadSeen, look_at
 
 Answer = TypeVar("Answer")

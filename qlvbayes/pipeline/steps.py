@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -18,16 +19,16 @@ from typing import Any, ClassVar, Protocol
 from msgspec.structs import replace
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.progress import SearchProgress
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
-from qlvbayes.fitting.ensemble import Settings, remove_chain
-from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
-from qlvbayes.fitting.pad_check import check_pad, curves
+from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
+from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
 from qlvbayes.fitting.relaxation import relaxation_report
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.results import load, save, to_arviz
+from qlvbayes.fitting.residuals import CheckResult, check_pad, curves
+from qlvbayes.fitting.results import load, save
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import DESCRIBED, results_folder, write_json, write_whole
@@ -36,10 +37,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
-from qlvbayes.parallel.faults import Fault
-from qlvbayes.parallel.running import package_digest
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.parallel.running import Fault, package_digest
 from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
@@ -49,6 +49,47 @@ FINISHED = ".finished"
 FITTED = ("io", "priors", "laws", "effects", "motion", "model", "inference", "fitting")
 """Folders of the package that the numbers of a fit depend on."""
 _FAILED = "failed"
+
+
+class Watcher:
+    """Receiver of a report on each step of a study; this class ignores all of them."""
+
+    def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
+        """Begin something that takes a while; yield a function that receives details."""
+        return nullcontext(lambda *words: None)
+
+    def sampling(self, label: str) -> AbstractContextManager[Progress]:
+        """Begin sampling; yield a function that receives the steps done and the steps to do."""
+        return nullcontext(lambda *words: None)
+
+    def notice(self, text: str) -> None:
+        """Receive something that the user should know."""
+
+    def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
+        """Receive the first look at the tests, before anything is fitted."""
+
+    def overall(
+        self, size: int, *, alone: bool
+    ) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Begin the work on ``size`` pads; yield a function of the pads done and the pads to do."""
+        return nullcontext(lambda *words: None)
+
+    def starting(self, lines: Sequence[str]) -> None:
+        """Receive, before a pad is fitted, its tests, the noise floor and the priors in words."""
+
+    def fitted(self, summary: FitSummary) -> None:
+        """Receive the summary of a fit."""
+
+    def checked(self, check: CheckResult) -> None:
+        """Receive the check of a fit."""
+
+    def searched(self, pad: str, progress: SearchProgress) -> None:
+        """Receive the state of the search for the effect that a pad's model lacks."""
+
+    def diagnosed(
+        self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
+    ) -> None:
+        """Receive the verdict on a pad, its paragraphs in words and its figures."""
 
 
 class Step(Protocol):

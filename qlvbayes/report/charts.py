@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import inf
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.pad_check import Curves, TestCurves
+from qlvbayes.fitting.residuals import Curves, TestCurves
 from qlvbayes.report.collect import FitResults, PadResults
 
 _MOST = 3000  # samples of a test

@@ -16,7 +16,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.parallel.engines import EngineLostError, opened_engine
 from qlvbayes.parallel.running import run_all
 from qlvbayes.pipeline.many import Work, run_pads
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 
 pytest.importorskip("distributed")
 pytestmark = [

@@ -9,8 +9,7 @@ from support.stages import film_press
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.parallel.faults import Fault
-from qlvbayes.parallel.running import Shard
+from qlvbayes.parallel.running import Fault, Shard
 from qlvbayes.pipeline.source import KEPT, Source, pad_of
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others

@@ -27,7 +27,7 @@ from support.written_results import (
 )
 
 from qlvbayes import InputError, write_report
-from qlvbayes.fitting.runs import RunLog, record_run
+from qlvbayes.fitting.results import RunLog, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import number, percent_unbroken
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -35,7 +35,7 @@ from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.comparing import compare_pairs
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import collect
 from qlvbayes.report.methods import methods_of
