@@ -10,9 +10,10 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import arviz_base
 import numpy as np
+import xarray
 
 import qlvbayes
 from qlvbayes.fitting.ensemble import (
@@ -51,9 +52,6 @@ from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Record
-
-if TYPE_CHECKING:
-    import xarray
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
@@ -286,8 +284,6 @@ def to_arviz(
     fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
 ) -> xarray.DataTree:
     """Return a fit as a tree of posterior, predictive, log likelihood and data."""
-    import arviz_base  # here, as a fit alone needs none of it
-
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     units, blocks = fit.experiment.units, fit.posterior.record.blocks
     force, real, shape = units.force_name, np.asarray(blocks.real), fit.theta.shape[:2]
