@@ -296,10 +296,11 @@ def curves(checked: CheckedPad) -> Curves:
     )  # fmt: skip
 
 
-def _curves_of(prediction: Prediction) -> TestCurves:
-    trial, unused = prediction.trial, prediction.trial.left_out
-    displacement = np.interp(prediction.time, trial.test.time, trial.test.displacement)
-    lines = (displacement, prediction.observed, prediction.mean, prediction.low, prediction.high)
+def _curves_of(one: Prediction) -> TestCurves:
+    trial, unused = one.trial, one.trial.left_out
+    displacement = np.interp(one.time, trial.test.time, trial.test.displacement)
+    lines = (displacement, one.observed, one.mean, one.low, one.high)
+    moved, observed, mean, low, high = (tuple(map(_short, line)) for line in lines)
     left_out: tuple[LeftOut, ...] = ()
     if unused is not None:
         channels = np.column_stack([unused.time, unused.displacement, unused.force])
@@ -310,8 +311,8 @@ def _curves_of(prediction: Prediction) -> TestCurves:
     return TestCurves(
         trial.name, trial.role, finite_or_none(trial.rate),
         tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
-        tuple(map(_exact, prediction.time)), tuple(map(str, prediction.phase)),
-        *(tuple(map(_short, line)) for line in lines), left_out=left_out,
+        tuple(map(_exact, one.time)), tuple(map(str, one.phase)),
+        moved, observed, mean, low, high, left_out,
     )  # fmt: skip
 
 

@@ -195,7 +195,7 @@ def draw_forces_at_rates(out: Path) -> list[Path]:
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
 
-    predictions: dict[str, list[Any]] = {one.pad: [] for one in pads}
+    predictions: Any = {one.pad: [] for one in pads}
     for pad, test in ((one.pad, test) for one in pads for test in one.tests):
         rate = np.nan if test.rate is None else test.rate
         trial = SimpleNamespace(rate=rate, phases=test.phases)
