@@ -213,10 +213,8 @@ class CheckedPad:
 def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     """Predict all tests of a pad from a saved posterior, and check them."""
     if not has_noise(saved.names):
-        raise InputError(
-            f"the posterior of pad {saved.pad} has no noise",
-            remedy="give draws of noise.white, or also of noise.ou and noise.tau",
-        )
+        remedy = "give draws of noise.white, or also of noise.ou and noise.tau"
+        raise InputError(f"the posterior of pad {saved.pad} has no noise", remedy=remedy)
     experiment = saved.choices.prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     scales = factors(saved.choices, constants, saved.units, pad.units)

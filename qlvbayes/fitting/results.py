@@ -99,19 +99,14 @@ def load(path: Path) -> Saved:
         posterior = tree["posterior"].to_dataset()
         here = "choices" in tree.attrs
         if here and int(tree.attrs.get("schema", SCHEMA)) > SCHEMA:
-            raise InputError(
-                f"written by a newer version of qlvbayes (schema {tree.attrs['schema']}, known is "
-                f"{SCHEMA})",
-                file=path,
-                remedy="update qlvbayes, or run qlvbayes fit again",
-            )
+            newer = f"schema {tree.attrs['schema']}, known is {SCHEMA}"
+            remedy = "update qlvbayes, or run qlvbayes fit again"
+            what = f"written by a newer version of qlvbayes ({newer})"
+            raise InputError(what, file=path, remedy=remedy)
         saved = _ours(tree, posterior) if here else _from_elsewhere(posterior, tree.attrs, path)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-        raise InputError(
-            f"not a results file of qlvbayes ({type(error).__name__})",
-            file=path,
-            remedy="run qlvbayes fit again",
-        ) from error
+        what = f"not a results file of qlvbayes ({type(error).__name__})"
+        raise InputError(what, file=path, remedy="run qlvbayes fit again") from error
     for what, name in (("pad", saved.pad), ("fluid", saved.fluid)):
         if name is not None and (fault := folder_fault(name)) is not None:
             raise InputError(f"the {what}'s name '{name}' {fault[0]}", file=path, remedy=fault[1])
@@ -182,23 +177,16 @@ def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.nda
 def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
     """Return the contents of another program's posterior; attributes of the same names are read."""
     if not {"chain", "draw"} <= set(posterior.sizes):
-        raise InputError(
-            "not a results file: its posterior has no dimensions chain and draw",
-            file=path,
-            remedy="write it with arviz, or run qlvbayes fit",
-        )
-    units = stated_units(
-        attrs.get("displacement_unit"),
-        attrs.get("force_unit"),
-        {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
-    )
+        what = "not a results file: its posterior has no dimensions chain and draw"
+        remedy = "write it with arviz, or run qlvbayes fit"
+        raise InputError(what, file=path, remedy=remedy)
+    by_name = {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()}
+    units = stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), by_name)
     columns = dict(zip(*_flattened(posterior), strict=True))
     try:
-        choices = infer_choices(
-            columns,
-            bonded=bool(attrs.get("bonded", units.bonded_default)),
-            effects_file=attrs.get("effects_file"),
-        )
+        bonded = bool(attrs.get("bonded", units.bonded_default))
+        own = attrs.get("effects_file")
+        choices = infer_choices(columns, bonded=bonded, effects_file=own)
         draws = completed(choices, columns)
         check_draws(choices, draws)
     except InputError as error:

@@ -174,10 +174,8 @@ def engine_of(client: Any) -> Engine | None:
             remedy="make a new one and call again: what is finished is kept",
         )
         return Engine(client.submit, lambda: count, lost)
-    raise InputError(
-        f"a {type(client).__name__} takes no work",
-        remedy="give a distributed.Client or an executor of concurrent.futures",
-    )
+    remedy = "give a distributed.Client or an executor of concurrent.futures"
+    raise InputError(f"a {type(client).__name__} takes no work", remedy=remedy)
 
 
 @contextmanager
@@ -207,15 +205,12 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError as error:
-        raise InputError(
-            "a cluster needs the package distributed", remedy="pip install 'qlvbayes[cluster]'"
-        ) from error
+        remedy = "pip install 'qlvbayes[cluster]'"
+        raise InputError("a cluster needs the package distributed", remedy=remedy) from error
     for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # one line says it: ours
     try:
         return Client(address, timeout=_WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {address}",
-            remedy="start it with 'dask scheduler', and give its address as tcp://HOST:PORT",
-        ) from error
+        remedy = "start it with 'dask scheduler', and give its address as tcp://HOST:PORT"
+        raise InputError(f"no Dask scheduler answers at {address}", remedy=remedy) from error

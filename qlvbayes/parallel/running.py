@@ -63,11 +63,8 @@ def fault_of(error: BaseException) -> Fault:
     if isinstance(error, MemoryError):
         return Fault("not enough memory; read fewer pads with --pads, or use fewer --jobs")
     text = visible(" ".join(str(error).split())[:300])
-    return Fault(
-        f"internal error ({type(error).__name__}: {text}); "
-        "set QLVBAYES_DEBUG=1 for the traceback and report it",
-        mendable=False,
-    )
+    kind, remedy = type(error).__name__, "set QLVBAYES_DEBUG=1 for the traceback and report it"
+    return Fault(f"internal error ({kind}: {text}); {remedy}", mendable=False)
 
 
 class FailedError(InputError):
@@ -126,16 +123,14 @@ class Shard:
     def _from_slurm(cls) -> Shard:
         values = [os.environ.get(name, "") for name in _SLURM]
         if not all(text.isdecimal() for text in values):
-            raise InputError(
-                "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set",
-                remedy="run it by sbatch --array=1-200, or write the part as 3/200",
-            )
+            what = "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set"
+            remedy = "run it by sbatch --array=1-200, or write the part as 3/200"
+            raise InputError(what, remedy=remedy)
         task, first, count = map(int, values)
         if not 1 <= task - first + 1 <= count:
-            raise InputError(
-                f"the SLURM array has gaps: task {task} of {count} that begin with {first}",
-                remedy="number it without gaps, as --array=1-200, or write the part as 3/200",
-            )
+            what = f"the SLURM array has gaps: task {task} of {count} that begin with {first}"
+            remedy = "number it without gaps, as --array=1-200, or write the part as 3/200"
+            raise InputError(what, remedy=remedy)
         return cls(task - first + 1, count)
 
     def part(self, items: Sequence[Item]) -> Sequence[Item]:
