@@ -66,4 +66,5 @@ def design_into(
         axes = plot_next_tests(
             result, designs, knowledge.belief, rig, knowledge.floor.total, clock=knowledge.clock
         )
-        return result, save_figure(axes, folder / "design")
+        figure = save_figure(axes, folder / "design")
+    return result, figure
