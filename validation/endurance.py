@@ -36,7 +36,7 @@ import numpy as np
 from mutations import mutated
 from results import ROOT, Origin, Table
 
-from qlvbayes.pipeline.finished import digest_of
+from qlvbayes.pipeline.steps import digest_of
 
 KEPT = ROOT / "build" / "endurance"
 SLOW_S = 5.0

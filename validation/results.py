@@ -24,7 +24,7 @@ from blind.store import Store, code_digest, run_missing
 from qlvbayes.cli.console import counting
 from qlvbayes.io.files import write_json
 from qlvbayes.parallel.engines import opened_engine
-from qlvbayes.parallel.faults import FailedError
+from qlvbayes.parallel.running import FailedError
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path(__file__).parent / "results"

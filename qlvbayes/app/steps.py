@@ -17,13 +17,12 @@ from qlvbayes.app.protocol import OnProgress
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
-from qlvbayes.fitting.runs import record_run
+from qlvbayes.fitting.results import record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import as_typed
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.source import alone
-from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, Watcher
 from qlvbayes.report.page import write_report
 
 NICE = 5

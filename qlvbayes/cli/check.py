@@ -10,7 +10,7 @@ from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Data, Fitted, Pads, Seed, WorkOptions, known_names
 from qlvbayes.cli.predict import Program, Which, predict_command
 from qlvbayes.io.checks import InputError
-from qlvbayes.parallel.faults import Fault
+from qlvbayes.parallel.running import Fault
 
 
 @with_groups
@@ -39,9 +39,9 @@ def check(
         return
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
-    from qlvbayes.pipeline.drawing import draw_forces_at_rates
-    from qlvbayes.pipeline.finals import saved_studies
+    from qlvbayes.pipeline.comparing import draw_forces_at_rates
     from qlvbayes.pipeline.many import Work, raise_failed, run_pads
+    from qlvbayes.pipeline.run import saved_studies
     from qlvbayes.pipeline.steps import CheckStep
     from qlvbayes.plots.catalogue import pictures_of
 

@@ -70,13 +70,13 @@ def design_command(
     watcher = Terminal(quiet=as_json)
     results, figures = [], []
     for name in _pads(folder, pads):
-        plan, drawn = design_into(
+        result, figure = design_into(
             folder, name, split_names(wanted), minutes=minutes, tests=tests, data=data,
             seed=seed, watcher=watcher, **_limits(limits),
         )  # fmt: skip
-        figures += drawn
-        results.append(plan.result)
-        for notice in plan.result.notices:
+        figures.append(figure)
+        results.append(result)
+        for notice in result.notices:
             watcher.notice(f"pad {name}: {notice}")
     if as_json:
         print(json.dumps([one.as_dict() for one in results], allow_nan=False))

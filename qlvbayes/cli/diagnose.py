@@ -29,7 +29,7 @@ def diagnose_command(
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done
-    from qlvbayes.fitting.runs import record_run
+    from qlvbayes.fitting.results import record_run
     from qlvbayes.pipeline.many import raise_failed, run_steps
     from qlvbayes.pipeline.steps import DiagnoseStep
 

@@ -17,7 +17,7 @@ from qlvbayes import __version__
 from qlvbayes.cli.command import Command
 from qlvbayes.io.files import bundled
 from qlvbayes.io.wording import as_typed, joined, visible
-from qlvbayes.parallel.faults import FailedError, fault_of
+from qlvbayes.parallel.running import FailedError, fault_of
 from qlvbayes.plots.catalogue import figures_of
 
 INTERRUPTED = 130

@@ -19,7 +19,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
 from qlvbayes.parallel.engines import Engine, opened_engine
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import Shard
 
 if TYPE_CHECKING:
     from qlvbayes.pipeline.source import Source

@@ -9,7 +9,7 @@ import typer
 
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import Jobs, engine_of_jobs
-from qlvbayes.parallel.faults import FailedError
+from qlvbayes.parallel.running import FailedError
 
 
 def report(
@@ -42,7 +42,7 @@ def report(
         out.print(f"report in {path}", soft_wrap=True)
         return
     from qlvbayes.cli.terminal import Terminal
-    from qlvbayes.pipeline.finals import gather as gathered
+    from qlvbayes.pipeline.run import gather as gathered
     from qlvbayes.report.page import REPORT
 
     with engine_of_jobs(jobs) as engine:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.cli.command import with_groups
 from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import InputOptions, Out, SettingsSeed, WorkOptions
-from qlvbayes.parallel.faults import FailedError
+from qlvbayes.parallel.running import FailedError
 
 
 @with_groups

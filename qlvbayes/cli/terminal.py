@@ -25,10 +25,10 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import Shard
 from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.report.firstlook import FirstLook
 
 _TABLES = 12  # pads; where there are more, each has one line instead of tables

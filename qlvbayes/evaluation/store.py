@@ -15,8 +15,7 @@ from typing import Any
 
 import qlvbayes
 from qlvbayes.parallel.engines import Engine
-from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.parallel.running import Outcome, run_all
+from qlvbayes.parallel.running import FailedError, Fault, Outcome, run_all
 
 PACKAGE = Path(qlvbayes.__file__).parent
 

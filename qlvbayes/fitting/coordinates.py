@@ -1,4 +1,4 @@
-r"""The coordinates in which a chain moves: theta, with the force at the best reading in it.
+r"""The coordinates in which a chain moves, with the best force in them, and proposals there.
 
 A stiffness k, the shape of the elastic law and the shares that relax all change the force at one
 reading. Where that reading is much better than the others, as at the end of a hold in which noise
@@ -15,10 +15,13 @@ thicker than it bends, the coordinates are theta itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import jax
 import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import logsumexp
 
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.posterior import Posterior
@@ -29,6 +32,9 @@ from qlvbayes.motion.record import Record
 _TRIALS = 64  # draws at which u is tried
 _EXACT = 1e-9  # rounding of u
 _STEP = 1e-5  # in theta's units of order one: of a shape that a Metropolis step corrects
+TAIL = 5.0  # degrees of freedom of each kernel of a proposal
+_KERNELS = 256
+_NEIGHBOURS = 0.1  # share of the draws that shape a kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +55,12 @@ class Coordinates:
         straight = cls(posterior, *best_reading(posterior.record), None)
         if posterior.size == 0:
             return straight
-        near = straight._about(start.mean)
         some = start.draw(_TRIALS, np.random.default_rng(0))
         some = posterior.parameters.within(some)
-        at_mean, *steps = straight._logs(near)
+        at_mean, slope = straight._expanded(start.mean)
         logs, units = straight._logs(some), np.eye(posterior.size)
-        if not np.isfinite([at_mean, *steps, *logs]).all():  # as with the platen off the specimen
+        if not np.isfinite([at_mean, *slope, *logs]).all():  # as with the platen off the specimen
             return straight
-        slope = _slope(np.array([at_mean, *steps]))
         linear = at_mean + (some - start.mean) @ slope
         bends = float(np.mean((logs - linear) ** 2)) > float(slope @ start.covariance @ slope)
         follows = [
@@ -81,10 +85,9 @@ class Coordinates:
         if self.index is None:
             return normal
         jacobian = np.eye(self.posterior.size)
-        jacobian[self.index] = _slope(self._logs(self._about(normal.mean)))
-        return NormalApproximation(
-            self.from_theta(normal.mean), jacobian @ normal.covariance @ jacobian.T
-        )
+        jacobian[self.index] = self._expanded(normal.mean)[1]
+        covariance = jacobian @ normal.covariance @ jacobian.T
+        return NormalApproximation(self.from_theta(normal.mean), covariance)
 
     def _with_index(self, theta: Array, values: Array) -> Array:
         changed = np.array(theta)
@@ -102,14 +105,11 @@ class Coordinates:
             (force,) = law.elastic.force(np.array([[self.depth]]))
             return np.log(np.abs(left * force)).reshape(theta.shape[:-1])
 
-    def _about(self, theta: Array) -> Array:
-        """Return theta (D,) and, below it, theta with a step along each of its numbers."""
-        return theta + _STEP * np.vstack([np.zeros(theta.size), np.eye(theta.size)])
-
-
-def _slope(logs: Array) -> Array:
-    """Return the derivatives (D,) of u from its values (1 + D,) at a point and at steps from it."""
-    return (logs[1:] - logs[0]) / _STEP
+    def _expanded(self, theta: Array) -> tuple[float, Array]:
+        """Return u at theta (D,), and its derivatives (D,) by finite steps."""
+        steps = np.vstack([np.zeros(theta.size), np.eye(theta.size)])
+        at, *beside = self._logs(theta + _STEP * steps)
+        return float(at), (np.array(beside) - at) / _STEP
 
 
 def best_reading(record: Record) -> tuple[float, float]:
@@ -123,3 +123,67 @@ def best_reading(record: Record) -> tuple[float, float]:
     displacement, time = motion.displacement[test], motion.time[test]
     first = int(np.argmax(np.abs(displacement) >= 0.5 * abs(displacement[node])))
     return float(displacement[node]), float(time[node] - time[min(first, node)])
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A mixture of equally weighted t kernels at ``centres`` (K, D) with ``roots`` (K, D, D).
+
+    It proposes points independently of the walkers, and is shaped like the posterior: one wide
+    kernel about a normal approximation, or many kernels on draws of the chain, each with the
+    covariance of the draws around it (a kernel estimate with local bandwidths, as in West 1993,
+    doi:10.1111/j.2517-6161.1993.tb01911.x), which follows skewed, curved and two-peaked posteriors.
+    """
+
+    centres: np.ndarray
+    roots: np.ndarray
+
+    @cached_property
+    def _inverses(self) -> np.ndarray:
+        return np.linalg.inv(self.roots)
+
+    @cached_property
+    def _log_volumes(self) -> np.ndarray:
+        return np.sum(np.log(np.diagonal(self.roots, axis1=1, axis2=2)), axis=1)
+
+    def draw(self, count: int, random: np.random.RandomState) -> np.ndarray:
+        """Return points (count, D)."""
+        kernel = random.randint(len(self.centres), size=count)
+        normal = random.standard_normal((count, self.centres.shape[1]))
+        offset = np.einsum("nij,nj->ni", self.roots[kernel], normal)
+        widened = np.sqrt(TAIL / random.chisquare(TAIL, size=(count, 1)))
+        return self.centres[kernel] + offset * widened
+
+    def log_density(self, points: np.ndarray) -> np.ndarray:
+        """Return the log density (N,) at points (N, D), up to a constant."""
+        offset = points[None] - self.centres[:, None]
+        squared = np.sum((offset @ self._inverses.transpose(0, 2, 1)) ** 2, axis=2)
+        heights = -0.5 * (TAIL + points.shape[1]) * np.log1p(squared / TAIL)
+        return logsumexp(heights - self._log_volumes[:, None], axis=0)
+
+    def move(
+        self, coords: np.ndarray, random: np.random.RandomState
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return new points for walkers at ``coords``, and log q(old)/q(new), as emcee expects."""
+        new = self.draw(len(coords), random)
+        return new, self.log_density(coords) - self.log_density(new)
+
+
+def from_normal(normal: NormalApproximation) -> Proposal:
+    """Return one kernel: the normal approximation with the tails of a Student-t."""
+    return Proposal(normal.mean[None], np.linalg.cholesky(normal.covariance)[None])
+
+
+def from_draws(draws: np.ndarray) -> Proposal:
+    """Return kernels on at most 256 of the draws (N, D), evenly selected."""
+    size = draws.shape[1]
+    covariance = np.cov(draws, rowvar=False).reshape(size, size)
+    floor = 1e-6 * np.diag(np.diag(covariance) + 1e-300)
+    white = draws @ np.linalg.inv(np.linalg.cholesky(covariance + floor)).T
+    centres = np.linspace(0, len(draws) - 1, min(_KERNELS, len(draws))).astype(int)
+    count = min(max(int(_NEIGHBOURS * len(draws)), 10 * size), len(draws))
+    _, neighbours = cKDTree(white).query(white[centres], k=count)
+    local = np.array(
+        [np.cov(draws[members], rowvar=False).reshape(size, size) for members in neighbours]
+    )
+    return Proposal(draws[centres], np.linalg.cholesky(local + floor))

@@ -1,42 +1,65 @@
-"""Estimate the constants of a pad from its tests, by emcee or by the paper's least squares."""
+"""Estimate the constants of a pad from its tests, by emcee or by the paper's least squares.
+
+A fit is written as ArviZ takes it.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
+import arviz_base
 import numpy as np
+import xarray
 
-from qlvbayes.fitting.chainstore import ChainStore
-from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of
-from qlvbayes.fitting.least_squares import NormalApproximation, fitting_draws
-from qlvbayes.fitting.marginal_likelihood import Spread, white_likelihood
+import qlvbayes
+from qlvbayes.fitting.ensemble import (
+    STEPS_PER_TIME,
+    Chain,
+    ChainStore,
+    Diagnostics,
+    Progress,
+    Settings,
+    diagnose_chain,
+    key_of,
+)
+from qlvbayes.fitting.least_squares import (
+    NormalApproximation,
+    fitting_draws,
+    one_step,
+    part_notice,
+    two_step,
+)
+from qlvbayes.fitting.marginal_likelihood import white_likelihood
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
-from qlvbayes.fitting.routes import one_step, part_notice, two_step
+from qlvbayes.fitting.results import SCHEMA
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import check_known
 from qlvbayes.io.runtime import one_blas_thread
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor, White
-from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.model.parameters import all_fields, described, unit_kinds
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Record
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
 ]
+_Setup = tuple[str, str, Choices, Settings, Experiment, tuple[Trial, ...]]
+"""Pad, method, choices, settings, experiment and fitted trials: the first fields of a `Fit`."""
 SAMPLERS: dict[str, Sampler] = catalogue.loaded(catalogue.SAMPLERS)
+_MEMBER = re.compile(r"(.+)\[(\d+)\]")
 _KEPT = 2000  # largest number of draws kept in the results
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
 
@@ -101,33 +124,32 @@ class Fit:
 
     def summary(self) -> FitSummary:
         """Return means, intervals and diagnostics of every constant, before thinning."""
-        diagnostics = diagnose_chain(self.chain) if self.method in SAMPLERS else None
-        troubles = (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(self))
+        judged: Diagnostics | None = None
+        troubles = [] if self.enough else ["no two starts came to the same optimum"]
+        if self.method in SAMPLERS:
+            judged = diagnose_chain(self.chain)
+            troubles = judged.troubles
+            steps, time = self.facts["kept_steps"], self.facts["autocorrelation_steps"]
+            if steps < STEPS_PER_TIME * time:
+                text = f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of"
+                troubles = [*troubles, f"{text} {time:.0f}"]
+        named = enumerate(zip(self.names, self.units, strict=True))
+        constants = {n: constant_of(self.every[..., k], u, k, judged) for k, (n, u) in named}
         return FitSummary(
-            pad=self.pad,
-            units=self.experiment.units,
-            effects=self.choices.effects,
-            sampler=self.method,
-            converged=not troubles,
-            troubles=troubles,
-            notices=tuple(_notices(self)),
-            settings=self.settings,
-            parameters={
-                name: constant_of(self.every[..., k], unit, k, diagnostics)
-                for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
-            },
-        )
+            pad=self.pad, units=self.experiment.units, effects=self.choices.effects,
+            sampler=self.method, converged=not troubles, troubles=tuple(troubles),
+            notices=tuple(_notices(self)), settings=self.settings, parameters=constants,
+        )  # fmt: skip
 
     @property
-    def inference_data(self) -> Any:
+    def inference_data(self) -> xarray.DataTree:
         """Return posterior, predictions, log likelihoods and data as ArviZ takes them.
 
         It is the ``xarray.DataTree`` that ``posterior.nc`` holds, for any function of ArviZ.
         """
-        return catalogue.at("fitting.results.to_arviz")(
-            self, self.summary(), source="", sha256="",
-            all_tests=len(self.trials) == len(self.experiment.trials), seed=self.settings.seed,
-        )  # fmt: skip
+        every = len(self.trials) == len(self.experiment.trials)
+        seed = self.settings.seed
+        return to_arviz(self, self.summary(), source="", sha256="", all_tests=every, seed=seed)
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
         """Predict tests sample by sample, with noise; return one `Prediction` for each.
@@ -164,13 +186,15 @@ def fit_pad(
     """Fit the trials whose role is ``fit``."""
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
-    trials = experiment.with_role("fit")
+    trials, rng = experiment.with_role("fit"), np.random.default_rng(settings.seed)
     if method not in SAMPLERS:
         check_known("method", method, catalogue.METHODS)
+        choices = independent_noise(choices)
+    setup = experiment.pad, method, choices, settings, experiment, trials
     with one_blas_thread():  # its products are small
         if method in SAMPLERS:
-            return _sampled(experiment, choices, method, trials, settings, folder, progress)
-        return _approximated(experiment, independent_noise(choices), settings, trials, method)
+            return _sampled(setup, folder, progress, rng)
+        return _approximated(setup, rng)
 
 
 def independent_noise(choices: Choices) -> Choices:
@@ -179,18 +203,12 @@ def independent_noise(choices: Choices) -> Choices:
 
 
 def _sampled(
-    experiment: Experiment,
-    choices: Choices,
-    method: str,
-    trials: tuple[Trial, ...],
-    settings: Settings,
-    folder: Path | None,
-    progress: Progress | None,
+    setup: _Setup, folder: Path | None, progress: Progress | None, rng: np.random.Generator
 ) -> Fit:
     """Return the fit by a sampler."""
-    rng = np.random.default_rng(settings.seed)
+    _, method, choices, settings, experiment, trials = setup
     start = find_start(experiment, choices, trials, settings.seed)
-    posterior = start.posterior
+    posterior, own = start.posterior, start.posterior.parameters
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
     chain = SAMPLERS[method](posterior, start.normal, settings, store, progress)
     steps, walkers = chain.log_density.shape
@@ -198,30 +216,23 @@ def _sampled(
     theta = np.swapaxes(chain.theta, 0, 1)
     constants = _constants(posterior, theta, rng)
     every = constants
-    if start.spread is not None:
-        every = _moved(posterior, theta, constants, start.spread, rng)
+    if start.spread is not None:  # a discrepancy may have moved the constants
+        noise = constants.reshape(-1, constants.shape[-1])[:, posterior.of_noise]
+        moves = start.spread.draws(noise[:, -1], rng)  # the last one is the discrepancy's size
+        every = own.constants(own.within(theta.reshape(-1, theta.shape[-1]) + moves))
+        every[:, posterior.of_noise] = noise
+        every = every.reshape(constants.shape)
     facts = {
-        "autocorrelation_steps": chain.autocorrelation,
-        "acceptance": chain.acceptance,
-        "steps": chain.steps,
-        "kept_steps": steps,
-        "walkers": walkers,
-        "thinned_by": thin,
-    }
-    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
+        "autocorrelation_steps": chain.autocorrelation, "acceptance": chain.acceptance,
+        "steps": chain.steps, "kept_steps": steps, "walkers": walkers, "thinned_by": thin,
+    }  # fmt: skip
     draws = theta[:, ::thin], every[:, ::thin], every, constants
-    return Fit(*setup, *draws, chain.enough, facts)
+    return Fit(*setup, posterior, *draws, chain.enough, facts)
 
 
-def _approximated(
-    experiment: Experiment,
-    choices: Choices,
-    settings: Settings,
-    trials: tuple[Trial, ...],
-    method: str,
-) -> Fit:
+def _approximated(setup: _Setup, rng: np.random.Generator) -> Fit:
     """Return the fit by a least-squares route."""
-    rng = np.random.default_rng(settings.seed)
+    _, method, choices, _, experiment, trials = setup
     predictor = predictor_of(experiment, choices, trials)
     route = one_step if method == "least-squares" else two_step
     result = route(experiment, predictor, rng)
@@ -235,8 +246,7 @@ def _approximated(
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
     curves, every = _constants(posterior, theta, rng), _constants(posterior, moved, rng)
     facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
-    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
-    return Fit(*setup, theta, every, every, curves, result.agreeing > 1, facts)
+    return Fit(*setup, posterior, theta, every, every, curves, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:
@@ -246,8 +256,13 @@ def _notices(fit: Fit) -> Iterator[str]:
     def predicted(record: Record) -> np.ndarray:
         return np.asarray(fit.posterior.over(record).forces(constants[None])[0])
 
-    if isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares":
-        yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
+    sds = {trial.name: trial.test.contact_sd for trial in fit.trials if trial.test.contact_sd}
+    if sds and (isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares"):
+        listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
+        yield (
+            f"pad {fit.pad}: the contact point is uncertain, and the constants' intervals include "
+            f"this (standard error in {fit.experiment.units.displacement}: {listed})"
+        )
     yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
@@ -259,45 +274,81 @@ def _notices(fit: Fit) -> Iterator[str]:
         yield from part_notice(fit.experiment, fit.method)
 
 
-def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> Iterator[str]:
-    """Yield that the error of the contact point is part of the fit, where it was measured."""
-    sds = {trial.name: trial.test.contact_sd for trial in trials if trial.test.contact_sd}
-    if sds:
-        listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
-        unit = units.displacement
-        yield (
-            f"pad {pad}: the contact point is uncertain, and the constants' intervals include this "
-            f"(standard error in {unit}: {listed})"
-        )
-
-
-def _length_troubles(fit: Fit) -> list[str]:
-    """Return messages on a chain that is too short, or on least squares without agreement."""
-    if fit.method not in SAMPLERS:
-        return [] if fit.enough else ["no two starts came to the same optimum"]
-    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
-    if steps >= STEPS_PER_TIME * time:
-        return []
-    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]
-
-
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return constants (..., P) at thetas (..., D)."""
     flat = theta.reshape(-1, theta.shape[-1])
     return posterior.drawn_constants(flat, rng).reshape(*theta.shape[:-1], -1)
 
 
-def _moved(
-    posterior: Posterior,
-    theta: np.ndarray,
-    chain: np.ndarray,
-    spread: Spread,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Return constants (..., P) with the moves that a discrepancy may have caused."""
-    own, flat = posterior.parameters, theta.reshape(-1, theta.shape[-1])
-    noise = chain.reshape(-1, chain.shape[-1])[:, posterior.of_noise]
-    moves = spread.draws(noise[:, -1], rng)  # the last one is the discrepancy's size
-    values = own.constants(own.within(flat + moves))
-    values[:, posterior.of_noise] = noise
-    return values.reshape(chain.shape)
+def to_arviz(
+    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
+) -> xarray.DataTree:
+    """Return a fit as a tree of posterior, predictive, log likelihood and data."""
+    posterior, dims, coords = _grouped(fit.names, fit.constants)
+    units, blocks = fit.experiment.units, fit.posterior.record.blocks
+    force, real, shape = units.force_name, np.asarray(blocks.real), fit.theta.shape[:2]
+    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
+    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
+    moved = not np.array_equal(fit.followed, fit.constants)
+    curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
+    fields = {"first_s": "first", "last_s": "last", "samples": "count", "weight": "weight"}
+    facts = {"test": np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)[real]}
+    facts |= {name: np.asarray(getattr(blocks, field))[real] for name, field in fields.items()}
+    coords["block"] = np.arange(int(real.sum()))
+    dims |= {name: ["block"] for name in (force, *facts)}
+    tree = arviz_base.from_dict(
+        {
+            "posterior": posterior,
+            **curve,
+            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
+            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
+            "observed_data": {force: np.asarray(blocks.force)[real]},
+            "constant_data": facts,
+        },
+        coords=coords,
+        dims=dims,
+    )
+    for name, unit in zip(fit.names, fit.units, strict=True):
+        tree["posterior"][_split(name)[0]].attrs["units"] = unit
+    for group in ("posterior_predictive", "observed_data"):
+        tree[group][force].attrs["units"] = units.force
+    for name in ("first_s", "last_s"):
+        tree["constant_data"][name].attrs["units"] = "s"
+    for node in tree.subtree:
+        node.attrs.pop("created_at", None)  # the same fit gives the same file
+    tree.attrs.update({
+        "schema": SCHEMA, "pad": fit.pad, "method": fit.method,
+        "converged": int(summary.converged), "choices": json.dumps(fit.choices.as_dict()),
+        "priors": json.dumps(described(all_fields(fit.posterior))),
+        "effects": json.dumps(list(fit.choices.effects)),
+        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
+        "all_tests": int(all_tests), "fluid": fit.experiment.fluid or "",
+        "covered": json.dumps(covered(fit.experiment).as_dict()),
+        "source": source, "sha256": sha256, "seed": seed,
+        "displacement_unit": units.displacement, "force_unit": units.force,
+        "qlvbayes_version": qlvbayes.__version__, **fit.facts,
+    })  # fmt: skip
+    return tree
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    """Return the vector's name and the index of one of its members: ``v`` and 1 of ``v[1]``."""
+    match = _MEMBER.fullmatch(name)
+    return (match[1], int(match[2])) if match else (name, None)
+
+
+def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
+    """Return variables (c and v as vectors), their dimensions and their coordinates."""
+    members: dict[str, dict[int | None, int]] = {}
+    for column, name in enumerate(names):
+        key, index = _split(name)
+        members.setdefault(key, {})[index] = column
+    variables, dims, coords = {}, {}, {}
+    for key, columns in members.items():
+        if None in columns:
+            variables[key] = constants[..., columns[None]]
+            continue
+        variables[key] = constants[..., list(columns.values())]
+        dims[key] = [f"{key}_index"]
+        coords[f"{key}_index"] = np.array(list(columns))
+    return variables, dims, coords

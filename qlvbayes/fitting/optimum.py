@@ -53,12 +53,11 @@ Tests = tuple[Trial, ...]
 class Start:
     """Where sampling starts: the posterior, the normal approximation about its mode, the spread.
 
-    log_density: at the mode; spread: None where no discrepancy is modelled.
+    spread: None where no discrepancy is modelled.
     """
 
     posterior: Posterior
     normal: NormalApproximation
-    log_density: float
     spread: Spread | None
 
 
@@ -98,14 +97,14 @@ def find_start(experiment: Experiment, choices: Choices, trials: Tests, seed: in
         residual = np.asarray(blocks.force) - mode.point.predicted
         likelihood = white_likelihood(noise, blocks, experiment.scales.noise, residual)
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
-    point, log_density, curvature = _refined(posterior, density, mode.point)
+    point, curvature = _refined(posterior, density, mode.point)
     normal = NormalApproximation(point.theta, covariance_from(curvature, own.length))
     if not isinstance(noise, Floor):
-        return Start(posterior, normal, log_density, None)
+        return Start(posterior, normal, None)
     discrepancy = density.discrepancy
     if len(trials) > 1:
         discrepancy = replace(discrepancy, scatter=UNDECIDED)
-    return Start(posterior, normal, log_density, Spread.about(discrepancy, point))
+    return Start(posterior, normal, Spread.about(discrepancy, point))
 
 
 def _density(experiment: Experiment, predictor: Predictor, trials: Tests) -> Density:
@@ -134,8 +133,8 @@ def _highest(density: Density, predictor: Predictor, seed: int) -> Mode:
     return redrawn_modes(density, hypothesis, found, seed, _REDRAWN)[0]
 
 
-def _refined(posterior: Posterior, density: Density, point: Point) -> tuple[Point, float, Array]:
-    """Return the mode of the likelihood that is sampled, log density and curvature (D, D) there.
+def _refined(posterior: Posterior, density: Density, point: Point) -> tuple[Point, Array]:
+    """Return the mode of the likelihood that is sampled, and the curvature (D, D) there.
 
     Given the probabilities of scale and size the density is normal to the first order, so that
     each step is one of Gauss and Newton (expectation maximisation over scale and size).
@@ -158,7 +157,7 @@ def _refined(posterior: Posterior, density: Density, point: Point) -> tuple[Poin
         if moved is None:
             break
         point, height = moved, reached
-    return point, height, _expanded(posterior, point).curvature
+    return point, _expanded(posterior, point).curvature
 
 
 def _expanded(posterior: Posterior, point: Point) -> Terms:
@@ -169,8 +168,5 @@ def _expanded(posterior: Posterior, point: Point) -> Terms:
     logs = likelihood.log_choices(white[None])[0]
     shares = np.exp(logs - logs.max())
     weighted = slopes * ((shares / shares.sum()) @ likelihood.precisions)
-    return Terms(
-        0.0,
-        point.prior.gradient - weighted @ white,
-        point.prior.curvature + weighted @ slopes.T,
-    )
+    gradient = point.prior.gradient - weighted @ white
+    return Terms(0.0, gradient, point.prior.curvature + weighted @ slopes.T)

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.fitting.likelihood import NoiseLikelihood
+from qlvbayes.fitting.marginal_likelihood import NoiseLikelihood
 from qlvbayes.inference.density import LARGEST_FORCE
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space

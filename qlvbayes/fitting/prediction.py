@@ -1,27 +1,34 @@
-"""Predict tests from a posterior, sample by sample, with noise."""
+"""Predict tests from a posterior, sample by sample, with the errors of a fit at any samples.
+
+These are noise, and the discrepancy given the fitted tests.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
 
-from qlvbayes.fitting.drawn_errors import discrepancy_draws, realisations
 from qlvbayes.fitting.marginal_likelihood import known_floor, with_zero_errors
 from qlvbayes.fitting.posterior import Predictor
-from qlvbayes.inference.errors.features import Locations
+from qlvbayes.inference.common_errors import stage_changes, with_common_errors
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.features import Features, Locations
+from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import filled
 from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.phases import phase_index
-from qlvbayes.motion.record import Record, batch
+from qlvbayes.motion.record import Blocks, Record, batch
 from qlvbayes.motion.reduction import clear_of_kinks
 
 DRAWS = 400
 _ROWS = 300  # largest number of samples in a phase, evenly spread in the logarithm of time
+_TINY = 1e-300  # avoids 0/0 where no time has passed
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +62,7 @@ class Prediction:
 def predict(
     experiment: Experiment,
     choices: Choices,
-    constants: dict[str, np.ndarray],
+    constants: Mapping[str, np.ndarray],
     trials: Sequence[Trial],
     *,
     seed: int = 0,
@@ -63,22 +70,33 @@ def predict(
     """Predict some trials from posterior draws (draws,) of each constant."""
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
-    predictor = _sample_by_sample(experiment, choices, trials, chosen)
+    parts = zip(trials, chosen, strict=True)
+    record = batch([single_samples(experiment, trial, rows) for trial, rows in parts])
+    predictor = Predictor.from_model(*choices.build(experiment.scales), record)
     rng = np.random.default_rng(seed)
-    matrix = _drawn(constants, predictor.names, rng)
+    every = np.stack([np.ravel(constants[name]) for name in predictor.names], axis=-1)
+    matrix = every[rng.integers(0, len(every), DRAWS)]
     forces = predictor.forces(matrix)
     if isinstance(predictor.noise, Floor):
         middle = predictor.parameters.model_at(matrix.mean(axis=0))
         predictor = predictor.over(with_zero_errors(predictor.record, trials, middle))
     noise = _noise(predictor, matrix, rng)
-    floor = _floor_draws(experiment, predictor.record, rng)
+    blocks, floors = predictor.record.blocks, experiment.floor.draws(DRAWS)
+    tests = [jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(trials))]
+    floor = [realisations(floors, test, rng) for test in tests]
     if isinstance(predictor.noise, Floor):
         known = replace(experiment, floor=known_floor(experiment.floor, predictor.noise))
         noise += _discrepancy(known, predictor, matrix, trials, chosen, forces.mean(axis=0), rng)
-    return [
-        _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
-        for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
-    ]
+    predictions = []
+    for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
+        time, force = trial.test.time[rows], forces[:, k, : rows.size]
+        low, high = np.quantile(force + noise[:, k, : rows.size], [0.05, 0.95], axis=0)
+        measured = time, trial.phase_of(time), trial.test.force[rows]
+        known_draws = force, floor[k][:, : rows.size]
+        predictions.append(
+            Prediction(trial, *measured, force.mean(axis=0), low, high, *known_draws)
+        )
+    return predictions
 
 
 def _rows(trial: Trial) -> np.ndarray:
@@ -94,18 +112,6 @@ def _rows(trial: Trial) -> np.ndarray:
     return np.unique(np.concatenate(picked))
 
 
-def _sample_by_sample(
-    experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
-) -> Predictor:
-    """Return the model over a record of which each sample is a block of its own."""
-    model, noise = choices.build(experiment.scales)
-    records = [
-        single_samples(experiment, trial, chosen)
-        for trial, chosen in zip(trials, rows, strict=True)
-    ]
-    return Predictor.from_model(model, noise, batch(records))
-
-
 def representative_rows(trial: Trial) -> np.ndarray:
     """Return the indices of samples that represent a trial."""
     rows = _rows(trial)
@@ -115,22 +121,10 @@ def representative_rows(trial: Trial) -> np.ndarray:
 def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
     """Return the record of some samples of a trial, each its own block."""
     test = trial.test
-    thinned = replace(
-        test,
-        time=test.time[rows],
-        displacement=test.displacement[rows],
-        force=test.force[rows],
-        force_sd=None if test.force_sd is None else test.force_sd[rows],
-    )
+    sds = None if test.force_sd is None else test.force_sd[rows]
+    moved, force = test.displacement[rows], test.force[rows]
+    thinned = replace(test, time=test.time[rows], displacement=moved, force=force, force_sd=sds)
     return experiment.reduced(trial, thinned)
-
-
-def _drawn(
-    constants: dict[str, np.ndarray], order: list[str], rng: np.random.Generator
-) -> np.ndarray:
-    """Return draws (DRAWS, P) of the constants in the posterior's order."""
-    matrix = np.stack([np.ravel(constants[name]) for name in order], axis=-1)
-    return matrix[rng.integers(0, len(matrix), DRAWS)]
 
 
 def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -155,54 +149,109 @@ def _discrepancy(
 ) -> np.ndarray:
     """Return draws (DRAWS, T, B) of the discrepancy at the samples, where the force is (T, B)."""
     names = [trial.name for trial in experiment.trials]
-    locations = Locations.joined(
-        [
-            Locations.from_trial(
-                experiment,
-                trial,
-                names.index(trial.name),
-                trial.test.time[rows],
-                forces[k, : rows.size],
-            )
-            for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
-        ]
-    )
-    fitted = experiment.with_role("fit")
-    of_fit = predictor.over(experiment.record(fitted))
-    drawn = np.zeros((len(matrix), *forces.shape))
-    inside = np.zeros(forces.shape, dtype=bool)
-    for k, rows in enumerate(chosen):
+    locations, inside = [], np.zeros(forces.shape, dtype=bool)
+    for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
+        where = names.index(trial.name), trial.test.time[rows], forces[k, : rows.size]
+        locations.append(Locations.from_trial(experiment, trial, *where))
         inside[k, : rows.size] = True
-    drawn[:, inside] = discrepancy_draws(experiment, of_fit, fitted, matrix, locations, rng)
+    fitted = experiment.with_role("fit")
+    of_fit, joined = predictor.over(experiment.record(fitted)), Locations.joined(locations)
+    drawn = np.zeros((len(matrix), *forces.shape))
+    drawn[:, inside] = discrepancy_draws(experiment, of_fit, fitted, matrix, joined, rng)
     return drawn
 
 
-def _floor_draws(experiment: Experiment, record: Record, rng: np.random.Generator) -> np.ndarray:
-    """Return realisations (DRAWS, T, B) of the floor, each with its own draw given the dwells."""
-    blocks = record.blocks
-    floors = experiment.floor.draws(DRAWS)
-    tests = [
-        jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(blocks.force))
-    ]
-    return np.stack([realisations(floors, test, rng) for test in tests], axis=1)
+def discrepancy_draws(
+    experiment: Experiment,
+    predictor: Predictor,
+    fitted: Sequence[Trial],
+    constants: Array,
+    locations: Locations,
+    rng: np.random.Generator,
+) -> Array:
+    r"""Return draws (R, N) in N of the discrepancy at N locations, one for each row of constants.
+
+    Given a discrepancy of size s and a floor of scale phi, the coefficients w of its smooth
+    functions are normal given the fitted tests' whitened residuals r
+    (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
+    leave out a part of the smooth functions (namely the function of the sample's own test, if that
+    was not fitted). Together with the rough part it has the variance
+
+    .. math:: s^2 \left(g^2 - \phi(x)^T \phi(x) + \rho\right).
+
+    Realisations of the noise floor at single readings are drawn separately.
+    """
+    sizes, scales = constants[:, -1], constants[:, -2]
+    draws = np.zeros((len(constants), locations.size.size))
+    rows = np.flatnonzero(sizes > 0.0)
+    if not rows.size:
+        return draws
+    blocks = predictor.record.blocks
+    discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
+    discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
+    residuals = discrepancy.whitener(predictor.residuals(constants[rows]))
+    features = Features.from_locations(Locations.from_blocks(experiment, fitted, blocks))(locations)
+    ratios = sizes[rows] / scales[rows]
+    left_out = np.maximum(locations.size**2 - np.sum(features**2, axis=0), 0.0) + discrepancy.rough
+    for ratio in np.unique(ratios):
+        same = ratios == ratio
+        mean, root = discrepancy.weights(residuals[same], float(ratio))
+        coefficients = mean + scales[rows[same], None] * (rng.standard_normal(mean.shape) @ root)
+        noise = rng.standard_normal((len(coefficients), left_out.size)) * np.sqrt(left_out)
+        draws[rows[same]] = coefficients @ features + sizes[rows[same], None] * noise
+    return draws
 
 
-def _prediction(
-    trial: Trial, rows: np.ndarray, forces: np.ndarray, noise: np.ndarray, floor: np.ndarray
-) -> Prediction:
-    """Return the prediction of one trial."""
-    count = rows.size
-    forces, noise, floor = forces[:, :count], noise[:, :count], floor[:, :count]
-    low, high = np.quantile(forces + noise, [0.05, 0.95], axis=0)
-    time = trial.test.time[rows]
-    return Prediction(
-        trial,
-        time,
-        trial.phase_of(time),
-        trial.test.force[rows],
-        forces.mean(axis=0),
-        low,
-        high,
-        forces,
-        floor,
+def realisations(
+    floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
+) -> np.ndarray:
+    """Return one realisation of each of F noise floors at n single readings, (F, n) in N."""
+    time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
+    extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
+    white, ou, tau = (
+        np.array([getattr(floor, name) for floor in floors])[:, None]
+        for name in ("white", "ou", "tau")
     )
+    shape = (len(floors), time.size)
+    walk = _smooth_walk if floors[0].smooth else _walk
+    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    errors += extra * rng.standard_normal((len(floors), 1))
+    errors += timing * rng.standard_normal(shape)
+    if (contact := np.asarray(samples.contact)).any():
+        errors += contact * rng.standard_normal((len(floors), 1))
+    return np.asarray(errors)
+
+
+def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return unit Ornstein-Uhlenbeck processes (D, n) of correlation times tau (D,)."""
+    memory = np.exp(-np.diff(time) / tau[:, None])
+    kicks = rng.standard_normal((tau.size, time.size))
+    kicks[:, 1:] *= np.sqrt(1.0 - memory**2)
+    for k in range(1, time.size):
+        kicks[:, k] += memory[:, k - 1] * kicks[:, k - 1]
+    return kicks
+
+
+def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return unit processes (D, n) of correlation e^-x (cos x + sin x), x = t/tau."""
+    values = np.empty((tau.size, time.size))
+    value, slope = rng.standard_normal((2, tau.size))
+    values[:, 0] = value
+    for k, gap in enumerate(np.diff(time), start=1):
+        x = gap / tau
+        decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
+        mixed = np.sqrt(2.0) * sine
+        variance = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+        variance = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), variance)
+        slope_variance = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
+        root = np.sqrt(np.maximum(variance, _TINY))
+        slope_on_value = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / root
+        first, second = rng.standard_normal((2, tau.size))
+        value, slope = (
+            decay * ((cosine + sine) * value + mixed * slope) + np.sqrt(variance) * first,
+            decay * ((cosine - sine) * slope - mixed * value)
+            + slope_on_value * first
+            + np.sqrt(np.maximum(slope_variance - slope_on_value**2, 0.0)) * second,
+        )
+        values[:, k] = value
+    return values

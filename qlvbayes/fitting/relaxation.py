@@ -11,12 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.data import Control
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import visible
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.phases import Phase
 
 TIMES = (1.0, 10.0, 100.0, 1000.0)  # s since the end of loading, a decade apart
 _AROUND = 0.1  # of a stated time, either side: readings that are averaged for it
@@ -31,9 +31,7 @@ INITIAL = (
 )
 
 
-class HoldReport(
-    Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}
-):
+class HoldReport(Part, frozen=True, rename={k: f"{k}_s" for k in ("hold", "loading", "at")}):
     """First hold of one test after loading, in the units of the file."""
 
     test: str
@@ -67,44 +65,37 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
             f"Specimen: {self.specimen}",
             "Temperature: not stated in the file of measurements",
         ]
-        for report in self.tests:
-            rate = "" if report.rate is None else f" at {report.rate:.3g} {units.speed}"
-            unit = "" if units.dimensionless else f" {units.displacement}"
+        length = "" if units.dimensionless else f" {units.displacement}"
+        for one in self.tests:
+            rate = "" if one.rate is None else f" at {one.rate:.3g} {units.speed}"
+            shares = (f"{t:g} s: {x:.1%}" for t, x in zip(one.at, one.left, strict=True))
             lines += [
-                f"Test {report.test}: {units.displacement_name} {report.deformation:.4g}{unit}"
-                f"{rate}, in {report.loading:.3g} s; held {report.hold:.4g} s; {report.history}",
-                f"  initial {units.force_name} {report.initial:.4g} {units.force}; left after "
-                + (
-                    ", ".join(
-                        f"{t:g} s: {share:.1%}"
-                        for t, share in zip(report.at, report.left, strict=True)
-                    )
-                    or f"{TIMES[0]:g} s: not held so long"
-                ),
+                f"Test {one.test}: {units.displacement_name} {one.deformation:.4g}{length}"
+                f"{rate}, in {one.loading:.3g} s; held {one.hold:.4g} s; {one.history}",
+                f"  initial {units.force_name} {one.initial:.4g} {units.force}; left after "
+                + (", ".join(shares) or f"{TIMES[0]:g} s: not held so long"),
             ]
         return "\n".join(map(visible, [*lines, *self.warnings])) + "\n"
 
 
 def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
     """Return the report of all tests whose displacement was held after loading, or None."""
-    reports = [_hold_report(experiment, trial) for trial in experiment.trials]
+    reports = (_hold_report(experiment, trial) for trial in experiment.trials)
     tests = tuple(report for report in reports if report is not None)
-    if not tests:
-        return None
     fluid = f"filled with {experiment.fluid}; " if experiment.fluid else ""
-    return RelaxationReport(
-        pad=experiment.pad,
-        units=experiment.units,
-        specimen=f"{fluid}shape, size and preparation not stated in the file of measurements",
-        tests=tests,
-    )
+    specimen = f"{fluid}shape, size and preparation not stated in the file of measurements"
+    pad, units = experiment.pad, experiment.units
+    return RelaxationReport(pad=pad, units=units, specimen=specimen, tests=tests) if tests else None
 
 
 def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
-    index = _first_hold(trial.phases)
-    if index is None:
+    """Return the report of the first hold of a displacement after a ramp; None without one."""
+    for ramp, hold in pairwise(trial.phases):
+        held = hold.control == Control.DISPLACEMENT
+        if held and (ramp.kind, hold.kind) == ("ramp", "hold"):
+            break
+    else:
         return None
-    ramp, hold = trial.phases[index - 1], trial.phases[index]
     if hold not in trial.used_phases:
         return None
     time, force = trial.test.time, trial.test.force
@@ -113,37 +104,22 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
     loaded = force[(time >= ramp.start) & (time <= hold.start + width)]
     since = time - hold.start
     nearest = float(np.min(np.abs(trial.whole.time - hold.start)))
-    if np.min(np.abs(since)) > max(width, nearest):  # the end of loading is left out
+    initial = float(np.max(loaded, initial=0.0))
+    # the end of loading may be left out
+    if np.min(np.abs(since)) > max(width, nearest) or initial <= 0.0:
         return None
     at, left = [], []
-    initial = float(np.max(loaded)) if loaded.size else 0.0
     for moment in TIMES:
         near = force[np.abs(since - moment) <= _AROUND * moment]
-        if moment * (1.0 + _AROUND) <= hold.stop - hold.start and near.size and initial > 0.0:
+        if moment * (1.0 + _AROUND) <= hold.stop - hold.start and near.size:
             at.append(moment)
             left.append(float(np.mean(near)) / initial)
-    if initial <= 0.0:
-        return None
     return HoldReport(
-        test=trial.name,
-        deformation=float(trial.trajectory.displacement(hold.start)),
-        rate=float(trial.rate) if np.isfinite(trial.rate) else None,
-        loading=ramp.stop - ramp.start,
-        initial=initial,
-        hold=hold.stop - hold.start,
-        at=tuple(at),
-        left=tuple(left),
+        test=trial.name, deformation=float(trial.trajectory.displacement(hold.start)),
+        rate=finite_or_none(trial.rate), loading=ramp.stop - ramp.start, initial=initial,
+        hold=hold.stop - hold.start, at=tuple(at), left=tuple(left),
         history=_history(experiment, trial),
-    )
-
-
-def _first_hold(phases: tuple[Phase, ...]) -> int | None:
-    """Return the index of the first hold of a displacement after a ramp; None without one."""
-    for index, (before, phase) in enumerate(pairwise(phases), start=1):
-        held = phase.control == Control.DISPLACEMENT
-        if held and (before.kind, phase.kind) == ("ramp", "hold"):
-            return index
-    return None
+    )  # fmt: skip
 
 
 def _history(experiment: Experiment, trial: Trial) -> str:

@@ -1,31 +1,42 @@
-"""Check where a model fails, test by test and phase by phase, against the noise floor."""
+"""Check where a model fails, test by test and phase by phase, against the noise floor.
+
+A saved fit is compared with a pad's tests, and its curves are kept to plot.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
 from scipy.stats import chi2
 
-from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.fitting.prediction import Prediction, predict
+from qlvbayes.fitting.results import Saved
 from qlvbayes.io.arrays import finite_or_none
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import factors
+from qlvbayes.model.elsewhere import has_noise
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.pulling import pull_notices
 
+_DIGITS = 5  # significant digits of curves
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
+_FORCES = ("noise", "rmse", "bias", "limit", "force", "observed", "mean", "low", "high")
+KEYS = {name: f"{name}_N" for name in _FORCES}
+KEYS |= {"rate": "rate_mm_s", "displacement": "displacement_mm"}
+KEYS |= {name: f"{name}_s" for name in ("start", "stop", "time")}
+"""Keys of files that say a quantity's unit, by the attribute's name."""
 
 
-class Cell(
-    Part,
-    frozen=True,
-    rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N", "limit": "limit_N"},
-):
+class Cell(Part, frozen=True, rename=KEYS):
     """Errors of a model in one kind of phase of one test."""
 
     test: str
@@ -46,7 +57,7 @@ class Cell(
     limit: float | None = None
 
 
-class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
+class Cycle(Part, frozen=True, rename=KEYS):
     """Errors in one phase of a test that has several of its kind, such as the loading of a cycle.
 
     number: counts from 1 in order of time; rmse, bias: as in `Cell` (N).
@@ -60,7 +71,7 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
     bias: float
 
 
-class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
+class CheckResult(Result, frozen=True, kw_only=True, rename=KEYS):
     """Errors of one pad's model by test and phase, against the noise floor: ``check.json``.
 
     Forces are in the unit of ``units.force``, N by default.
@@ -103,61 +114,39 @@ def check(
     notices: Sequence[str] = (),
 ) -> CheckResult:
     """Compare predictions with measured forces, given the sd of the noise floor (N)."""
-    keys = [
-        (prediction, kind)
-        for prediction in predictions
-        for kind in KINDS
-        if np.any(prediction.phase == kind)
-    ]
+    every = [(one, kind) for one in predictions for kind in KINDS if np.any(one.phase == kind)]
     return CheckResult(
-        pad=pad,
-        effects=tuple(effects),
-        units=units,
-        noise=noise,
-        cells=tuple(_cell(*key, FALSE_ALARMS / len(keys)) for key in keys),
+        pad=pad, effects=tuple(effects), units=units, noise=noise,
+        cells=tuple(_cell(*each, FALSE_ALARMS / len(every)) for each in every),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
-    )
+    )  # fmt: skip
 
 
 def check_experiment(
     experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
 ) -> CheckResult:
     """Return `check` with all that is known of the pad, and notices on its tests."""
-    bonded, effects = choices.bonded, choices.effects
+    bonded, effects, floor = choices.bonded, choices.effects, experiment.floor
     pull = pull_notices(experiment, bonded=bonded, effects=effects)
-    noise_notices = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
-    return check(
-        experiment.pad,
-        experiment.floor.total,
-        predictions,
-        effects,
-        units=experiment.units,
-        notices=(*experiment.notices, *pull, *noise_notices),
-    )
+    noise = (f"pad {experiment.pad}: {text}" for text in floor.notices)
+    notices = (*experiment.notices, *pull, *noise)
+    units = experiment.units
+    return check(experiment.pad, floor.total, predictions, effects, units=units, notices=notices)
 
 
 def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
     """Return one cell, which fails if its p-value is below ``level``."""
-    selected = prediction.phase == kind
+    selected, trial = prediction.phase == kind, prediction.trial
     residual = prediction.residual[selected]
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
-    trial = prediction.trial
-    rmse = _rmse(residual)
-    p_value, limit = _judged(rmse, prediction, selected, level)
+    p_value, limit = _judged(_rmse(residual), prediction, selected, level)
     return Cell(
-        test=trial.name,
-        role=trial.role,
-        rate=finite_or_none(trial.rate),
-        phase=kind,
-        n=int(selected.sum()),
-        rmse=rmse,
-        bias=float(residual.mean()),
-        coverage90=float(inside[selected].mean()),
-        p_value=p_value,
-        fails=p_value < level,
+        test=trial.name, role=trial.role, rate=finite_or_none(trial.rate), phase=kind,
+        n=int(selected.sum()), rmse=_rmse(residual), bias=float(residual.mean()),
+        coverage90=float(inside[selected].mean()), p_value=p_value, fails=p_value < level,
         limit=limit,
-    )
+    )  # fmt: skip
 
 
 def _cycles(prediction: Prediction) -> list[Cycle]:
@@ -210,3 +199,125 @@ def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
     second = np.trace(twice) / (draws * (draws - 1))
     third = np.sum(twice * products) / (draws * (draws - 1) * (draws - 2))
     return mean, 2.0 * float(second), 8.0 * float(third)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPad:
+    """The tests of one pad, their predictions, and the comparison by test and phase."""
+
+    experiment: Experiment
+    predictions: tuple[Prediction, ...]
+    check: CheckResult
+
+
+def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
+    """Predict all tests of a pad from a saved posterior, and check them."""
+    if not has_noise(saved.names):
+        remedy = "give draws of noise.white, or also of noise.ou and noise.tau"
+        raise InputError(f"the posterior of pad {saved.pad} has no noise", remedy=remedy)
+    experiment = saved.choices.prepare(pad, all_tests=saved.all_tests)
+    constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
+    scales = factors(saved.choices, constants, saved.units, pad.units)
+    constants = {name: scales[name] * draws for name, draws in constants.items()}
+    predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
+    check = check_experiment(experiment, saved.choices, predictions)
+    return CheckedPad(experiment, tuple(predictions), check)
+
+
+class PhaseSpan(Part, frozen=True, rename=KEYS):
+    """A phase of a test: its kind, and its beginning and end (s)."""
+
+    kind: str
+    start: float
+    stop: float
+
+
+class LeftOut(Part, frozen=True, rename=KEYS):
+    """A reading that was left out: time (s), displacement, force, channel and why."""
+
+    time: float
+    displacement: float
+    force: float
+    channel: str
+    # the fault, or ``excluded`` where the user leaves the force out; of a long run of these there
+    # are fifty, evenly spaced
+    kind: str
+
+
+class TestCurves(Part, frozen=True, rename=KEYS):
+    """The curves of one test, at n samples, in the units of `Curves`.
+
+    time (s), phase (its kind), displacement and observed force; mean: posterior mean of the force;
+    low, high: ends of the 90 % predictive interval; left_out: readings that are not among the
+    samples.
+    """
+
+    test: str
+    role: str
+    rate: float | None
+    phases: tuple[PhaseSpan, ...]
+    time: tuple[float, ...]
+    phase: tuple[str, ...]
+    displacement: tuple[float, ...]
+    observed: tuple[float, ...]
+    mean: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+
+class Curves(Result, frozen=True, kw_only=True, rename=KEYS):
+    """The curves of one pad at representative samples, at most 300 a phase: ``curves.json``."""
+
+    indent: ClassVar[int | None] = None
+
+    pad: str
+    effects: tuple[str, ...]
+    units: UnitSystem = PAD
+    force_unit: str
+    force_name: str
+    displacement_unit: str
+    displacement_name: str
+    speed_unit: str
+    noise: float
+    tests: tuple[TestCurves, ...]
+
+
+def curves(checked: CheckedPad) -> Curves:
+    """Return the curves of a checked pad."""
+    units, check = checked.experiment.units, checked.check
+    return Curves(
+        pad=check.pad, effects=check.effects, units=units, force_unit=units.force,
+        force_name=units.force_name, displacement_unit=units.displacement,
+        displacement_name=units.displacement_name, speed_unit=units.speed, noise=check.noise,
+        tests=tuple(map(_curves_of, checked.predictions)),
+    )  # fmt: skip
+
+
+def _curves_of(one: Prediction) -> TestCurves:
+    trial, unused = one.trial, one.trial.left_out
+    displacement = np.interp(one.time, trial.test.time, trial.test.displacement)
+    lines = (displacement, one.observed, one.mean, one.low, one.high)
+    moved, observed, mean, low, high = (tuple(map(_short, line)) for line in lines)
+    left_out: tuple[LeftOut, ...] = ()
+    if unused is not None:
+        channels = np.column_stack([unused.time, unused.displacement, unused.force])
+        left_out = tuple(
+            LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
+            for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
+        )
+    return TestCurves(
+        trial.name, trial.role, finite_or_none(trial.rate),
+        tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
+        tuple(map(_exact, one.time)), tuple(map(str, one.phase)),
+        moved, observed, mean, low, high, left_out,
+    )  # fmt: skip
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _exact(time: float) -> float:
+    """Return a time rounded to microseconds, which also resolves times late in a test."""
+    return round(float(time), 6)

@@ -1,22 +1,24 @@
-"""Write a fit as an ArviZ file and read it: the only module that uses ArviZ's data structures."""
+"""Read posteriors from ArviZ files, write them, and record how results were made."""
 
 from __future__ import annotations
 
 import json
-import re
+import platform
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
-import arviz_base
 import h5py
 import numpy as np
 import xarray
+from msgspec import field, to_builtins
 
-import qlvbayes
-from qlvbayes.fitting.fit import Fit
-from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.files import folder_fault, write_whole
+from qlvbayes.io.data import Measurements
+from qlvbayes.io.files import Part, Result, folder_fault, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import (
@@ -28,12 +30,14 @@ from qlvbayes.model.elsewhere import (
     stated_units,
 )
 from qlvbayes.model.noise import NOISES, neutral_names
-from qlvbayes.model.parameters import all_fields, described
-from qlvbayes.motion.covered import Covered, covered
+from qlvbayes.motion.covered import Covered
 
-_SCHEMA = 1  # version of the attributes of a file
+SCHEMA = 1  # version of the attributes of a file
+_LIBRARIES = (
+    "qlvbayes", "jax", "jaxlib", "equinox", "emcee", "numpy", "scipy", "arviz", "xarray", "pandas",
+    "matplotlib",
+)  # fmt: skip
 _LARGEST = 2**31  # bytes of all arrays together: a fit of long records takes some 100 MB
-_MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -72,109 +76,6 @@ class Saved:
         return self.draws if self.curves is None else self.curves.reshape(self.draws.shape)
 
 
-def to_arviz(
-    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
-) -> xarray.DataTree:
-    """Return a fit as a tree of posterior, predictive, log likelihood and data."""
-    posterior, dims, coords = _grouped(fit.names, fit.constants)
-    force = fit.experiment.units.force_name
-    real = np.asarray(fit.posterior.record.blocks.real)
-    shape = fit.theta.shape[:2]
-    followed = fit.followed.reshape(-1, fit.followed.shape[-1])
-    likelihood, predicted = fit.posterior.judged(followed, np.random.default_rng(seed))
-    moved = not np.array_equal(fit.followed, fit.constants)
-    curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
-    facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
-    dims |= {name: ["block"] for name in (force, *facts)}
-    tree = arviz_base.from_dict(
-        {
-            "posterior": posterior,
-            **curve,
-            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
-            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
-            "observed_data": {force: np.asarray(fit.posterior.record.blocks.force)[real]},
-            "constant_data": facts,
-        },
-        coords=coords,
-        dims=dims,
-    )
-    _label(tree, fit, force)
-    for node in tree.subtree:
-        node.attrs.pop("created_at", None)  # the same fit gives the same file
-    tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
-    return tree
-
-
-def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
-    """Return variables (c and v as vectors), their dimensions and their coordinates."""
-    members: dict[str, list[tuple[int | None, int]]] = {}
-    for column, name in enumerate(names):
-        match = _MEMBER.fullmatch(name)
-        key, index = (match[1], int(match[2])) if match else (name, None)
-        members.setdefault(key, []).append((index, column))
-    variables, dims, coords = {}, {}, {}
-    for key, indices_columns in members.items():
-        columns = [column for _, column in indices_columns]
-        if indices_columns[0][0] is None:
-            variables[key] = constants[..., columns[0]]
-            continue
-        variables[key] = constants[..., columns]
-        dims[key] = [f"{key}_index"]
-        coords[f"{key}_index"] = np.array([index for index, _ in indices_columns])
-    return variables, dims, coords
-
-
-def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the test, times, samples and weight of each block."""
-    blocks = fit.posterior.record.blocks
-    test = np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)
-    return {
-        "test": test[real],
-        "first_s": np.asarray(blocks.first)[real],
-        "last_s": np.asarray(blocks.last)[real],
-        "samples": np.asarray(blocks.count)[real],
-        "weight": np.asarray(blocks.weight)[real],
-    }
-
-
-def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
-    """Add units to the variables."""
-    for name, unit in zip(fit.names, fit.units, strict=True):
-        match = _MEMBER.fullmatch(name)
-        tree["posterior"][match[1] if match else name].attrs["units"] = unit
-    for group in ("posterior_predictive", "observed_data"):
-        tree[group][force].attrs["units"] = fit.experiment.units.force
-    for name in ("first_s", "last_s"):
-        tree["constant_data"][name].attrs["units"] = "s"
-
-
-def _provenance(
-    fit: Fit, summary: FitSummary, source: str, sha256: str, all_tests: bool, seed: int
-) -> dict:
-    """Return the attributes that say how the fit was made."""
-    units = fit.experiment.units
-    return {
-        "schema": _SCHEMA,
-        "pad": fit.pad,
-        "method": fit.method,
-        "converged": int(summary.converged),
-        "choices": json.dumps(fit.choices.as_dict()),
-        "priors": json.dumps(described(all_fields(fit.posterior))),
-        "effects": json.dumps(list(fit.choices.effects)),
-        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
-        "all_tests": int(all_tests),
-        "fluid": fit.experiment.fluid or "",
-        "covered": json.dumps(covered(fit.experiment).as_dict()),
-        "source": source,
-        "sha256": sha256,
-        "seed": seed,
-        "displacement_unit": units.displacement,
-        "force_unit": units.force,
-        "qlvbayes_version": qlvbayes.__version__,
-        **fit.facts,
-    }
-
-
 def save(tree: xarray.DataTree, path: Path) -> None:
     """Write the file completely or not at all, with checksums of its numbers."""
     checksums = {
@@ -197,20 +98,15 @@ def load(path: Path) -> Saved:
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
         here = "choices" in tree.attrs
-        if here and int(tree.attrs.get("schema", _SCHEMA)) > _SCHEMA:
-            raise InputError(
-                f"written by a newer version of qlvbayes (schema {tree.attrs['schema']}, known is "
-                f"{_SCHEMA})",
-                file=path,
-                remedy="update qlvbayes, or run qlvbayes fit again",
-            )
+        if here and int(tree.attrs.get("schema", SCHEMA)) > SCHEMA:
+            newer = f"schema {tree.attrs['schema']}, known is {SCHEMA}"
+            remedy = "update qlvbayes, or run qlvbayes fit again"
+            what = f"written by a newer version of qlvbayes ({newer})"
+            raise InputError(what, file=path, remedy=remedy)
         saved = _ours(tree, posterior) if here else _from_elsewhere(posterior, tree.attrs, path)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-        raise InputError(
-            f"not a results file of qlvbayes ({type(error).__name__})",
-            file=path,
-            remedy="run qlvbayes fit again",
-        ) from error
+        what = f"not a results file of qlvbayes ({type(error).__name__})"
+        raise InputError(what, file=path, remedy="run qlvbayes fit again") from error
     for what, name in (("pad", saved.pad), ("fluid", saved.fluid)):
         if name is not None and (fault := folder_fault(name)) is not None:
             raise InputError(f"the {what}'s name '{name}' {fault[0]}", file=path, remedy=fault[1])
@@ -241,25 +137,33 @@ def _check_arrays(path: Path) -> None:
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
     """Return the contents of a file that this program wrote."""
     attrs, coverage = tree.attrs, tree.attrs.get("covered")
+    if missing := {"pad", "method", "source", "sha256", "all_tests"} - attrs.keys():
+        raise KeyError(*missing)
     choices = Choices.from_dict(json.loads(attrs["choices"]))
-    draws = _with_noise(choices, posterior)
     curves = _with_noise(choices, tree["curve"].to_dataset()) if "curve" in tree else None
     return Saved(
-        pad=str(attrs["pad"]),
-        names=tuple(draws),
-        constants=np.stack(list(draws.values()), axis=-1),
+        **_stated(attrs, _with_noise(choices, posterior), pad="", method=""),
         choices=choices,
-        method=str(attrs["method"]),
-        source=str(attrs["source"]),
-        sha256=str(attrs["sha256"]),
-        all_tests=bool(attrs["all_tests"]),
         fitted=tuple(json.loads(attrs["fitted_tests"])),
-        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(coverage)) if coverage else None,
         converged=bool(attrs.get("converged", True)),
         curves=None if curves is None else np.stack(list(curves.values()), axis=-1),
     )
+
+
+def _stated(attrs: dict, draws: dict[str, np.ndarray], *, pad: str, method: str) -> dict[str, Any]:
+    """Return what draws (chain, draw) by name and the attributes of any file say, by field."""
+    return {
+        "pad": str(attrs.get("pad", pad)),
+        "names": tuple(draws),
+        "constants": np.stack(list(draws.values()), axis=-1),
+        "method": str(attrs.get("method", method)),
+        "source": str(attrs.get("source", "")),
+        "sha256": str(attrs.get("sha256", "")),
+        "all_tests": bool(attrs.get("all_tests", False)),
+        "fluid": str(attrs["fluid"]) if attrs.get("fluid") else None,
+    }
 
 
 def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.ndarray]:
@@ -273,40 +177,23 @@ def _with_noise(choices: Choices, posterior: xarray.Dataset) -> dict[str, np.nda
 def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
     """Return the contents of another program's posterior; attributes of the same names are read."""
     if not {"chain", "draw"} <= set(posterior.sizes):
-        raise InputError(
-            "not a results file: its posterior has no dimensions chain and draw",
-            file=path,
-            remedy="write it with arviz, or run qlvbayes fit",
-        )
-    units = stated_units(
-        attrs.get("displacement_unit"),
-        attrs.get("force_unit"),
-        {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
-    )
+        what = "not a results file: its posterior has no dimensions chain and draw"
+        remedy = "write it with arviz, or run qlvbayes fit"
+        raise InputError(what, file=path, remedy=remedy)
+    by_name = {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()}
+    units = stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), by_name)
     columns = dict(zip(*_flattened(posterior), strict=True))
     try:
-        choices = infer_choices(
-            columns,
-            bonded=bool(attrs.get("bonded", units.bonded_default)),
-            effects_file=attrs.get("effects_file"),
-        )
+        bonded = bool(attrs.get("bonded", units.bonded_default))
+        own = attrs.get("effects_file")
+        choices = infer_choices(columns, bonded=bonded, effects_file=own)
         draws = completed(choices, columns)
         check_draws(choices, draws)
     except InputError as error:
         raise InputError(str(error), file=path) from error
-    return Saved(
-        pad=str(attrs.get("pad", pad_name(path))),
-        names=tuple(draws),
-        constants=np.stack(list(draws.values()), axis=-1),
-        choices=choices,
-        method=str(attrs.get("method", attrs.get("inference_library", "elsewhere"))),
-        source=str(attrs.get("source", "")),
-        sha256=str(attrs.get("sha256", "")),
-        all_tests=bool(attrs.get("all_tests", False)),
-        fitted=(),
-        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
-        units=units,
-    )
+    method = attrs.get("inference_library", "elsewhere")
+    stated = _stated(attrs, draws, pad=pad_name(path), method=method)
+    return Saved(**stated, choices=choices, fitted=(), units=units)
 
 
 def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
@@ -323,3 +210,47 @@ def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
             names += flat_names(str(key), labels, values.shape[-1])
             columns += list(np.moveaxis(values, -1, 0))
     return names, columns
+
+
+class Run(Part, frozen=True):
+    """A command: its data with their digest, its seed, the model's choices, and versions."""
+
+    command: str
+    source: str
+    sha256: str
+    seed: int
+    # as `Choices.as_dict` gives them, because a file of laws or effects may have vanished since
+    choices: dict[str, Any]
+    versions: dict[str, str]
+    # further options of the step, ``sampler`` and ``thresholds`` among them
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class RunLog(Result, frozen=True, kw_only=True):
+    """The commands by which a folder of results was made, by step: ``run.json``."""
+
+    runs: dict[str, Run]
+
+
+def record_run(
+    out: Path,
+    step: str,
+    command: str,
+    study: Measurements,
+    choices: Choices,
+    seed: int,
+    settings: Mapping[str, object] | None = None,
+) -> None:
+    """Record in ``out/run.json`` which command made a step; ``study`` replaces all others."""
+    path = out / "run.json"
+    runs: dict[str, Run] = {}
+    if step != "study":
+        with suppress(OSError, InputError):  # there is none yet, or it is another program's
+            runs = RunLog.read(path).runs
+    options, chosen = to_builtins(dict(settings or {})), choices.as_dict()
+    versions = {"python": platform.python_version()}
+    for name in _LIBRARIES:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, versions, options)
+    RunLog(runs=runs).write(path)

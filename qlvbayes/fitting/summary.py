@@ -1,14 +1,27 @@
-"""Summarise a fit in numbers: ``summary.json``, and what terminal and report show of it."""
+"""Summarise fits in numbers: ``summary.json``, and the constants of all pads as CSV and LaTeX."""
 
 from __future__ import annotations
 
+import csv
+import io
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+from pathlib import Path
+
 import numpy as np
 
-from qlvbayes.fitting.diagnostics import Diagnostics, highest_density
-from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.ensemble import Diagnostics, Settings, highest_density
 from qlvbayes.io.arrays import finite_or_none
-from qlvbayes.io.files import Part, Result
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import Part, Result, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.io.wording import as_cells, tex
+
+_COLUMNS = ["pad", "parameter", "value", "unit"]
+_HEADS = "pad,parameter,unit,median,low90,high90,reference"
+_INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 
 
 class Constant(Part, frozen=True):
@@ -74,15 +87,167 @@ def constant_of(
     values: np.ndarray, unit: str, index: int, diagnostics: Diagnostics | None
 ) -> Constant:
     """Return the summary of draws (chains, draws) of one constant."""
-    varies = (
-        np.ptp(values) > 0.0
-    )  # a fixed constant keeps its exact value, and has an sd of exactly 0
-    return Constant(
-        unit=unit,
-        mean=float(values.mean()) if varies else float(values.flat[0]),
-        sd=float(values.std()) if varies else 0.0,
-        median=float(np.median(values)),
-        hdi90=highest_density(values),
-        r_hat=finite_or_none(diagnostics.r_hat[index]) if diagnostics else None,
-        ess_bulk=finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None,
-    )
+    # a fixed constant keeps its exact value, and has an sd of exactly 0
+    varies = np.ptp(values) > 0.0
+    mean, sd = (values.mean(), values.std()) if varies else (values.flat[0], 0.0)
+    r_hat = finite_or_none(diagnostics.r_hat[index]) if diagnostics else None
+    ess = finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None
+    median, interval = float(np.median(values)), highest_density(values)
+    return Constant(unit, float(mean), float(sd), median, interval, r_hat, ess)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A value of a constant from elsewhere, with its unit."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A constant of one pad: median, 90 % interval, and the reference value if there is one."""
+
+    pad: str
+    parameter: str
+    unit: str
+    median: float
+    low: float
+    high: float
+    reference: float | None = None
+
+
+References = Mapping[tuple[str, str], Reference]
+
+
+def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
+    """Read reference values by pad and parameter from a CSV file: ``pad,parameter,value,unit``."""
+    file, columns = Path(path), ",".join(_COLUMNS)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        remedy = f"name a CSV file with the columns {columns}"
+        raise InputError("these references cannot be read", file=file, remedy=remedy) from error
+    rows = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    parsed = [[cell.strip() for cell in row] for row in csv.reader([line for _, line in rows])]
+    if not parsed or parsed[0] != _COLUMNS:
+        line, remedy = rows[0][0] if rows else None, f"begin with the line {columns}"
+        raise InputError("not a table of references", file=file, line=line, remedy=remedy)
+    references: dict[tuple[str, str], Reference] = {}
+    for (number, _), cells in zip(rows[1:], parsed[1:], strict=True):
+        fault = None
+        try:
+            pad, parameter, text, unit = cells
+            value = float(text)
+        except ValueError:
+            value, text = float("nan"), cells[2] if len(cells) > 2 else ""
+        if len(cells) != len(_COLUMNS):
+            fault = f"{len(cells)} columns, not 4", f"write {columns}"
+        elif not isfinite(value):
+            fault = f"value is not a number ('{text}')", "write a number or delete the row"
+        elif (pad, parameter) in references:
+            fault = f"{parameter} of pad {pad} again", "delete one of them"
+        if fault:
+            raise InputError(fault[0], file=file, line=number, remedy=fault[1])
+        references[pad, parameter] = Reference(value, unit)
+    return references
+
+
+def matching_references(references: References, summaries: Iterable[FitSummary]) -> References:
+    """Return the references that are in the constant's unit; another law may have another one."""
+    units = {(s.pad, name): c.unit for s in summaries for name, c in s.parameters.items()}
+    return {key: one for key, one in references.items() if units.get(key) in (None, one.unit)}
+
+
+def constants_table(
+    summaries: Iterable[FitSummary], references: References | None = None
+) -> list[Entry]:
+    """Return the entries of every constant, pad by pad; InputError on a reference's other unit."""
+    entries = []
+    for pad, name, c in ((s.pad, n, c) for s in summaries for n, c in s.parameters.items()):
+        known = (references or {}).get((pad, name))
+        if known is not None and known.unit != c.unit:
+            what = f"the reference of {name} of pad {pad} is in {known.unit or 'no unit'}"
+            raise InputError(what, remedy=f"give it in {c.unit}")
+        value = None if known is None else known.value
+        entries.append(Entry(pad, name, c.unit, c.median, *c.hdi90, value))
+    return entries
+
+
+def as_csv(entries: Sequence[Entry]) -> str:
+    """Return the table as CSV: one row for each constant of a pad."""
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow(_HEADS.split(","))
+    for e in entries:
+        cells = [f"{x:.6g}" for x in (e.median, e.low, e.high)]
+        cells += ["" if e.reference is None else f"{e.reference:.6g}"]
+        table.writerow([*as_cells([e.pad, e.parameter, e.unit]), *cells])
+    return file.getvalue()
+
+
+def as_latex(entries: Sequence[Entry]) -> str:
+    """Return the table for LaTeX's booktabs: constants in rows, pads and references in columns."""
+    shown = [e for e in entries if not e.parameter.startswith("noise.")]
+    pads = list(dict.fromkeys(e.pad for e in shown))
+    known = {e.pad for e in shown if e.reference is not None}
+    heads = [f"pad {tex(pad)}{' & reference' if pad in known else ''}" for pad in pads]
+    entry_of = {(e.pad, e.parameter): e for e in shown}
+    units = {e.parameter: e.unit for e in shown}
+    rows = [
+        [symbol(name), "" if unit == "1" else tex(unit)]
+        + [cell for pad in pads for cell in _cells(entry_of.get((pad, name)), pad in known)]
+        for name, unit in units.items()
+    ]
+    lines = [
+        "% needs \\usepackage{booktabs}; median [90 \\% highest-density interval]",
+        f"\\begin{{tabular}}{{ll{''.join('lr' if pad in known else 'l' for pad in pads)}}}",
+        "\\toprule",
+        " & ".join(["constant", "unit", *heads]) + " \\\\",
+        "\\midrule",
+        *(" & ".join(row) + " \\\\" for row in rows),
+        "\\bottomrule",
+        "\\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = True) -> list[Path]:
+    """Write ``out``/constants.csv, and .tex with a column a pad, completely or not at all."""
+    texts = {"csv": as_csv(entries)}
+    if for_print:
+        texts["tex"] = as_latex(entries)
+    for suffix, text in texts.items():
+        write_whole(out / f"constants.{suffix}", text.encode())
+    return [out / f"constants.{suffix}" for suffix in texts]
+
+
+def symbol(name: str) -> str:
+    """Return a constant's name in mathematical notation: '$c_0$' for 'c[0]'; others unchanged."""
+    match = _INDEXED.fullmatch(name)
+    if match:
+        return f"${match[1]}_{match[2]}$"
+    return f"${name}$" if len(name) == 1 else tex(name)
+
+
+def rounded(entry: Entry) -> tuple[str, str, str]:
+    """Return median, low and high to two digits of half the interval's width, or to four digits."""
+    half = 0.5 * (entry.high - entry.low)
+    values = (entry.median, entry.low, entry.high)
+    decimals = 1 - floor(log10(half)) if half > 0.0 else 7
+    if decimals > 6:
+        return f"{values[0]:.4g}", f"{values[1]:.4g}", f"{values[2]:.4g}"
+    median, low, high = (f"{round(x, decimals):.{max(decimals, 0)}f}" for x in values)
+    return median, low, high
+
+
+def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
+    """Return the cells of one constant of one pad, with its reference if there is a column."""
+    if entry is None:
+        return ["--", "--"] if with_reference else ["--"]
+    median, low, high = (text.replace("-", "$-$") for text in rounded(entry))
+    fixed = entry.low == entry.high
+    cells = [f"{median} (fixed)" if fixed else f"{median} [{low}, {high}]"]
+    if with_reference:
+        cells.append("--" if entry.reference is None else f"{entry.reference:g}")
+    return cells

@@ -19,7 +19,6 @@ from concurrent.futures import (
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from queue import SimpleQueue
 from typing import Any
 
 from qlvbayes.io.checks import InputError
@@ -50,32 +49,26 @@ class Engine:
     """Receiver of tasks: processes, a cluster or an executor of the user.
 
     submit: Function that submits one call and returns its future; ahead: function of the largest
-    number of submitted tasks, waiting ones included; lost: what has happened where it stops, and
-    the remedy; shares_disk: whether its workers are sure to see the files that this process sees.
+    number of submitted tasks, waiting ones included; lost: the error that says that it has stopped,
+    and the remedy; shares_disk: whether its workers are sure to see the files that this process
+    sees.
     """
 
     submit: Callable[..., Future[Any]]
     ahead: Callable[[], int]
-    lost: tuple[str, str]
+    lost: EngineLostError
     shares_disk: bool = False
-
-    def lost_error(self) -> EngineLostError:
-        """Return the error that says that it has stopped."""
-        return EngineLostError(self.lost[0], remedy=self.lost[1])
 
 
 class Processes:
     """Spawned interpreters, never forked ones, because JAX has threads.
 
     Each is the only one of its pool, so that one that dies takes no other task with it. A thread
-    waits for each; the processes are started when they are needed.
+    waits for each, and starts it when it is needed.
     """
 
     def __init__(self, count: int) -> None:
-        self._threads = ThreadPoolExecutor(count)
-        self._idle: SimpleQueue[_Process | None] = SimpleQueue()
-        for _ in range(count):
-            self._idle.put(None)
+        self._threads, self._own = ThreadPoolExecutor(count), threading.local()
         self._share = max(1, cores() // count)
         self._all: list[_Process] = []
         self._closed = False
@@ -85,25 +78,20 @@ class Processes:
         return self._threads.submit(self._run, function, *arguments)
 
     def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the answer of a process; one that dies is replaced, and its task done again."""
+        """Return the answer of the thread's process; if that dies another does the task again."""
         for _ in range(_DEATHS):
-            process: _Process | None = self._idle.get() or self._started()
-            assert process is not None
+            process = getattr(self._own, "process", None)
+            if process is None:
+                process = self._own.process = _Process(self._share)
+                self._all.append(process)
             try:
                 return process.run(function, *arguments)
             except BrokenExecutor as error:
                 process.end()
-                process = None
+                self._own.process = None
                 if self._closed:
                     raise CancelledError from error
-            finally:
-                self._idle.put(process)
         raise KilledError
-
-    def _started(self) -> _Process:
-        process = _Process(self._share)
-        self._all.append(process)
-        return process
 
     def close(self) -> None:
         """Stop all processes at once, whatever they are doing."""
@@ -122,12 +110,8 @@ class _Process:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         ours, self._lifeline = multiprocessing.Pipe(duplex=False)
         self._ending, self._ended = threading.Lock(), False
-        self._pool = ProcessPoolExecutor(
-            1,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin,
-            initargs=(ours, threads),
-        )
+        spawning = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(1, spawning, _begin, (ours, threads))
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the answer to one call."""
@@ -146,30 +130,30 @@ def _begin(lifeline: Connection, threads: int) -> None:
     """Initialise a process: Ctrl-C is its parent's to answer, and it ends when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[THREADS] = str(threads)
-    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+
+    def wait() -> None:
+        try:
+            lifeline.recv_bytes()  # as nothing is ever sent, it returns when the pipe closes
+        except (EOFError, OSError):
+            os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
-def _end_with(lifeline: Connection) -> None:
-    """Wait for the pipe to close, as nothing is ever sent, and exit."""
-    try:
-        lifeline.recv_bytes()
-    except (EOFError, OSError):
-        os._exit(0)
+def _twice_the_threads(client: Any) -> Callable[[], int]:
+    """Return a function of twice the threads of all workers of a Dask client, who come and go.
 
+    The next task then waits when one is done.
+    """
+    looked, count = -_LOOK_S, 1
 
-class _ClusterThreads:
-    """Number of threads of all workers of a Dask client, who may come and go."""
+    def ahead() -> int:
+        nonlocal looked, count
+        if time.monotonic() - looked > _LOOK_S:
+            looked, count = time.monotonic(), sum(client.nthreads().values())
+        return max(_LEAST, 2 * count)
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
-        self._looked, self._count = -_LOOK_S, 1
-
-    def ahead(self) -> int:
-        """Return twice their number, so that the next task waits when one is done."""
-        if time.monotonic() - self._looked > _LOOK_S:
-            self._looked = time.monotonic()
-            self._count = sum(self._client.nthreads().values())
-        return max(_LEAST, 2 * self._count)
+    return ahead
 
 
 def engine_of(client: Any) -> Engine | None:
@@ -178,61 +162,55 @@ def engine_of(client: Any) -> Engine | None:
         return client
     if hasattr(client, "get_executor") and hasattr(client, "nthreads"):
         # Dask itself replaces a worker that died, and gives up a task that kills several
-        address = getattr(client.scheduler, "address", "")
-        lost = (
-            f"the Dask scheduler at {address} is lost",
-            "start it and give the same command again: what is finished is kept",
+        lost = EngineLostError(
+            f"the Dask scheduler at {getattr(client.scheduler, 'address', '')} is lost",
+            remedy="start it and give the same command again: what is finished is kept",
         )
-        return Engine(client.get_executor(pure=False).submit, _ClusterThreads(client).ahead, lost)
+        return Engine(client.get_executor(pure=False).submit, _twice_the_threads(client), lost)
     if callable(getattr(client, "submit", None)):
         count = 2 * int(getattr(client, "_max_workers", None) or cores())
-        lost = (
+        lost = EngineLostError(
             "a worker of the executor has died and the executor with it",
-            "make a new one and call again: what is finished is kept",
+            remedy="make a new one and call again: what is finished is kept",
         )
         return Engine(client.submit, lambda: count, lost)
-    raise InputError(
-        f"a {type(client).__name__} takes no work",
-        remedy="give a distributed.Client or an executor of concurrent.futures",
-    )
+    remedy = "give a distributed.Client or an executor of concurrent.futures"
+    raise InputError(f"a {type(client).__name__} takes no work", remedy=remedy)
 
 
 @contextmanager
 def opened_engine(jobs: int = 1, cluster: str | None = None) -> Iterator[Engine | None]:
     """Open an engine of processes or of a cluster; None where this process does all."""
     if cluster is not None:
-        with _client(cluster) as client:
+        client = _client(cluster)
+        try:
             yield engine_of(client)
+        finally:
+            client.close(timeout=2.0)
     elif jobs > 1:
         processes = Processes(jobs)
-        lost = ("the processes were stopped", "give the same command again")
+        remedy = "give the same command again"
+        stopped = EngineLostError("the processes were stopped", remedy=remedy)
         try:
             # one task waits, so that no process does
-            yield Engine(processes.submit, lambda: jobs + 1, lost, shares_disk=True)
+            yield Engine(processes.submit, lambda: jobs + 1, stopped, shares_disk=True)
         finally:
             processes.close()
     else:
         yield None
 
 
-@contextmanager
-def _client(address: str) -> Iterator[Any]:
+def _client(address: str) -> Any:
+    """Return a Dask client of the scheduler at an address, or raise InputError."""
     try:
         from distributed import Client
     except ImportError as error:
-        raise InputError(
-            "a cluster needs the package distributed", remedy="pip install 'qlvbayes[cluster]'"
-        ) from error
+        remedy = "pip install 'qlvbayes[cluster]'"
+        raise InputError("a cluster needs the package distributed", remedy=remedy) from error
     for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # one line says it: ours
     try:
-        client = Client(address, timeout=_WAIT_S, set_as_default=False)
+        return Client(address, timeout=_WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {address}",
-            remedy="start it with 'dask scheduler', and give its address as tcp://HOST:PORT",
-        ) from error
-    try:
-        yield client
-    finally:
-        client.close(timeout=2.0)
+        remedy = "start it with 'dask scheduler', and give its address as tcp://HOST:PORT"
+        raise InputError(f"no Dask scheduler answers at {address}", remedy=remedy) from error

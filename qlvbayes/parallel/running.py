@@ -1,28 +1,141 @@
-"""Execution of one task for every item of many, in order, by any engine."""
+"""Execution of one task for every item of many, or of a part of them, in order, by any engine.
+
+Failures of a task are one line each, which travels between processes.
+"""
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 import qlvbayes
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
+from qlvbayes.io.wording import listed, visible
 from qlvbayes.parallel.engines import Engine, KilledError
-from qlvbayes.parallel.faults import Fault, fault_of
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
+Found = TypeVar("Found")
 
 _WAITING = 1000  # outcomes kept at most while that of an item before them is not there
+_SLURM = tuple(f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "COUNT"))
 _IN_TURN = threading.Lock()  # figures have settings of the whole process: one task at a time
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A failure: one line with its file, line and remedy."""
+
+    text: str
+    # whether the user can mend it (exit status 2), or it is an error of the program (1)
+    mendable: bool = True
+    of: str = ""  # the pad, or the file, that it happened to
+
+    @property
+    def status(self) -> int:
+        """Exit status of a command that ends with it."""
+        return 2 if self.mendable else 1
+
+
+def fault_of(error: BaseException) -> Fault:
+    """Return the fault of an exception; with ``QLVBAYES_DEBUG`` its traceback is printed too."""
+    if os.environ.get("QLVBAYES_DEBUG"):
+        traceback.print_exception(error)
+    if isinstance(error, InputError):
+        return Fault(str(error))
+    if isinstance(error, OSError):
+        prefix = f"{error.filename}: " if error.filename else ""
+        full = error.errno == errno.ENOSPC
+        remedy = "free some space" if full else "check the path and its rights"
+        return Fault(visible(f"{prefix}{error.strerror or error}; {remedy}"))
+    if isinstance(error, MemoryError):
+        return Fault("not enough memory; read fewer pads with --pads, or use fewer --jobs")
+    text = visible(" ".join(str(error).split())[:300])
+    kind, remedy = type(error).__name__, "set QLVBAYES_DEBUG=1 for the traceback and report it"
+    return Fault(f"internal error ({kind}: {text}); {remedy}", mendable=False)
+
+
+class FailedError(InputError):
+    """Exception raised after some of many pads failed; the others were finished.
+
+    faults: why, one each; total: how many pads there were; results: of those that did not fail,
+    where they are returned. Several that failed alike are one line.
+    """
+
+    def __init__(self, faults: Sequence[Fault], total: int, results: Sequence[Any] = ()) -> None:
+        self.faults = tuple(faults)
+        self.total = total
+        self.results = list(results)
+        self.status = min(fault.status for fault in faults)
+        super().__init__("; ".join(self.lines))
+
+    @property
+    def lines(self) -> list[str]:
+        """Return one line for each reason, with the pads that it holds for."""
+        reasons: dict[str, list[str]] = {}
+        for fault in self.faults:
+            reasons.setdefault(fault.text, []).append(fault.of)
+        if len(reasons) == 1 and len(self.faults) == self.total:
+            return list(reasons)
+        lines = [f"{listed(names)}: {text}" for text, names in reasons.items()]
+        rest = self.total - len(self.faults)
+        return [*lines, f"{len(self.faults)} of {self.total} failed; {rest} are done"]
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One part of many, each run by itself: ``3/200`` is the third of two hundred.
+
+    index: Its number, from 1; count: How many there are; every item is in exactly one part.
+    """
+
+    index: int = 1
+    count: int = 1
+
+    @classmethod
+    def from_text(cls, text: str) -> Shard:
+        """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM."""
+        if text.strip().lower() == "slurm":
+            return cls._from_slurm()
+        index, slash, count = (part.strip() for part in text.partition("/"))
+        if index.lower() == "slurm":  # of an array that is smaller than the number of parts
+            index = str(cls._from_slurm().index)
+        if not (slash and index.isdecimal() and count.isdecimal()):
+            raise InputError(f"no part {text!r}", remedy="write it as 3/200, or as slurm")
+        if not 1 <= int(index) <= int(count):
+            remedy = f"use 1/{count} to {count}/{count}"
+            raise InputError(f"no part {index} of {count}", remedy=remedy)
+        return cls(int(index), int(count))
+
+    @classmethod
+    def _from_slurm(cls) -> Shard:
+        values = [os.environ.get(name, "") for name in _SLURM]
+        if not all(text.isdecimal() for text in values):
+            what = "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set"
+            remedy = "run it by sbatch --array=1-200, or write the part as 3/200"
+            raise InputError(what, remedy=remedy)
+        task, first, count = map(int, values)
+        if not 1 <= task - first + 1 <= count:
+            what = f"the SLURM array has gaps: task {task} of {count} that begin with {first}"
+            remedy = "number it without gaps, as --array=1-200, or write the part as 3/200"
+            raise InputError(what, remedy=remedy)
+        return cls(task - first + 1, count)
+
+    def part(self, items: Sequence[Item]) -> Sequence[Item]:
+        """Return every ``count``-th item, from the index on."""
+        return items[self.index - 1 :: self.count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +170,7 @@ def run_all(
     done: dict[int, Outcome[Item, Answer]] = {}
     following, more = 0, True
     while more or working:
-        while more and len(working) < _ahead(engine) and len(done) < _WAITING:
+        while more and len(done) < _WAITING and len(working) < _asked(engine, engine.ahead):
             entry = next(numbered, None)
             if entry is None:
                 more = False
@@ -66,7 +179,8 @@ def run_all(
                 done[entry[0]] = passed
             else:
                 item = cast(Item, entry[1])
-                working[_submitted(engine, task, item)] = entry[0], item
+                call = partial(engine.submit, _tried_elsewhere, package_digest(), task, item)
+                working[_asked(engine, call)] = entry[0], item
         for future in wait(working, return_when=FIRST_COMPLETED).done if working else ():
             index, item = working.pop(future)
             done[index] = _outcome(engine, item, future)
@@ -98,18 +212,11 @@ def _passed(item: Any) -> Outcome[Any, Any] | None:
     return Outcome(item, None, item) if isinstance(item, Fault) else None
 
 
-def _submitted(engine: Engine, task: Callable[[Item], Any], item: Item) -> Future[Any]:
+def _asked(engine: Engine, call: Callable[[], Found]) -> Found:
     try:
-        return engine.submit(_tried_elsewhere, package_digest(), task, item)
+        return call()
     except Exception as error:  # each engine raises its own when it has stopped
-        raise engine.lost_error() from error
-
-
-def _ahead(engine: Engine) -> int:
-    try:
-        return engine.ahead()
-    except Exception as error:  # Dask raises several, as its connection is when asked
-        raise engine.lost_error() from error
+        raise engine.lost from error
 
 
 def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, Any]:
@@ -117,7 +224,7 @@ def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, A
     try:
         return Outcome(item, *future.result())
     except (BrokenExecutor, CancelledError) as error:
-        raise engine.lost_error() from error
+        raise engine.lost from error
     except Exception as error:  # its arguments or its answer cannot travel, or workers died
         killed = type(error).__name__ == "KilledWorker"  # Dask's own
         return Outcome(item, None, fault_of(KilledError() if killed else error))
@@ -152,5 +259,4 @@ def _without_scheduler() -> AbstractContextManager[object]:
         return nullcontext()
     import dask
 
-    synchronous: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
-    return synchronous
+    return cast(AbstractContextManager[object], dask.config.set(scheduler="synchronous"))

@@ -1,28 +1,45 @@
-"""The step that compares two pads or two fluids of a folder of results, and what is compared."""
+"""What is made of several pads of a folder of results: comparisons, constants, forces at rates.
+
+Matplotlib is imported when something is drawn, so that the other steps do not wait for it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
-from typing import ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
 
 from qlvbayes.comparison.compare import REGION, compare
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.comparison.writing import write_comparison
+from qlvbayes.fitting.residuals import Curves
 from qlvbayes.fitting.results import Saved, load
+from qlvbayes.fitting.summary import (
+    FitSummary,
+    References,
+    constants_table,
+    matching_references,
+    read_references,
+    write_constants,
+)
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.covered import covered
 from qlvbayes.parallel.running import package_digest
-from qlvbayes.pipeline.finished import FITTED, digest_of, is_finished, record_finished
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.source import REFERENCES
+from qlvbayes.pipeline.steps import FITTED, Watcher, digest_of, is_finished, record_finished
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
 _MOST_PAIRS = 6  # most pairs that a study compares; beyond that the user names them
+_NOT_ALL = "are not all compared here; name those that matter: qlvbayes compare OUT --pads A,B"
 Group = tuple[str, Sequence[Saved]]
 
 
@@ -52,20 +69,22 @@ class CompareStep:
         key = self._key(first, second)
         if is_finished(out, self.name, folder.name, key, folder):
             return Comparison.read(folder / self.leaves[0])
+        from qlvbayes.plots.contrasts import plot_contrasts
+        from qlvbayes.plots.files import save_figure
+
         with watcher.doing(f"comparing {names[0]} with {names[1]}"):
             comparison = compare(
                 first[1], second[1], names=names, region=self.region, depth=self.depth,
                 rates=self.rates, frequencies=self.frequencies, seed=self.seed,
             )  # fmt: skip
-            files = [*write_comparison(folder, comparison), _figure(comparison, folder)]
+            figure = save_figure(plot_contrasts(comparison), folder / "contrasts")
+            files = [*write_comparison(folder, comparison), figure]
         record_finished(out, self.name, folder.name, key, {f.name: digest_of(f) for f in files})
         return comparison
 
     def _key(self, first: Group, second: Group) -> str:
-        draws = [
-            (saved.pad, saved.fluid, saved.draws.tobytes()) for saved in (*first[1], *second[1])
-        ]
-        digests = [(pad, fluid, hashlib.sha256(x).hexdigest()) for pad, fluid, x in draws]
+        fits = (*first[1], *second[1])
+        digests = [(x.pad, x.fluid, hashlib.sha256(x.draws.tobytes()).hexdigest()) for x in fits]
         parts = (self, first[0], second[0], digests, package_digest(self.code))
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
@@ -75,31 +94,20 @@ def figure_of(out: Path, comparison: Comparison) -> Path:
     return out / FOLDER / "-vs-".join(comparison.names) / "contrasts.png"
 
 
-def _figure(comparison: Comparison, folder: Path) -> Path:
-    # imported here, so that the other steps do not wait for matplotlib
-    from qlvbayes.plots.contrasts import plot_contrasts
-    from qlvbayes.plots.files import save_figure
-
-    return save_figure(plot_contrasts(comparison), folder / "contrasts")
-
-
 def saved_pads(out: Path, data: Path | None = None, *, only: Sequence[str] = ()) -> list[Saved]:
     """Return the fits of named pads in a folder, by default all; InputError if there are none."""
     names = only or fitted_pads(out)  # of many pads no others are read
-    files = [out / name / "posterior.nc" for name in names]
-    studies: dict[Path, Measurements] = {}
-    return [_with_coverage(load(file), data, studies) for file in files]
-
-
-def _with_coverage(saved: Saved, data: Path | None, studies: dict[Path, Measurements]) -> Saved:
-    source = data or Path(saved.source)
-    if saved.covered is not None or not source.is_file():
-        return saved
-    if source not in studies:
-        studies[source] = read_measurements(source)
-    pad = studies[source].pad(saved.pad)
-    experiment = saved.choices.prepare(pad)
-    return replace(saved, covered=covered(experiment), fluid=saved.fluid or pad.fluid)
+    read = cache(read_measurements)  # files of an earlier version do not say what was covered
+    fits = []
+    for name in names:
+        saved = load(out / name / "posterior.nc")
+        source = data or Path(saved.source)
+        if saved.covered is None and source.is_file():
+            pad = read(source).pad(saved.pad)
+            tested, fluid = covered(saved.choices.prepare(pad)), saved.fluid or pad.fluid
+            saved = replace(saved, covered=tested, fluid=fluid)
+        fits.append(saved)
+    return fits
 
 
 def fitted_pads(out: Path) -> list[str]:
@@ -128,7 +136,7 @@ def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
 def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> None:
     """Compare the fluids of some fitted pads, or where there are none every pair of a few pads."""
     if len(pads) > MOST_ON_A_PAGE:
-        _leave_out(f"{len(pads)} pads", watcher)
+        watcher.notice(f"{len(pads)} pads {_NOT_ALL}")
     else:
         compare_pairs(out, [load(out / pad / "posterior.nc") for pad in pads], seed, watcher)
 
@@ -137,13 +145,61 @@ def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher)
     """Compare fluids where several specimens contain them, else every pair of a few pads."""
     pairs = fluid_pairs(pads) or pad_pairs(pads)
     if len(pairs) > _MOST_PAIRS:
-        _leave_out(f"{len(pads)} pads make {len(pairs)} pairs, which", watcher)
+        watcher.notice(f"{len(pads)} pads make {len(pairs)} pairs, which {_NOT_ALL}")
         return
     for first, second in pairs:
         CompareStep(seed=seed).run(out, first, second, watcher)
 
 
-def _leave_out(what: str, watcher: Watcher) -> None:
-    watcher.notice(
-        f"{what} are not all compared here; name those that matter: qlvbayes compare OUT --pads A,B"
-    )
+@dataclass(frozen=True)
+class ReferenceFile:
+    """File of reference values; ``required``: the user gave it, so all must be usable."""
+
+    file: Path
+    required: bool
+
+
+def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
+    """Return the file of references: the one given, else paper_table1.csv in the data's folder."""
+    if given is not None:
+        read_references(given)
+        return ReferenceFile(given, required=True)
+    default = folder / REFERENCES
+    return ReferenceFile(default, required=False) if default.is_file() else None
+
+
+def draw_constants(out: Path, references: ReferenceFile | None) -> None:
+    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure."""
+    summaries = [FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
+    known: References = read_references(references.file) if references else {}
+    if references and not references.required:
+        known = matching_references(known, summaries)
+    entries, few = constants_table(summaries, known), len(summaries) <= MOST_ON_A_PAGE
+    write_constants(out, entries, for_print=few)
+    if few:
+        from qlvbayes.plots.constants import plot_constants
+        from qlvbayes.plots.files import save_figure
+
+        label = f"reference ({references.file.name})" if references else "reference"
+        save_figure(plot_constants(entries, reference=label), out / "constants")
+
+
+def draw_forces_at_rates(out: Path) -> list[Path]:
+    """Draw the figure forces_at_rates of two checked pads or more in one unit; return its path."""
+    files = sorted(out.glob("*/curves.json"))
+    if not 2 <= len(files) <= MOST_ON_A_PAGE:
+        return []
+    pads = [Curves.read(file) for file in files]
+    if len({pad.units for pad in pads}) > 1:
+        return []
+    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
+
+    predictions: Any = {one.pad: [] for one in pads}
+    for pad, test in ((one.pad, test) for one in pads for test in one.tests):
+        rate = np.nan if test.rate is None else test.rate
+        trial = SimpleNamespace(rate=rate, phases=test.phases)
+        lines = ("time", "observed", "mean", "low", "high")  # what the figure needs of a prediction
+        curves = {name: np.asarray(getattr(test, name)) for name in lines}
+        predictions[pad].append(SimpleNamespace(trial=trial, **curves))
+    return [save_figure(plot_forces_at_rates(predictions, pads[0].units), out / "forces_at_rates")]

@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from qlvbayes.diagnosis.nexttest.design import Rig, as_csv
-from qlvbayes.diagnosis.nexttest.knowledge import CAUSE, Knowledge, read_knowledge
+from qlvbayes.diagnosis.nexttest.design import as_csv
+from qlvbayes.diagnosis.nexttest.knowledge import CAUSE, read_knowledge
 from qlvbayes.diagnosis.nexttest.result import NextTests
-from qlvbayes.diagnosis.nexttest.series import Goal, Series, plan_series
+from qlvbayes.diagnosis.nexttest.series import Goal, plan_series
 from qlvbayes.diagnosis.nexttest.summary import summarize
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import one_blas_thread
-from qlvbayes.pipeline.watcher import Watcher
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Planned tests, and the knowledge and the rig for which they were planned."""
-
-    result: NextTests
-    series: Series
-    knowledge: Knowledge
-    rig: Rig
+from qlvbayes.pipeline.steps import Watcher
 
 
 def design_into(
@@ -40,10 +29,17 @@ def design_into(
     data: Path | None = None,
     seed: int = 0,
     watcher: Watcher | None = None,
-) -> tuple[Plan, list[Path]]:
-    """Plan the next tests; leave design.json, set_points.csv and a figure in ``out/pad``."""
+) -> tuple[NextTests, Path]:
+    """Plan the next tests; return them and the path of their figure.
+
+    Leaves design.json, set_points.csv and the figure in ``out/pad``.
+    """
     if not minutes > 0.0:
         raise InputError(f"--minutes is {minutes:g}", remedy="give it above 0")
+    # imported here, so that other commands do not wait for matplotlib
+    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.next_tests import plot_next_tests
+
     folder = out / pad
     with (watcher or Watcher()).doing(f"pad {pad}") as report, one_blas_thread():
         report("what is known")
@@ -63,23 +59,12 @@ def design_into(
             pad, knowledge.units, knowledge.belief, rig, errors, goal, series,
             minutes=minutes, seed=seed,
         )  # fmt: skip
-        plan = Plan(result, series, knowledge, rig)
         report("writing")
         designs = [one.design for one in series.tests]
         write_whole(folder / "set_points.csv", as_csv(designs, knowledge.units).encode())
         result.write(folder / "design.json")
-        figures = _figures(plan, folder)
-    return plan, figures
-
-
-def _figures(plan: Plan, folder: Path) -> list[Path]:
-    # imported here, so that other commands do not wait for matplotlib
-    from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.next_tests import plot_next_tests
-
-    knowledge, series = plan.knowledge, plan.series
-    axes = plot_next_tests(
-        plan.result, [one.design for one in series.tests], knowledge.belief, plan.rig,
-        knowledge.floor.total, clock=knowledge.clock,
-    )  # fmt: skip
-    return [save_figure(axes, folder / "design")]
+        axes = plot_next_tests(
+            result, designs, knowledge.belief, rig, knowledge.floor.total, clock=knowledge.clock
+        )
+        figure = save_figure(axes, folder / "design")
+    return result, figure

@@ -37,18 +37,13 @@ def look_into(
     """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in the folder."""
     fixed = study.units.bonded_default if bonded is None else bonded
     prepared = partial(prepare, keep_all_readings=keep_all_readings, use=use, leave_out=leave_out)
-    drawn = folder is not None
-    task = partial(_look_at, prepared=prepared, bonded=fixed, effects=effects, drawn=drawn)
+    task = partial(_look_at, prepared, fixed, effects, folder is not None)
     results = list(apply(task, pads))
     pads_seen = tuple(seen for seen, _ in results)
     look = FirstLook(
-        source=tuple(files or (study.source,)),
-        units=study.units,
-        notices=study.notices,
-        pads=pads_seen,
-        between=shown_between(pads_seen, study.units),
-        next=tuple(next_commands),
-    )
+        source=tuple(files or (study.source,)), units=study.units, notices=study.notices,
+        pads=pads_seen, between=shown_between(pads_seen, study.units), next=tuple(next_commands),
+    )  # fmt: skip
     if folder is None:
         return look, []
     results_folder(folder)
@@ -60,22 +55,17 @@ def look_into(
 
 
 def _look_at(
+    prepared: Callable[[Pad], Experiment], bonded: bool, effects: tuple[str, ...], drawn: bool,
     pad: Pad,
-    *,
-    prepared: Callable[[Pad], Experiment],
-    bonded: bool,
-    effects: tuple[str, ...],
-    drawn: bool,
-) -> Seen:
+) -> Seen:  # fmt: skip
     experiment = prepared(pad)
     seen = look_at(experiment, bonded=bonded, effects=effects)
-    return seen, _picture(experiment) if drawn else None
-
-
-def _picture(experiment: Experiment) -> bytes:
+    if not drawn:
+        return seen, None
     # imported here, so that reading does not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.look import plot_look
 
     with TemporaryDirectory() as folder:
-        return save_figure(plot_look(experiment), Path(folder) / LOOK, ("png",)).read_bytes()
+        picture = save_figure(plot_look(experiment), Path(folder) / LOOK, ("png",))
+        return seen, picture.read_bytes()

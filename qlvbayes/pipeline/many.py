@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar, cast
@@ -15,18 +16,19 @@ from uuid import uuid4
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
-from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.parallel.running import Outcome, run_all
-from qlvbayes.pipeline.finished import (
+from qlvbayes.parallel.running import FailedError, Fault, Outcome, run_all
+from qlvbayes.pipeline.source import Source
+from qlvbayes.pipeline.steps import (
+    Step,
+    Watcher,
     digest_of,
     forget_fault,
     is_finished,
+    key_of,
+    label_of,
     record_fault,
     record_finished,
 )
-from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.steps import Step, key_of, label_of
-from qlvbayes.pipeline.watcher import Watcher
 
 Answer = TypeVar("Answer")
 
@@ -56,15 +58,22 @@ class Work:
         """Folder of the pad."""
         return self.out / self.pad
 
+    def key(self, step: Step, folder: Path) -> str:
+        """Return the digest of all that a step's results depend on."""
+        return key_of(step, folder, self.study, self.style)
+
     def unfinished(self) -> tuple[Step, ...]:
         """Return the steps to do: those not finished, and those that need what these leave."""
         todo: list[Step] = []
         for step in self.steps:
-            key = key_of(step, self.folder, self.study, self.style)
-            finished = is_finished(self.out, label_of(step), self.pad, key, self.folder)
-            if not finished or (todo and step.needs):
+            record = label_of(step), self.pad, self.key(step, self.folder), self.folder
+            if not is_finished(self.out, *record) or (todo and step.needs):
                 todo.append(step)
         return tuple(todo)
+
+    def report(self, step: Step, watcher: Watcher) -> None:
+        """Report the results of a step."""
+        step.report(self.folder / step.within, watcher)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,17 +112,15 @@ def run_pads(
     watcher = watcher or Watcher()
     pads: list[str] = []
     faults: list[Fault] = []
-    reached = 0
+    reached = count(1)
     with (
         _shared_disk_token(out, engine) as token,
         watcher.overall(size, alone=engine is None) as report_count,
     ):
 
         def keep(outcome: Outcome[Work, Done]) -> None:
-            nonlocal reached
-            reached += 1
             _keep(out, outcome)
-            report_count(reached, max(size, reached))
+            report_count(number := next(reached), max(size, number))
 
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
         for outcome in run_all(task, _prepared(work, token), engine, keep=keep):
@@ -124,8 +131,8 @@ def run_pads(
             pads.append(one.pad)
             for lines in done.starting:
                 watcher.starting(lines)
-            if engine is not None or not one.todo:
-                _report(one, watcher)
+            for step in one.steps if engine is not None or not one.todo else ():
+                one.report(step, watcher)
     return Tally(tuple(pads), tuple(faults))
 
 
@@ -202,14 +209,12 @@ def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
     if outcome.fault is not None:
         fault = _with_pad(outcome.fault, outcome.item)
         if out.is_dir():
-            name = outcome.item.pad if isinstance(outcome.item, Work) else fault.of
-            record_fault(out, name, fault)
+            record_fault(out, getattr(outcome.item, "pad", fault.of), fault)
         return
     done = cast(Done, outcome.answer)
     for name, content in done.contents.items():
-        path = out / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(out / name, content)
     done.contents.clear()
     outcome.item.inputs.clear()
 
@@ -218,14 +223,9 @@ def _with_pad(fault: Fault, item: Any) -> Fault:
     return replace(fault, of=f"pad {item.pad}") if isinstance(item, Work) else fault
 
 
-def _report(work: Work, watcher: Watcher) -> None:
-    for step in work.steps:
-        step.report(work.folder / step.within, watcher)
-
-
 def _done_here(watcher: Watcher, work: Work) -> Done:
     """Do the steps in this process, and report each as soon as it is done."""
-    _do(work, work.out, watcher, lambda step: step.report(work.folder / step.within, watcher))
+    _do(work, work.out, watcher, lambda step: work.report(step, watcher))
     return Done()
 
 
@@ -252,7 +252,6 @@ class _Starting(Watcher):
         self.lines: list[tuple[str, ...]] = []
 
     def starting(self, lines: Sequence[str]) -> None:
-        """Keep what is fitted, and the priors."""
         self.lines.append(tuple(lines))
 
 
@@ -269,7 +268,7 @@ def _do(
         for step in work.steps:
             if step in work.todo:
                 before = _stamps(folder)
-                key = key_of(step, folder, work.study, work.style)
+                key = work.key(step, folder)
                 step.run(folder / step.within, work.study, watcher)
                 left = [path for path, s in _stamps(folder).items() if before.get(path) != s]
                 files = {path.relative_to(folder).as_posix(): digest_of(path) for path in left}
@@ -285,12 +284,8 @@ def _contents(files: Iterable[Path], out: Path) -> dict[str, bytes]:
 
 def _stamps(folder: Path) -> dict[Path, tuple[int, int, int]]:
     """Return inode, time of change and size of every file: one differs when it is written anew."""
-    stamps = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            stat = path.stat()
-            stamps[path] = stat.st_ino, stat.st_mtime_ns, stat.st_size
-    return stamps
+    stats = ((path, path.stat()) for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path: (stat.st_ino, stat.st_mtime_ns, stat.st_size) for path, stat in stats}
 
 
 @contextmanager

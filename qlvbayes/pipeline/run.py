@@ -1,28 +1,57 @@
-"""Run all steps of a study, from its measurements to the report."""
+"""Run all steps of a study, from its measurements to the report.
+
+After the verdicts come the last fit of every pad, and what is made of all pads together.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
+
+from msgspec import convert
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.runs import record_run
-from qlvbayes.io.data import Measurements
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.results import Run, Saved, load, record_run
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.files import write_whole
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
-from qlvbayes.parallel.engines import engine_of
-from qlvbayes.parallel.faults import Fault
-from qlvbayes.parallel.shards import Shard
-from qlvbayes.pipeline.drawing import find_references
-from qlvbayes.pipeline.finals import ChoicesOf, finish, run_finals, verdict
+from qlvbayes.parallel.engines import Engine, engine_of
+from qlvbayes.parallel.running import Fault, Shard, fault_of
+from qlvbayes.pipeline.comparing import (
+    ReferenceFile,
+    compare_few,
+    draw_constants,
+    draw_forces_at_rates,
+    find_references,
+    fitted_pads,
+)
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, map_pads, raise_failed, run_steps
-from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.steps import PLAIN, CheckStep, DiagnoseStep, FitStep, Step
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.many import Tally, Work, map_pads, raise_failed, run_pads, run_steps
+from qlvbayes.pipeline.source import Source, pad_of
+from qlvbayes.pipeline.steps import (
+    PLAIN,
+    CheckStep,
+    DiagnoseStep,
+    FitStep,
+    Step,
+    Watcher,
+    faults_in,
+)
+from qlvbayes.plots.catalogue import figures_of
+from qlvbayes.report.collect import facts_of, runs_in
+from qlvbayes.report.page import write_report
+
+ChoicesOf = Callable[[Measurements], Choices]
 
 
 def run_study(
@@ -89,13 +118,24 @@ def run_study(
     out, watcher, engine = Path(out), watcher or Watcher(), engine_of(client)
     part = Shard.from_text(shard) if shard else None
     source = file if isinstance(file, Source) else Source.from_files(file, only=pads, shard=part)
-    choices_of = _choices_function(choices)
+
+    def choices_of(study: Measurements) -> Choices:
+        given = choices(study) if callable(choices) else choices
+        return given or Choices(bonded=study.units.bonded_default)
+
     settings, thresholds = settings or Settings(), thresholds or DiagnosisSettings()
-    given = None if references is None else Path(references)
-    reference_file = find_references(source.location, given)
+    reference_file = find_references(source.location, Path(references) if references else None)
     whole = source.shard.count == 1
+    base = choices_of(source.whole)
     if source.is_complete and whole:
-        _look(source, out, choices_of(source.whole), engine, watcher)
+        tests = [study.pads[0] for study in source if isinstance(study, Measurements)]
+        with watcher.doing("looking"):
+            look, figures = look_into(
+                out, source.whole, tests, bonded=base.bonded, effects=base.effects,
+                keep_all_readings=base.keep_all_readings, use=base.use, leave_out=base.leave_out,
+                apply=partial(map_pads, engine),
+            )  # fmt: skip
+        watcher.looked(look, figures)
     source = source.kept(out)
 
     def plain_steps(study: Measurements) -> tuple[Step, ...]:
@@ -110,7 +150,6 @@ def run_study(
     if not baseline.pads:
         raise_failed([baseline])
         return []
-    base = choices_of(source.whole)
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
     used = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, source.whole, base, settings.seed, used)
@@ -125,31 +164,185 @@ def run_study(
     return verdicts
 
 
-def _look(source: Source, out: Path, choices: Choices, engine: Any, watcher: Watcher) -> None:
-    """Look at the tests, before anything is fitted."""
-    pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
-    with watcher.doing("looking"):
-        look, figures = look_into(
-            out, source.whole, pads, bonded=choices.bonded, effects=choices.effects,
-            keep_all_readings=choices.keep_all_readings, use=choices.use,
-            leave_out=choices.leave_out, apply=partial(map_pads, engine),
-        )  # fmt: skip
-    watcher.looked(look, figures)
-
-
-def _choices_function(choices: Choices | ChoicesOf | None) -> ChoicesOf:
-    if isinstance(choices, Choices):
-        fixed = choices
-        return lambda study: fixed
-    return choices or (lambda study: Choices(bonded=study.units.bonded_default))
-
-
 def _done_pads(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
     """Yield the pads that are done, once more; faults were reported before."""
     pads, failed = set(done.pads), {fault.of for fault in done.faults}
     for one in source:
-        if isinstance(one, Fault):
-            if one.of not in failed:
-                yield one
-        elif one.pads[0].name in pads:
+        new = one.of not in failed if isinstance(one, Fault) else one.pads[0].name in pads
+        if new:
             yield one
+
+
+def run_finals(
+    out: Path,
+    studies: Iterable[Measurements | Fault],
+    choices_of: ChoicesOf,
+    settings: Settings,
+    *,
+    size: int,
+    engine: Engine | None,
+    watcher: Watcher,
+) -> Tally:
+    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
+
+    Where nothing is named the check stays that of the plain fit, which predicts tests left out.
+    """
+
+    def final(study: Measurements) -> Work:
+        name = study.pads[0].name
+        before = choices_of(study)
+        choices = with_verdict(before, verdict(out, name))
+        fit = FitStep(choices, all_tests=True, settings=settings)
+        if choices != before:
+            return Work((fit, CheckStep(settings.seed)), study, out)
+        plain, check = out / name / PLAIN, CheckStep(settings.seed)
+        refitted = _leaves_tests_out(plain)
+        figures = {one.name for one in figures_of(check.name)}
+        for file in filter(Path.is_file, plain.iterdir()):
+            if not refitted or file.name in check.leaves or file.stem in figures:
+                write_whole(out / name / file.name, file.read_bytes())
+        return Work((fit,) if refitted else (), study, out)
+
+    work = (study if isinstance(study, Fault) else final(study) for study in studies)
+    return run_pads(out, work, size=size, engine=engine, watcher=watcher)
+
+
+def _leaves_tests_out(folder: Path) -> bool:
+    """Return whether a fit was checked on tests that it had not seen."""
+    cells = CheckResult.read(folder / "check.json").cells
+    return any(cell.role == "validate" for cell in cells)
+
+
+def finish(
+    out: Path,
+    pads: Sequence[str],
+    references: ReferenceFile | None,
+    seed: int,
+    watcher: Watcher,
+    engine: Engine | None = None,
+) -> None:
+    """Write what concerns all pads: constants, forces, comparisons and report."""
+    with watcher.doing("figures of all pads"):
+        draw_constants(out, references)
+        draw_forces_at_rates(out)
+    compare_few(out, pads, seed, watcher)
+    with watcher.doing("report"):
+        write_report(out, engine=engine)
+
+
+def gather(
+    out: Path,
+    *,
+    references: Path | None = None,
+    engine: Engine | None = None,
+    watcher: Watcher | None = None,
+) -> Tally:
+    """Write, of parts that were run apart, what an undivided run writes of all its pads."""
+    watcher = watcher or Watcher()
+    run = runs_in(out)
+    late = _missing_finals(out, run["study"], engine, watcher) if "study" in run else ()
+    pads = fitted_pads(out)
+    seed = max((one.seed for one in run.values()), default=0)
+    data = Path(load(out / pads[0] / "posterior.nc").source).parent
+    finish(out, pads, find_references(data, references), seed, watcher, engine)
+    faults = {fault.of: fault for fault in (*faults_in(out), *late)}
+    return Tally(tuple(pads), tuple(faults.values()))
+
+
+def _missing_finals(
+    out: Path, run: Run, engine: Engine | None, watcher: Watcher
+) -> tuple[Fault, ...]:
+    """Do the final fits that the diagnosed pads of a study lack; return the faults."""
+    pads = [file.parents[1].name for file in sorted(out.glob(f"*/{PLAIN}/check.json"))]
+    diagnosed = (pad for pad in pads if (out / pad / "diagnosis.json").exists())
+    missing = [pad for pad in diagnosed if not _is_final(out / pad)]
+    return run_finals(
+        out, saved_studies(out, missing, within=PLAIN),
+        lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
+        convert(run.settings["sampler"], Settings), size=len(missing), engine=engine,
+        watcher=watcher,
+    ).faults  # fmt: skip
+
+
+def _is_final(folder: Path) -> bool:
+    """Return whether the pad's saved fit is the final one that its verdict requires.
+
+    Its facts say it, so that the measurements of all pads need not be read once more.
+    """
+    if not (folder / "check.json").exists():
+        return False
+    last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", PLAIN))
+    expected = with_verdict(_choices(baseline), verdict(folder.parent, folder.name))
+    fitted = bool(last) and _choices(last) == expected
+    return fitted and (bool(last["all_tests"]) or not _leaves_tests_out(folder / PLAIN))
+
+
+def _choices(facts: dict) -> Choices:
+    return Choices.from_dict(json.loads(facts["choices"]))
+
+
+def saved_studies(
+    out: Path, pads: Sequence[str], *, within: str = "", data: Path | None = None
+) -> Iterator[Measurements | Fault]:
+    """Yield the measurements of some pads, read from where their fits say that they are.
+
+    ``data`` is the file or the folder of them, if they have moved since the fits.
+    """
+    read = lru_cache(1)(read_measurements)  # the next pad is often in the same file
+    for pad in pads:
+        try:
+            saved = load(out / pad / within / "posterior.nc")
+            source = _source_of(saved, data)
+            study = read(source)
+            if saved.sha256 and study.sha256 != saved.sha256:
+                what, remedy = "the file has changed since the fit", "run qlvbayes fit again"
+                raise InputError(what, file=source, remedy=remedy)
+            yield pad_of(study, saved.pad)
+        except Exception as error:  # one missing file must not stop the others
+            yield replace(fault_of(error), of=f"pad {pad}")
+
+
+def _source_of(saved: Saved, data: Path | None) -> Path:
+    """Return the file of a fit's measurements, or raise InputError where it is gone."""
+    source, remedy = Path(saved.source), "say where they are with --data FILE"
+    if data is not None:
+        source = data / source.name if data.is_dir() else data
+    elif not saved.source:
+        what = f"the posterior of pad {saved.pad} does not say where its measurements are"
+        raise InputError(what, remedy=remedy)
+    if not source.exists():
+        raise InputError("the measurements are no longer here", file=source, remedy=remedy)
+    return source
+
+
+def verdict(out: Path, pad: str) -> DiagnosisResult:
+    """Return the saved verdict on a pad."""
+    return DiagnosisResult.read(out / pad / "diagnosis.json")
+
+
+def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:
+    """Return the choices with the laws and effects that a verdict names."""
+    new = (result.forms.get(name, name) for name in result.effects if name not in choices.effects)
+    return replace(on_laws(choices, result), effects=(*choices.effects, *new))
+
+
+def on_laws(choices: Choices, result: DiagnosisResult) -> Choices:
+    """Return choices with the verdict's base laws, if any; a Prony series keeps its modes.
+
+    Priors and fixed values of constants that a law replaced are left out.
+    """
+    if result.verdict == "unexplained":
+        return choices
+    elastic, relaxation = result.base.elastic, result.base.relaxation.partition(":")[0]
+    replaced: set[str] = set()
+    if elastic != choices.elastic:
+        replaced.update(find_elastic(choices.elastic, choices.laws).units)
+    if relaxation != choices.relaxation:
+        replaced.update(find_relaxation(choices.relaxation, choices.laws).units)
+
+    def remaining(settings: tuple[str, ...]) -> tuple[str, ...]:
+        constants = ((text, re.split(r"[=[]", text)[0].strip()) for text in settings)
+        return tuple(text for text, constant in constants if constant not in replaced)
+
+    priors, fixed = remaining(choices.priors), remaining(choices.fixed)
+    return replace(choices, elastic=elastic, relaxation=relaxation, priors=priors, fixed=fixed)

@@ -26,8 +26,7 @@ from qlvbayes.io.table import head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
 from qlvbayes.io.wording import UNNAMED, as_typed, listed
-from qlvbayes.parallel.faults import Fault, fault_of
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import Fault, Shard, fault_of
 
 REFERENCES = "paper_table1.csv"
 """File of reference constants, next to the measurements, that is drawn with the pads' own."""
@@ -81,7 +80,8 @@ class Source:
         find them in the tests' names.
         """
         part = shard or Shard()
-        named = only if callable(only) else _all_of(only)
+        names = () if callable(only) else tuple(only)
+        named: NamesAmong = only if callable(only) else lambda known: list(names)
         if isinstance(measurements, str | Path):
             measurements = [measurements]
         if isinstance(measurements, Measurements):
@@ -106,7 +106,7 @@ class Source:
     @property
     def size(self) -> int:
         """Number of pads in this part; of several tidy files, the number of files."""
-        return len(self.shard.part(self._entries))
+        return len(self.shard.part([*self._read_pads, *self._streamed]))
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -133,15 +133,16 @@ class Source:
     @property
     def grouping(self) -> str:
         """Return what the files are taken for, in words."""
-        each = ", each" if len(self.files) > 1 else ""
-        words = f"{_count(len(self.files), 'tidy file')}{each} with pads of its own"
-        several = [words] if self._streamed else []
-        pads = self._selected(self.read) if self.read is not None else []
-        named = [f"pad {pad.name} of {_count(len(pad.tests), 'test')}" for pad in pads]
-        text = f"read: {listed([*named, *several])}"
+        count = len(self.files)
+        each = f"{count} tidy files, each" if count > 1 else "1 tidy file"
+        pads = self._read_pads
+        tests = ((pad.name, len(pad.tests)) for pad in pads)
+        named = [f"pad {name} of {some} test{'' if some == 1 else 's'}" for name, some in tests]
+        named += [f"{each} with pads of its own"] * bool(self._streamed)
+        text = f"read: {listed(named)}"
         if self.conversion is not None and len(pads) == 1 and len(pads[0].tests) > 1:
             text += " (--pad NAME names it; --pad-from REGEX finds several pads in tests' names)"
-        if several:
+        if self._streamed:
             text += " (tests of one pad stand in one file; look FILES -o P.csv --pad P joins them)"
         return text
 
@@ -173,7 +174,8 @@ class Source:
     def __iter__(self) -> Iterator[Measurements | Fault]:
         """Yield a study of each pad, and a fault for each file that cannot be read."""
         yield from self.faults if self.shard.index == 1 else ()
-        for entry in self.shard.part(self._entries):
+        every: list[Pad | Path] = [*self._read_pads, *self._streamed]
+        for entry in self.shard.part(every):
             if isinstance(entry, Pad):
                 assert self.read is not None
                 yield alone(self.read, entry)
@@ -191,15 +193,12 @@ class Source:
         return () if self.read is not None and self.conversion is None else self.files
 
     @cached_property
-    def _entries(self) -> list[Pad | Path]:
-        pads = self._selected(self.read) if self.read is not None else []
-        return [*pads, *self._streamed]
+    def _read_pads(self) -> list[Pad]:
+        return self._selected(self.read) if self.read is not None else []
 
     def _selected(self, study: Measurements) -> list[Pad]:
-        if not self.only:
-            return list(study.pads)
         known = {pad.name: pad for pad in study.pads}
-        return [known[name] for name in self.only if name in known]
+        return [known[name] for name in self.only or known if name in known]
 
 
 def _of_machines(
@@ -213,7 +212,7 @@ def _of_machines(
 ) -> Source:
     """Return the source of machines' files, which are read together, beside tidy ones."""
     names = () if tidy or not pad_names else tuple(named(()))
-    faults: list[Fault] = []
+    faults: list[InputError] = []
     left = list(machines)
     while True:
         try:
@@ -223,14 +222,15 @@ def _of_machines(
             rest = [file for file in left if str(file) != str(error.file)]
             if not rest or len(rest) == len(left) or names:
                 raise
-            faults.append(replace(fault_of(error), of=Path(str(error.file)).name))
+            faults.append(error)
             left = rest
-    faults += [replace(fault_of(one), of=Path(str(one.file)).name) for one in conversion.faults]
+    every = (*faults, *conversion.faults)
+    failed = tuple(replace(fault_of(one), of=Path(str(one.file)).name) for one in every)
     digest = hashlib.sha256(tidy_text(conversion)).hexdigest()
     study = measurements_of(conversion, str(machines[0]), digest)
     wanted = tuple(named(())) if tidy else () if names else _known(study, named)
     _refuse_same_names(tidy)
-    return Source(tuple(tidy), wanted, study, folder, part, conversion, tuple(faults))
+    return Source(tuple(tidy), wanted, study, folder, part, conversion, failed)
 
 
 def is_tidy(file: Path, asked: bool = False) -> bool:
@@ -266,13 +266,9 @@ def named_after(file: Path, study: Measurements) -> Measurements:
         name = stem if same else f"{stem}-{pad.name}"
         if (fault := folder_fault(name)) is not None:
             raise InputError(f"'{name}' {fault[0]}", file=file, remedy=fault[1])
-        pads.append(renamed(pad, name))
+        tests = tuple(replace(test, pad=name) for test in pad.tests)
+        pads.append(replace(pad, name=name, tests=tests))
     return replace(study, pads=tuple(pads))
-
-
-def renamed(pad: Pad, name: str) -> Pad:
-    """Return the same pad under another name."""
-    return replace(pad, name=name, tests=tuple(replace(test, pad=name) for test in pad.tests))
 
 
 def pad_of(study: Measurements, name: str) -> Measurements:
@@ -285,34 +281,20 @@ def pad_of(study: Measurements, name: str) -> Measurements:
     return alone(study, study.pad(name))
 
 
-def _all_of(names: Sequence[str]) -> NamesAmong:
-    return lambda known: list(names)
-
-
 def _known(study: Measurements, named: NamesAmong) -> tuple[str, ...]:
     return tuple(study.pad(name).name for name in named([pad.name for pad in study.pads]))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def files_at(path: Path) -> list[Path]:
     """Return the file, or those files of a folder that may hold measurements."""
     if not path.is_dir():
         return [path]
-    files = [
-        file
-        for file in sorted(path.iterdir())
-        if file.is_file()
-        and not file.name.startswith(".")
-        and file.suffix.lower() not in _NO_MEASUREMENTS
-        and file.name != REFERENCES
-    ]
+    named = (one for one in sorted(path.iterdir()) if one.is_file() and one.name != REFERENCES)
+    kinds = _NO_MEASUREMENTS
+    files = [x for x in named if not x.name.startswith(".") and x.suffix.lower() not in kinds]
     if not files:
-        raise InputError(
-            "no measurements in this folder", file=path, remedy="name a folder with files of them"
-        )
+        remedy = "name a folder with files of them"
+        raise InputError("no measurements in this folder", file=path, remedy=remedy)
     return files
 
 
@@ -322,8 +304,6 @@ def _refuse_same_names(files: Sequence[Path]) -> None:
     for file in files:
         other = seen.setdefault(same_folder(stem_of(file)), file)
         if other != file:
-            raise InputError(
-                f"{other.name} and this file give pads one name",
-                file=file,
-                remedy="rename one: of several files each pad is named after its own",
-            )
+            what = f"{other.name} and this file give pads one name"
+            remedy = "rename one: of several files each pad is named after its own"
+            raise InputError(what, file=file, remedy=remedy)

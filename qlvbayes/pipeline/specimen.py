@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -21,8 +22,7 @@ from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.parallel.engines import engine_of
-from qlvbayes.parallel.faults import FailedError
-from qlvbayes.parallel.running import run_all
+from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.report.firstlook import PadSeen, look_at
 
 Answer = TypeVar("Answer")
@@ -99,15 +99,11 @@ class Specimen:
         InputError
             A choice cannot be used with these tests.
         """
-        choices = self._or_default(choices)
+        choices = choices or Choices(bonded=self.pad.units.bonded_default)
         return fit_pad(
-            self._ready(choices, all_tests=all_tests),
-            choices,
-            method=method,
-            settings=settings,
-            folder=None if folder is None else Path(folder),
-            progress=progress,
-        )
+            self._ready(choices, all_tests=all_tests), choices, method=method, settings=settings,
+            folder=None if folder is None else Path(folder), progress=progress,
+        )  # fmt: skip
 
     def diagnose(
         self,
@@ -142,24 +138,16 @@ class Specimen:
         InputError
             The noise model is not Gaussian, or a choice cannot be used with these tests.
         """
-        choices = self._or_default(choices)
+        choices = choices or Choices(bonded=self.pad.units.bonded_default)
         return diagnose(
-            self._ready(choices),
-            choices,
-            kinds=choices.candidates if kinds is None else kinds,
-            settings=thresholds,
-            seed=seed,
-            report=report,
-            watch=watch,
-        )
+            self._ready(choices), choices, settings=thresholds, seed=seed, report=report,
+            kinds=choices.candidates if kinds is None else kinds, watch=watch,
+        )  # fmt: skip
 
     def _ready(self, choices: Choices, *, all_tests: bool = False) -> Experiment:
         if not (all_tests or choices.keep_all_readings or choices.use or choices.leave_out):
             return self.experiment
         return choices.prepare(self.pad, all_tests=all_tests)
-
-    def _or_default(self, choices: Choices | None) -> Choices:
-        return choices or Choices(bonded=self.pad.units.bonded_default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,7 +188,7 @@ class Study(Measurements):
         InputError where it takes no work or is lost; a FailedError, whose ``results`` are the
         others, where pads failed.
         """
-        return self._each(partial(_fitted, choices, options), client)
+        return self._each(methodcaller("fit", choices, **options), client)
 
     def diagnose(
         self, choices: Choices | None = None, *, client: Any = None, **options: Any
@@ -213,13 +201,10 @@ class Study(Measurements):
         return self._each(partial(_diagnosed, choices, options), client)
 
     def _each(self, task: Callable[[Specimen], Answer], client: Any) -> dict[str, Answer]:
-        results, faults = {}, []
-        for outcome in run_all(task, map(Specimen, self.pads), engine_of(client)):
-            name = outcome.item.pad.name
-            if outcome.fault is not None:
-                faults.append(replace(outcome.fault, of=f"pad {name}"))
-            else:
-                results[name] = cast(Answer, outcome.answer)
+        outcomes = list(run_all(task, map(Specimen, self.pads), engine_of(client)))
+        named = [(one.item.pad.name, one) for one in outcomes]
+        results = {k: cast(Answer, one.answer) for k, one in named if one.fault is None}
+        faults = [replace(one.fault, of=f"pad {k}") for k, one in named if one.fault is not None]
         if faults:
             raise FailedError(faults, len(self), list(results.values()))
         return results
@@ -228,10 +213,6 @@ class Study(Measurements):
     def _specimens(self) -> dict[str, Specimen]:
         """Specimens by name, each made once, so that its tests are prepared once."""
         return {pad.name: Specimen(pad) for pad in self.pads}
-
-
-def _fitted(choices: Choices | None, options: dict[str, Any], specimen: Specimen) -> Fit:
-    return specimen.fit(choices, **options)
 
 
 def _diagnosed(

@@ -1,8 +1,17 @@
-"""The steps of one pad: fit, check and diagnosis, each with what it needs and what it leaves."""
+"""The steps of one pad: fit, check and diagnosis, each with what it needs and what it leaves.
+
+What is finished is recorded, so that an interrupted run does not repeat it, in small files in
+``OUT/.finished``: ``<step>/<pad>.json`` has the digest of what the step was run with and those of
+the files that it left, ``failed/<name>.json`` why a pad, or a file that could not be read, has no
+results.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -10,34 +19,77 @@ from typing import Any, ClassVar, Protocol
 from msgspec.structs import replace
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.progress import SearchProgress
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
-from qlvbayes.fitting.chainstore import remove_chain
-from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise
-from qlvbayes.fitting.pad_check import check_pad, curves
+from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
+from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
 from qlvbayes.fitting.relaxation import relaxation_report
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.results import load, save, to_arviz
+from qlvbayes.fitting.residuals import CheckResult, check_pad, curves
+from qlvbayes.fitting.results import load, save
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements
-from qlvbayes.io.files import DESCRIBED, results_folder, write_whole
+from qlvbayes.io.files import DESCRIBED, results_folder, write_json, write_whole
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.pulling import pull_notices
-from qlvbayes.parallel.running import package_digest
-from qlvbayes.pipeline.finished import FITTED, digest_of
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.parallel.running import Fault, package_digest
 from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
 PLAIN = "plain"
 """Folder, within that of a pad, of the fit and the check that precede the diagnosis."""
+FINISHED = ".finished"
+FITTED = ("io", "priors", "laws", "effects", "motion", "model", "inference", "fitting")
+"""Folders of the package that the numbers of a fit depend on."""
+_FAILED = "failed"
+
+
+class Watcher:
+    """Receiver of a report on each step of a study; this class ignores all of them."""
+
+    def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
+        """Begin something that takes a while; yield a function that receives details."""
+        return nullcontext(lambda *words: None)
+
+    def sampling(self, label: str) -> AbstractContextManager[Progress]:
+        """Begin sampling; yield a function that receives the steps done and the steps to do."""
+        return nullcontext(lambda *words: None)
+
+    def notice(self, text: str) -> None:
+        """Receive something that the user should know."""
+
+    def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
+        """Receive the first look at the tests, before anything is fitted."""
+
+    def overall(
+        self, size: int, *, alone: bool
+    ) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Begin the work on ``size`` pads; yield a function of the pads done and the pads to do."""
+        return nullcontext(lambda *words: None)
+
+    def starting(self, lines: Sequence[str]) -> None:
+        """Receive, before a pad is fitted, its tests, the noise floor and the priors in words."""
+
+    def fitted(self, summary: FitSummary) -> None:
+        """Receive the summary of a fit."""
+
+    def checked(self, check: CheckResult) -> None:
+        """Receive the check of a fit."""
+
+    def searched(self, pad: str, progress: SearchProgress) -> None:
+        """Receive the state of the search for the effect that a pad's model lacks."""
+
+    def diagnosed(
+        self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
+    ) -> None:
+        """Receive the verdict on a pad, its paragraphs in words and its figures."""
 
 
 class Step(Protocol):
@@ -83,6 +135,60 @@ def key_of(step: Step, folder: Path, study: Measurements, style: dict[str, Any])
         *(digest_of(folder / step.within / name) for name in step.needs),
     ]  # fmt: skip
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def is_finished(out: Path, step: str, pad: str, key: str, folder: Path) -> bool:
+    """Return whether a step was run with the same inputs and all files that it left are there."""
+    try:
+        record = json.loads(_file(out, step, pad).read_bytes())
+        files: dict[str, str] = record["files"]
+        same = record["key"] == key
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return same and all(digest_of(folder / name) == sha for name, sha in files.items())
+
+
+def record_finished(out: Path, step: str, pad: str, key: str, files: dict[str, str]) -> Path:
+    """Record that a step is finished, with the digests of the files that it wrote by name."""
+    return _recorded(_file(out, step, pad), key=key, files=files)
+
+
+def record_fault(out: Path, name: str, fault: Fault) -> None:
+    """Record why a pad, or a file that could not be read, has no results."""
+    file = _file(out, _FAILED, name)
+    _recorded(file, fault=fault.text, mendable=fault.mendable, of=fault.of)
+
+
+def forget_fault(out: Path, name: str) -> None:
+    """Delete the fault of an earlier run."""
+    with suppress(OSError):
+        _file(out, _FAILED, name).unlink()
+
+
+def faults_in(out: Path) -> list[Fault]:
+    """Return the faults that are recorded in a folder and were not mended since."""
+    files = sorted((out / FINISHED / _FAILED).glob("*.json"))
+    records = [json.loads(file.read_bytes()) for file in files]
+    return [Fault(one["fault"], one["mendable"], one["of"]) for one in records]
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file's content, or an empty text where there is no such file."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def _recorded(file: Path, **content: Any) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_json(file, content)
+    return file
+
+
+def _file(out: Path, step: str, name: str) -> Path:
+    return out / FINISHED / step / f"{name}.json"
 
 
 @dataclass(frozen=True)
@@ -210,10 +316,12 @@ class DiagnoseStep:
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
-            _write_law(diagnosis.work.law.text, folder / DESCRIBED)
+            if law := diagnosis.work.law.text:
+                write_whole(folder / DESCRIBED, law.encode())
+            else:  # that of an earlier diagnosis
+                (folder / DESCRIBED).unlink(missing_ok=True)
             diagnosis.result.write(folder / "diagnosis.json")
-            drawn = drawn_hypotheses(diagnosis, self.choices, seed=self.seed)
-            drawn.write(folder / HYPOTHESES)
+            drawn_hypotheses(diagnosis, self.choices, seed=self.seed).write(folder / HYPOTHESES)
             write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
             save_figures("diagnose", folder, diagnosis)
 
@@ -225,14 +333,6 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
-
-
-def _write_law(text: str, path: Path) -> None:
-    """Write the described law; that of an earlier diagnosis is removed where there is none now."""
-    if text:
-        write_whole(path, text.encode())
-    else:
-        path.unlink(missing_ok=True)
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:

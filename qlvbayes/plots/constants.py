@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from qlvbayes.fitting.constants_table import Entry, rounded
+from qlvbayes.fitting.summary import Entry, rounded
 from qlvbayes.io.wording import pad_title
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.panels import legend_entries

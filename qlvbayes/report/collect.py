@@ -12,11 +12,9 @@ import numpy as np
 
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.pad_check import Curves
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.results import load
-from qlvbayes.fitting.runs import Run, RunLog
+from qlvbayes.fitting.ensemble import diagnose_chain
+from qlvbayes.fitting.residuals import CheckResult, Curves
+from qlvbayes.fitting.results import Run, RunLog, load
 from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Result

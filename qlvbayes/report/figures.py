@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.pad_check import Curves, TestCurves
+from qlvbayes.fitting.residuals import Curves, TestCurves
 from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.report.collect import FitResults, PadResults
 

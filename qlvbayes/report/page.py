@@ -18,8 +18,7 @@ from qlvbayes.io.files import write_whole
 from qlvbayes.io.wording import NBSP, as_typed, joined
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
-from qlvbayes.parallel.faults import FailedError
-from qlvbayes.parallel.running import run_all
+from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.report import questions
 from qlvbayes.report.collect import (

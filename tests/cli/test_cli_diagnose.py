@@ -15,17 +15,15 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.effects import check_effect
 from qlvbayes.effects.catalogue import EFFECTS, find
-from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.runs import RunLog
+from qlvbayes.fitting.residuals import CheckResult, Curves
+from qlvbayes.fitting.results import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.pipeline.finals import on_laws
-from qlvbayes.pipeline.finished import is_finished
+from qlvbayes.pipeline.run import on_laws
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, key_of
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, is_finished, key_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 

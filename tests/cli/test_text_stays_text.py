@@ -21,7 +21,7 @@ from qlvbayes.app.scripts import commands
 from qlvbayes.app.sessions import BenchPad, HistoryState, Session
 from qlvbayes.cli.console import Plain
 from qlvbayes.cli.options import among
-from qlvbayes.fitting.constants_table import Entry, as_csv, as_latex
+from qlvbayes.fitting.summary import Entry, as_csv, as_latex
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import folder_fault

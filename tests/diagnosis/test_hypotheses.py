@@ -144,7 +144,7 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     # a posterior of our own says what its tests cover
     from support.endtoend import fitted
 
-    from qlvbayes.fitting.results import to_arviz
+    from qlvbayes.fitting.fit import to_arviz
 
     fit = fitted(method="least-squares")
     tree = to_arviz(fit, fit.summary(), source="", sha256="", all_tests=False, seed=0)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from support.endtoend import TRUTH, experiment, fitted, study
 
-from qlvbayes.fitting.pad_check import check_pad
 from qlvbayes.fitting.prediction import predict
-from qlvbayes.fitting.residuals import FALSE_ALARMS, check
+from qlvbayes.fitting.residuals import FALSE_ALARMS, check, check_pad
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Measured

@@ -5,8 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from qlvbayes.fitting.constants_table import (
+from qlvbayes.fitting.summary import (
+    Constant,
     Entry,
+    FitSummary,
     Reference,
     as_csv,
     as_latex,
@@ -16,7 +18,6 @@ from qlvbayes.fitting.constants_table import (
     rounded,
     write_constants,
 )
-from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import TABLE_1
 

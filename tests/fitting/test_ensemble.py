@@ -11,11 +11,18 @@ from scipy.stats import beta, multivariate_normal, multivariate_t, norm
 from support.endtoend import experiment
 from support.posteriors import build_posterior
 
-from qlvbayes.fitting.chainstore import ChainStore, remove_chain
-from qlvbayes.fitting.diagnostics import diagnose_chain, highest_density
-from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, key_of, sample
+from qlvbayes.fitting.coordinates import TAIL, Proposal, from_draws, from_normal
+from qlvbayes.fitting.ensemble import (
+    ChainStore,
+    Settings,
+    autocorrelation_time,
+    diagnose_chain,
+    highest_density,
+    key_of,
+    remove_chain,
+    sample,
+)
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import draw_priors
 

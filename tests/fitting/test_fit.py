@@ -12,9 +12,8 @@ from support.endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study,
 
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
-from qlvbayes.fitting.least_squares import least_squares
+from qlvbayes.fitting.least_squares import least_squares, part_notice
 from qlvbayes.fitting.optimum import find_start, predictor_of
-from qlvbayes.fitting.routes import part_notice
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare

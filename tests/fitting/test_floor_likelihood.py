@@ -12,7 +12,6 @@ from scipy.stats import multivariate_t
 from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.fitting.drawn_errors import discrepancy_draws
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.least_squares import least_squares
 from qlvbayes.fitting.marginal_likelihood import (
@@ -23,6 +22,7 @@ from qlvbayes.fitting.marginal_likelihood import (
 )
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
+from qlvbayes.fitting.prediction import discrepancy_draws
 from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations

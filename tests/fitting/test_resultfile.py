@@ -23,10 +23,9 @@ from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings as Sampler
-from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.runs import RunLog
+from qlvbayes.fitting.residuals import CheckResult, Curves
+from qlvbayes.fitting.results import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.files import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem

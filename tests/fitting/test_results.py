@@ -14,7 +14,8 @@ from arviz_stats import summary as arviz_summary
 from scipy.stats import multivariate_normal
 from support.endtoend import fitted
 
-from qlvbayes.fitting.results import load, save, to_arviz
+from qlvbayes.fitting.fit import to_arviz
+from qlvbayes.fitting.results import load, save
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.reduction import clear_of_kinks

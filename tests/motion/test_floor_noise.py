@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.diagnosis.checks.adequacy import combined
-from qlvbayes.fitting.drawn_errors import realisations
+from qlvbayes.fitting.prediction import realisations
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.noisefloor.dwells import Dwell

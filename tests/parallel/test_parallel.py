@@ -14,9 +14,7 @@ from support.work import always_killed, killed_once, process_of, squared
 from qlvbayes.io.checks import InputError
 from qlvbayes.parallel import running
 from qlvbayes.parallel.engines import engine_of, opened_engine
-from qlvbayes.parallel.faults import FailedError, Fault, fault_of
-from qlvbayes.parallel.running import Outcome, run_all
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import FailedError, Fault, Outcome, Shard, fault_of, run_all
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from support.written_results import check, diagnosis, write
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline import finals
+from qlvbayes.pipeline import run as finals
 from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import alone
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 
 APART, TOGETHER = ("fit", "validate"), ("fit", "fit")
 PREDICTED = {"check.json", "forces.png"}

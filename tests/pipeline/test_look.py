@@ -18,7 +18,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.facts import loaded_once
 from qlvbayes.pipeline.run import run_study
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.plots.look import plot_look
 from qlvbayes.report.firstlook import FirstLook, look_at
 

@@ -11,15 +11,15 @@ from support.endtoend import PADS, Listener, call, read_json, with_tests
 from support.work import MeanStep, pads
 
 from qlvbayes import read_study, write_report
-from qlvbayes.fitting.runs import RunLog
+from qlvbayes.fitting.results import RunLog
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import engine_of, opened_engine
-from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.pipeline.drawing import draw_constants
-from qlvbayes.pipeline.finished import FINISHED, faults_in
+from qlvbayes.parallel.running import FailedError, Fault
+from qlvbayes.pipeline.comparing import draw_constants
 from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.many import Work, map_pads, run_pads
+from qlvbayes.pipeline.steps import FINISHED, faults_in
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")

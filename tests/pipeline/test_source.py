@@ -9,8 +9,7 @@ from support.endtoend import PADS, call, read_json, with_tests
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.parallel.faults import Fault
-from qlvbayes.parallel.shards import Shard
+from qlvbayes.parallel.running import Fault, Shard
 from qlvbayes.pipeline.source import KEPT, Source, pad_of
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others

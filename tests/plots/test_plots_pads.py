@@ -11,9 +11,8 @@ from support.figures import prediction, protocol
 from support.pages import collisions, keeps_the_page, lines, points, texts
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
-from qlvbayes.fitting.constants_table import Reference, constants_table
 from qlvbayes.fitting.results import Saved
-from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.fitting.summary import Constant, FitSummary, Reference, constants_table
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.model.choices import Choices
 from qlvbayes.plots import (

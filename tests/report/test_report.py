@@ -27,7 +27,7 @@ from support.written_results import (
 )
 
 from qlvbayes import InputError, write_report
-from qlvbayes.fitting.runs import RunLog, record_run
+from qlvbayes.fitting.results import RunLog, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import number, percent_unbroken
 from qlvbayes.laws.elastic.exponential import Exponential

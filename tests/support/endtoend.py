@@ -18,7 +18,7 @@ from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.plots import files as plots_files
 from qlvbayes.simulate import TABLE_1
 

@@ -21,8 +21,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
-from qlvbayes.fitting.results import Saved, load
-from qlvbayes.fitting.runs import Run, RunLog
+from qlvbayes.fitting.results import Run, RunLog, Saved, load
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements

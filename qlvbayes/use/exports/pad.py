@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from qlvbayes.fitting.diagnostics import highest_density
+from qlvbayes.fitting.ensemble import highest_density
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
