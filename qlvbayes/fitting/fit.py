@@ -29,9 +29,9 @@ from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor, White
 from qlvbayes.model.parameters import unit_kinds
-from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.record import Record
+from qlvbayes.motion.specimen import carryover_notices, clock_notices
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain

@@ -162,11 +162,12 @@ def _left_out(trial: Trial) -> tuple[LeftOut, ...]:
     unused = trial.left_out
     if unused is None:
         return ()
-    channels = np.column_stack([unused.time, unused.displacement, unused.force])
-    return tuple(
-        LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
-        for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
-    )
+    shown = []
+    for k in unused.drawn.tolist():
+        kind, channel = unused.reason[k].split(" ")[:2]
+        values = _exact(unused.time[k]), _short(unused.displacement[k]), _short(unused.force[k])
+        shown.append(LeftOut(*values, "force" if kind == "excluded" else channel, kind))
+    return tuple(shown)
 
 
 def _displacement(prediction: Prediction) -> np.ndarray:

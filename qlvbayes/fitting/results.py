@@ -29,7 +29,7 @@ from qlvbayes.model.elsewhere import (
 )
 from qlvbayes.model.noise import NOISES, neutral_names
 from qlvbayes.model.parameters import all_fields, described
-from qlvbayes.motion.covered import Covered, covered
+from qlvbayes.motion.facts import Covered, covered
 
 _SCHEMA = 1  # version of the attributes of a file
 _LARGEST = 2**31  # bytes of all arrays together: a fit of long records takes some 100 MB

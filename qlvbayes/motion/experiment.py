@@ -13,8 +13,8 @@ from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
-from qlvbayes.motion.badreadings import (
-    BadReadings,
+from qlvbayes.motion.clean import (
+    LeftOut,
     left_out_notice,
     smooth_readings,
     sound_tests,
@@ -25,13 +25,11 @@ from qlvbayes.motion.falling import fall_notice, falls_of
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
 from qlvbayes.motion.pad import (
-    NamedPhase,
+    by_phase,
     cut,
     excluded_notices,
     excluded_readings,
     left_out_of,
-    marked,
-    parts_of,
 )
 from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
@@ -63,7 +61,7 @@ class Trial:
     phases: tuple[Phase, ...]
     rate: float
     role: str
-    left_out: BadReadings | None = None
+    left_out: LeftOut | None = None
     recorded: Test | None = None
 
     @property
@@ -138,7 +136,7 @@ class Experiment:
         from qlvbayes.motion.reduction import Fineness
 
         floor, scales = self.floor, self.scales
-        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
+        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.tau))
         sudden = float(np.hypot(floor.white, floor.ou * change))
         return Fineness(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
 
@@ -237,7 +235,7 @@ class Experiment:
             longest=self.longest,
             white=floor.white,
             ou=floor.ou,
-            tau=floor.memory,
+            tau=floor.tau,
             speed=max(path.top_speed for path in paths),
             acceleration=max(path.top_acceleration for path in paths),
             clock=max(t.start_s + float(t.time[-1]) for t in whole) - self.clock_zero,
@@ -335,7 +333,7 @@ def _trials_of(
     held = held_notices(part.name, part.tests, fresh)
     part, slopes = without_slopes(part)
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
-    if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
+    if by_phase(leave_out):
         read = list(map(with_fresh, part.tests, fresh))
         trials, _ = _smoothed(read, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
@@ -343,7 +341,9 @@ def _trials_of(
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
-    tests = list(map(with_fresh, map(marked, part.tests, excluded), fresh))
+    used = (None if np.all(reason == "") else reason == "" for reason in excluded)
+    marked = (replace(test, used=some) for test, some in zip(part.tests, used, strict=True))
+    tests = list(map(with_fresh, marked, fresh))
     trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
     left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
     trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
@@ -365,7 +365,7 @@ def _smoothed(
 
 
 def _trial(
-    whole: Test, step: float, scatter: float, left_out: BadReadings | None, units: UnitSystem
+    whole: Test, step: float, scatter: float, left_out: LeftOut | None, units: UnitSystem
 ) -> Trial:
     trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array, Mask
 from qlvbayes.io.data import Pad, Test
-from qlvbayes.motion.badreadings import without
+from qlvbayes.motion.clean import without
 
 _FEWEST_REPEATS = 5  # repeats of one length that show it,
 _REGULAR = 0.95  # and so many of all changes are multiples of it apart: a lost row shifts one

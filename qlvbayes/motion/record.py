@@ -103,6 +103,16 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     return jax.tree.map(lambda *leaves: np.stack(leaves), *padded)
 
 
+def forgetting(record: Record) -> Record:
+    """Return a batch, of the same shape, with every test begun at rest."""
+
+    def alone(motion: Motion) -> Motion:
+        return replace(motion.alone, ago=motion.ago)
+
+    motion = jax.vmap(alone)(jax.tree.map(jax.numpy.asarray, record.motion))
+    return Record(motion, record.nodes, record.blocks)
+
+
 def padded_size(size: int) -> int:
     """Return the next size that is a power of two or three quarters of one."""
     whole = max(_LEAST, 1 << (size - 1).bit_length())

@@ -15,7 +15,7 @@ from qlvbayes.comparison.writing import write_comparison
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.motion.covered import covered
+from qlvbayes.motion.facts import covered
 from qlvbayes.parallel.running import package_digest
 from qlvbayes.pipeline.finished import FITTED, digest_of, is_finished, record_finished
 from qlvbayes.pipeline.watcher import Watcher

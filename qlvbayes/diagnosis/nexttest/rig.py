@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.facts import Covered
 
 SET_POINTS = 1000.0
 """Set-points a second in the file for the rig, as the paper's controller takes them."""

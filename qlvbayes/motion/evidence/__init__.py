@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from qlvbayes.motion.evidence.levels import DirectEvidence
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
-from qlvbayes.motion.evidence.record import DirectEvidence
-from qlvbayes.motion.evidence.repeating import repeated_seen
+from qlvbayes.motion.evidence.loading import contact_of, contact_seen, repeated_seen
 from qlvbayes.motion.evidence.starting import inertia_seen, ringing_seen
-from qlvbayes.motion.evidence.touching import contact_seen
 from qlvbayes.motion.experiment import Experiment
 
-__all__ = ["DirectEvidence", "direct_evidence"]
+__all__ = ["DirectEvidence", "contact_of", "direct_evidence"]
 
 
 def direct_evidence(experiment: Experiment, bonded: bool) -> tuple[DirectEvidence, ...]:
@@ -17,12 +16,7 @@ def direct_evidence(experiment: Experiment, bonded: bool) -> tuple[DirectEvidenc
 
     bonded: whether the specimen is fixed to the platen, which then may pull.
     """
-    every = (
-        *adhesion_seen(experiment, bonded=bonded),
-        *inertia_seen(experiment),
-        *friction_seen(experiment),
-        *ringing_seen(experiment),
-        *contact_seen(experiment),
-        *repeated_seen(experiment),
-    )
+    pulls = () if bonded or experiment.units.dimensionless else adhesion_seen(experiment)
+    seen = (inertia_seen, friction_seen, ringing_seen, contact_seen, repeated_seen)
+    every = (*pulls, *(one for look in seen for one in look(experiment)))
     return tuple(sorted(every, key=lambda one: not one.beyond_doubt))

@@ -2,220 +2,159 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.accelerating import speed_changes
-from qlvbayes.motion.evidence.record import (
+from qlvbayes.motion.evidence.levels import (
+    AROUND,
+    AT_ZERO,
     CLEAR,
+    HALF,
+    REACHED,
     DirectEvidence,
     Level,
     Place,
     Rows,
-    exponent,
     level_of,
     mean_speed,
     moves_of,
-    names_of,
     pooled,
     rows_between,
+    told,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.falling import speed_changes
 from qlvbayes.motion.phases import Phase
 
-_WIDTH = 5  # readings whose mean is a force
 _NEAR = 3  # readings about a change of the speed, where a moved mass pulls
 _SLOW = 0.1  # of the largest acceleration, below which a mass pulls little
 _LEAST = 0.02  # of the peak: a smaller pull may be a tare that wanders
 _FLAT = 0.25  # power of the speed, below which a force does not depend on it: drags have 0.5 to 1
 _AFTER = 0.1  # of a rest: a lag or a ringing is over,
 _LATE = 0.8  # and where the end of it begins
-_HALF = 0.5  # of a pull, by which a drag falls at once as the movement begins
-_REACHED = 0.9  # of the mean speed, at which it has begun
+_END = 0.2  # of a movement, at its end
 _LASTS = 20  # readings that are one long place
 _SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
 _AGREE = 1.5  # largest ratio of one friction in two tests
-_STILL = 2.0  # encoder steps, within which the platen has not left its start
-_END = 0.2  # of a movement, at its end
 
 
-@dataclass(frozen=True)
-class Lift:
-    """A movement back: what it pulls by as it moves, and at rest after it."""
-
-    moving: Place
-    resting: Place | None
-    lasts: bool  # whether the pull at rest is that of many readings
-    comes_at_once: bool  # whether the force falls by half of the pull as the movement begins
-
-
-def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
-    """Return the evidence of a force of the other sign after contact; empty for bonded pads.
+def adhesion_seen(experiment: Experiment) -> Iterator[DirectEvidence]:
+    """Yield the evidence of a force of the other sign after contact.
 
     It counts from the lowest of the file's zero and what the test shows before the contact and at
     its end, so that a tare that is off or a guide that rubs is none. A drag pulls too, by a power
-    of the speed, and no longer when the platen rests; it is there at once as the platen moves back,
-    as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where it lasts at
-    rest, does not grow with the speed, or comes gradually.
+    of the speed, and no longer when the platen rests; it is there at once as the platen moves back.
+    A pull is beyond doubt where it lasts at rest, does not grow with the speed, or comes gradually.
     """
-    if bonded or experiment.units.dimensionless:
-        return ()
-    lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial)]
     least = _LEAST * experiment.peak
-    resting = [
-        (one.resting, one.lasts)
-        for one in lifts
-        if one.resting is not None and one.resting.is_clear and one.resting.value > least
-    ]
-    pulling = [one for one in lifts if one.moving.is_clear and one.moving.value > least]
-    moving = [one.moving for one in pulling]
-    gradual = sum(not one.comes_at_once for one in pulling) > 1
+    moving, resting, gradual, lasts = [], [], 0, False
+    for trial in experiment.trials:
+        for move, rest in _unloadings(trial):
+            pulls, late = _pulls(experiment, trial, move, rest)
+            if pulls is None:
+                continue
+            if pulls.is_clear and pulls.value > least:
+                moving.append(pulls)
+                gradual += not _comes_at_once(experiment, pulls, move)
+            if late is not None and late.is_clear and late.value > least:
+                resting.append(late)
+                lasts |= _early(trial, rest).size >= _LASTS
     if not resting and not moving:
-        return ()
-    power = exponent(moving) if len(moving) > 1 else None
+        return
+    power = _exponent(moving)
     speedless = power is not None and power[0] + 2.0 * power[1] < _FLAT and power[0] > -1.0
-    at_rest = len(resting) > 1 or any(lasts for _, lasts in resting)
-    places = [one for one, _ in resting] if at_rest else moving or [one for one, _ in resting]
+    at_rest = len(resting) > 1 or lasts
+    places = resting if at_rest or not moving else moving
     largest = max(places, key=lambda one: one.value)
-    low, high = min(one.value for one in places), largest.value
-    unit = experiment.units.force
+    low, high, unit = min(one.value for one in places), largest.value, experiment.units.force
     why = "which a drag or a film may also do"
-    if at_rest:
-        why = "and it goes on while the platen rests: it sticks, or it is bonded"
-    elif speedless:
-        why = "and it does not grow with the speed: it sticks, or it is bonded"
-    elif gradual:
-        why = "and it comes gradually as the platen moves back: it sticks, or it is bonded"
-    tests, phases = names_of(places)
+    sure = at_rest or speedless or gradual > 1
+    if sure:
+        how = "goes on while the platen rests" if at_rest else "does not grow with the speed"
+        how = how if at_rest or speedless else "comes gradually as the platen moves back"
+        why = f"and it {how}: it sticks, or it is bonded"
     sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
-    return (
-        DirectEvidence(
-            "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
-            f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
-            f"{len(tests)} of {len(experiment.trials)} tests, {why}",
-            at_rest or speedless or gradual,
-        ),
+    tests = len({one.trial.name for one in places})
+    yield told(
+        "adhesion", "pull after contact", Level(high, largest.sd), unit, places,
+        f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
+        f"{tests} of {len(experiment.trials)} tests, {why}", sure,
     )  # fmt: skip
 
 
-def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
+def _pulls(
+    experiment: Experiment, trial: Trial, move: Phase, rest: Phase
+) -> tuple[Place | None, Place | None]:
+    """Return what a movement back pulls by, and the rest after it."""
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
-    before = _before(experiment, trial)
-    lifts = []
-    for move, rest in moves_of(trial):
-        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
-            continue
-        late = rest.start + _LATE * (rest.stop - rest.start)
-        end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
-        # a specimen that is still pressed at the end has its own zero in the file's
-        flat = _flat(experiment, trial, move, rest)
-        every = (before, end, flat, Level(0.0, experiment.floor.ou))
-        levels = [one for one in every if one is not None]
-        rows = rows_between(trial, move.start, move.stop)
-        rows = rows[steady[rows]]
-        if end is None or rows.size < _WIDTH:
-            continue
-        zero = min(levels, key=lambda one: one.value)
-        means = np.convolve(test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
-        lowest = int(np.argmin(means))
-        speed = mean_speed(trial, move)
-        moving = _pull(experiment, trial, move, rows[lowest : lowest + _WIDTH], zero, speed)
-        begin = rest.start + _AFTER * (rest.stop - rest.start)
-        early = rows_between(trial, begin, rest.start + 2.0 * _AFTER * (rest.stop - rest.start))
-        resting = _pull(experiment, trial, rest, early, zero, speed)
-        if moving is not None:
-            fall = _first_fall(experiment, trial, move, speed)
-            at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
-            lifts.append(Lift(moving, resting, early.size >= _LASTS, at_once))
-    return lifts
-
-
-def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float) -> Place | None:
-    """Return by how much the force falls until the movement has reached its speed."""
+    late = rest.start + _LATE * (rest.stop - rest.start)
+    end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
     rows = rows_between(trial, move.start, move.stop)
-    fast = np.abs(trial.trajectory.velocity(trial.test.time[rows])) >= _REACHED * speed
-    rest = np.arange(max(int(rows[0]) - _WIDTH, 0), int(rows[0]))
-    before = level_of(experiment, trial, rest)
-    if before is None or not np.any(fast):
-        return None
-    after = float(trial.test.force[rows[int(np.argmax(fast))]])
-    sd = float(np.hypot(before.sd, experiment.floor.total))
-    return Place(trial, move.kind, before.value - after, sd, speed)
+    rows = rows[steady[rows]]
+    if end is None or rows.size < AROUND:
+        return None, None
+    # a specimen that is still pressed at the end has its own zero in the file's
+    zeros = (_before(experiment, trial), end, _flat(experiment, trial, move, rest))
+    zero = min((one for one in zeros if one is not None), default=end)
+    zero = min(zero, Level(0.0, experiment.floor.ou))
+    means = np.convolve(test.force[rows], np.full(AROUND, 1.0 / AROUND), mode="valid")
+    lowest = int(np.argmin(means))
+    found: list[Place | None] = []
+    for kind, some in (
+        (move.kind, rows[lowest : lowest + AROUND]),
+        (rest.kind, _early(trial, rest)),
+    ):
+        level = level_of(experiment, trial, some)
+        sd = 0.0 if level is None else float(np.hypot(level.sd, zero.sd))
+        speed = mean_speed(trial, move)
+        found.append(level and Place(trial, kind, zero.value - level.value, sd, speed))
+    return found[0], found[1]
 
 
-def _pull(
-    experiment: Experiment, trial: Trial, phase: Phase, rows: Rows, zero: Level, speed: float
-) -> Place | None:
-    level = level_of(experiment, trial, rows)
-    if level is None:
-        return None
-    sd = float(np.hypot(level.sd, zero.sd))
-    return Place(trial, phase.kind, zero.value - level.value, sd, speed)
+def _comes_at_once(experiment: Experiment, pull: Place, move: Phase) -> bool:
+    """Return whether the force falls by half of a pull until the movement has its speed."""
+    trial = pull.trial
+    rows = rows_between(trial, move.start, move.stop)
+    fast = np.abs(trial.trajectory.velocity(trial.test.time[rows])) >= REACHED * pull.speed
+    before = np.arange(max(int(rows[0]) - AROUND, 0), int(rows[0]))
+    level = level_of(experiment, trial, before)
+    if level is None or not np.any(fast):
+        return True
+    fall = level.value - float(trial.test.force[rows[int(np.argmax(fast))]])
+    return fall + 2.0 * float(np.hypot(level.sd, experiment.floor.total)) > HALF * pull.value
 
 
-def _before(experiment: Experiment, trial: Trial) -> Level | None:
-    """Return the force before the platen first moves."""
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-    if first is None or first.control != Control.DISPLACEMENT:
-        return None
-    path, test = trial.trajectory, trial.test
-    start, depth = path.displacement(np.array([test.time[0], first.stop]))
-    if abs(start) > 0.01 * experiment.depth:
-        return None
-    near = np.abs(path.displacement(test.time) - start) <= max(
-        _STILL * path.resolution, 1e-3 * abs(depth - start)
-    )
-    leaves = int(np.argmin(near)) if not np.all(near) else near.size
-    return level_of(experiment, trial, np.arange(leaves))
-
-
-def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
-    """Return the evidence of a force that turns with the direction, at any speed.
+def friction_seen(experiment: Experiment) -> Iterator[DirectEvidence]:
+    """Yield the evidence of a force that turns with the direction, at any speed.
 
     Where a platen has moved back, the force is flat at the end of the movement, the same after the
     stop, and lower than before the contact. A drag ends with the motion; a specimen that pulls
     lets go, or relaxes.
     """
-    places = [
-        place for trial in experiment.trials for place in _rubs(experiment, trial) if place.is_clear
-    ]
-    if len(places) < 2:
-        return ()
-    values = [one.value for one in places]
-    agree = max(values) < _AGREE * min(values)
-    value, sd = pooled(places)
-    tests, phases = names_of(places)
-    unit = experiment.units.force
-    return (
-        DirectEvidence(
-            "friction", "force on the way back, and at rest after it", value, sd, unit, tests,
-            phases,
-            f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} below that "
-            "before the contact, as the platen moves back and at rest: something rubs",
-            agree and value > CLEAR * sd,
-        ),
-    )  # fmt: skip
-
-
-def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
-    before = _before(experiment, trial)
-    if before is None:
-        return []
     places = []
-    for move, rest in moves_of(trial):
-        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
-            continue
-        level = _flat(experiment, trial, move, rest)
-        if level is not None:
-            sd = float(np.hypot(before.sd, level.sd))
-            place = Place(trial, move.kind, before.value - level.value, sd, mean_speed(trial, move))
-            places.append(place)
-    return places
+    for trial in experiment.trials:
+        before = _before(experiment, trial)
+        for move, rest in _unloadings(trial) if before is not None else ():
+            level = _flat(experiment, trial, move, rest)
+            if level is not None and before is not None:
+                sd = float(np.hypot(before.sd, level.sd))
+                places.append(Place(trial, move.kind, before.value - level.value, sd))
+    places = [one for one in places if one.is_clear]
+    if len(places) < 2:
+        return
+    values = [one.value for one in places]
+    found, unit = pooled(places), experiment.units.force
+    yield told(
+        "friction", "force on the way back, and at rest after it", found, unit, places,
+        f"off the specimen the force stays {plain(found.value)} +- {plain(found.sd, 2)} {unit} "
+        "below that before the contact, as the platen moves back and at rest: something rubs",
+        max(values) < _AGREE * min(values) and found.value > CLEAR * found.sd,
+    )  # fmt: skip
 
 
 def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Level | None:
@@ -226,13 +165,52 @@ def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Lev
     """
     steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
     moving = rows_between(trial, move.stop - _END * (move.stop - move.start), move.stop)
-    early = _AFTER * (rest.stop - rest.start)
-    resting = rows_between(trial, rest.start + early, rest.start + 2.0 * early)
-    parts = (*np.array_split(moving[steady[moving]], 2), resting)
-    every = [level_of(experiment, trial, rows) for rows in parts]
-    levels = [one for one in every if one is not None]
-    if len(levels) < len(every):
+    parts = (*np.array_split(moving[steady[moving]], 2), _early(trial, rest))
+    levels = [level_of(experiment, trial, rows) for rows in parts]
+    known = [one for one in levels if one is not None]
+    if len(known) < len(levels):
         return None
-    values = [one.value for one in levels]
-    off = _SETTLED * abs(values[-1]) + 3.0 * max(one.sd for one in levels)
-    return levels[-1] if np.ptp(values) <= off else None
+    off = _SETTLED * abs(known[-1].value) + 3.0 * max(one.sd for one in known)
+    return known[-1] if np.ptp([one.value for one in known]) <= off else None
+
+
+def _unloadings(trial: Trial) -> list[tuple[Phase, Phase]]:
+    """Return the movements back that a rest follows, and it."""
+    return [
+        (move, rest)
+        for move, rest in moves_of(trial)
+        if move.kind == "unload" and move.control == Control.DISPLACEMENT and rest is not None
+    ]
+
+
+def _early(trial: Trial, rest: Phase) -> Rows:
+    """Return the readings of a rest after a lag or a ringing is over."""
+    tenth = _AFTER * (rest.stop - rest.start)
+    return rows_between(trial, rest.start + tenth, rest.start + 2.0 * tenth)
+
+
+def _before(experiment: Experiment, trial: Trial) -> Level | None:
+    """Return the force before the platen first moves."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    if first is None or first.control != Control.DISPLACEMENT:
+        return None
+    path, test = trial.trajectory, trial.test
+    start, depth = path.displacement(np.array([test.time[0], first.stop]))
+    if abs(start) > AT_ZERO * experiment.depth:
+        return None
+    still = max(2.0 * path.resolution, 1e-3 * abs(depth - start))
+    left = np.flatnonzero(np.abs(path.displacement(test.time) - start) > still)
+    return level_of(experiment, trial, np.arange(left[0] if left.size else test.time.size))
+
+
+def _exponent(places: Sequence[Place]) -> tuple[float, float] | None:
+    """Return by which power of the speed a quantity grows, and its error.
+
+    None where the speeds do not differ by a factor of two.
+    """
+    if len(places) < 2 or np.ptp(speeds := np.log([one.speed for one in places])) < np.log(2.0):
+        return None
+    sizes = np.log([one.value for one in places])
+    weights = np.array([one.value / one.sd for one in places])
+    line, covariance = np.polyfit(speeds, sizes, 1, w=weights, cov="unscaled")
+    return float(line[0]), float(np.sqrt(covariance[0, 0]))

@@ -1,24 +1,31 @@
-"""Direct evidence from tests that are repeated: softening, a leak, and a drift of the force."""
+"""Direct evidence from loadings: first contacts off the file's zero, and later loadings lower."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
+from qlvbayes.io.contact import FirstContact, find_contact
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.evidence.record import (
+from qlvbayes.motion.evidence.levels import (
+    AT_ZERO,
+    CLEAR,
     DirectEvidence,
+    Level,
     Place,
     mean_speed,
     moves_of,
-    names_of,
+    pooled,
     rows_between,
+    told,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
 
+_AGREE = 3.0  # errors, within which tests have one contact
 _SAME_SPEED = 0.05  # of the speed, within which two ramps are equal
 _SAME_START = 0.01  # of the depth, within which two ramps begin alike
 _DEPTHS = 5  # depths at which two ramps are set side by side
@@ -31,8 +38,44 @@ T/s e^{-R/s} is largest at s = R.
 """
 
 
-def repeated_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
-    """Return the evidence of a later ramp below an earlier one, at equal depth and speed.
+def contact_of(experiment: Experiment, trial: Trial) -> FirstContact | None:
+    """Return where the force of a test begins to rise; None if no approach shows it."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), trial.phases[0])
+    if experiment.units.dimensionless or first.control == Control.FORCE:
+        return None
+    way = trial.test.displacement
+    at_zero = abs(float(way[0])) <= AT_ZERO * experiment.depth
+    contact = find_contact(way, trial.test.force, at_zero=at_zero)
+    if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
+        return None
+    return contact
+
+
+def contact_seen(experiment: Experiment) -> Iterator[DirectEvidence]:
+    """Yield the evidence of a force that begins before or after the file's zero.
+
+    A soft beginning looks like a late contact, which is therefore not beyond doubt.
+    """
+    places = []
+    for trial in experiment.trials:
+        contact = contact_of(experiment, trial)
+        begun = float(trial.test.displacement[0]) > AT_ZERO * experiment.depth
+        if contact is not None and not begun and contact.sd > 0.0:
+            places.append(Place(trial, "ramp", float(contact.position), float(contact.sd)))
+    if len(places) < 2 or abs((found := pooled(places)).value) < CLEAR * found.sd:
+        return
+    off = [abs(one.value - found.value) / np.hypot(one.sd, found.sd) for one in places]
+    unit, early = experiment.units.displacement, found.value < 0.0
+    side = "before the file's zero" if early else "after the file's zero, where a soft beginning"
+    yield told(
+        "contact_offset", "depth at which the force begins", found, unit, places,
+        f"the force begins at {plain(found.value)} +- {plain(found.sd, 2)} {unit}, {side}"
+        + ("" if early else " looks alike"), early and max(off) < _AGREE,
+    )  # fmt: skip
+
+
+def repeated_seen(experiment: Experiment) -> Iterator[DirectEvidence]:
+    """Yield the evidence of a later ramp below an earlier one, at equal depth and speed.
 
     What a relaxation of any time may have left of the earlier press after the rest between both is
     taken off. Softening, a set, conditioning and a leak all lower the force: one of them is there,
@@ -51,18 +94,14 @@ def repeated_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
                 places.append(place)
     clear = [one for one in places if one.is_clear]
     if not clear:
-        return ()
-    largest = max(clear, key=lambda one: one.value / one.sd)
-    tests, phases = names_of(clear)
-    unit = experiment.units.force
-    return (
-        DirectEvidence(
-            "stress_softening", "fall of the force from a loading to the next", largest.value,
-            largest.sd, unit, tests, phases,
-            f"at equal depth, speed and rest a later loading is lower by {plain(largest.value)} +- "
-            f"{plain(largest.sd, 2)} {unit} than an earlier one: it softens, sets or leaks",
-            False,  # which of them it is, these loadings do not show
-        ),
+        return
+    most, unit = max(clear, key=lambda one: one.value / one.sd), experiment.units.force
+    yield told(
+        "stress_softening", "fall of the force from a loading to the next",
+        Level(most.value, most.sd), unit, clear,
+        f"at equal depth, speed and rest a later loading is lower by {plain(most.value)} +- "
+        f"{plain(most.sd, 2)} {unit} than an earlier one: it softens, sets or leaks",
+        False,  # which of them it is, these loadings do not show
     )  # fmt: skip
 
 
