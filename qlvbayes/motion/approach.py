@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.contact import FirstContact, find_contact
@@ -151,15 +150,13 @@ def _line(
         bend, bend_sds, _ = _least_squares(bent, force[both])
         if left > _AGREE * scatter or abs(bend[-1]) > _STRAIGHT * bend_sds[-1]:
             continue
-        if not back or not _turns(line @ _columns(way, time), force, inward, outward):
+        own = line @ _columns(way, time)
+        sides = [float(np.mean((force - own)[rows])) for rows in (inward, outward) if rows.size]
+        # as a drag and a guide that rubs do, it turns with the direction
+        turns = abs(sides[-1] - sides[0]) > _TURNS * float(np.ptp(own[both]))
+        if not (back and turns):
             return Slope(line, sds, back, 0.0, contact)
     return None
-
-
-def _turns(line: Array, force: Array, inward: NDArray[np.intp], outward: NDArray[np.intp]) -> bool:
-    """Return whether the force turns with the direction, as a drag and a guide that rubs do."""
-    sides = [float(np.mean((force - line)[rows])) for rows in (inward, outward)]
-    return abs(sides[1] - sides[0]) > _TURNS * float(np.ptp(line[np.append(inward, outward)]))
 
 
 def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float]:

@@ -1,13 +1,8 @@
-r"""Readings that are none: lost, spikes, stuck, clipped, or of a clock that slipped.
+"""Readings that are none: lost, spikes, stuck, clipped, or of a clock that slipped.
 
 What its neighbours on both sides contradict and the other channel does not show is no reading of
-the specimen. It is detected before the record is used, without a model of the material. A run of k
-readings is outlying in its channel if each lies beyond both neighbours, at a and b, by more than
-
-.. math:: \max(12 k^{1/2} s,\; 4 q,\; 4 |\Delta x|_{med},\; |b - a|,\; 0.01\, range),
-
-s being the median distance of a reading from the line through its two neighbours (those nearby, and
-all as far apart in time), q the step of a digitised channel. Where the platen goes the force
+the specimen. It is detected before the record is used, in medians and differences of
+neighbours alone, O(n), and without a model of the material. Where the platen goes the force
 follows, and the force changes where the platen went: what the other channel bears out is the
 specimen's, however sudden.
 """
@@ -20,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
@@ -29,25 +23,24 @@ from qlvbayes.io.readings import slipped
 from qlvbayes.io.table import LARGEST_SHARE
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined
-from qlvbayes.motion.sensor import encoder_step
-
-Run = tuple[int, int]
-"""Readings from the first to before the last index."""
-Rows = NDArray[np.intp]
+from qlvbayes.motion.outliers import (
+    FEWEST,
+    Rows,
+    Run,
+    Scale,
+    distance,
+    equal_runs,
+    mask_of,
+    outlying,
+    outlying_runs,
+    runs_at_ends,
+    runs_of,
+)
 
 KEEP = "--keep-all-readings"
-LONGEST = 8  # readings in a row that differ among each other; zeros may be more
-FEWEST = 12  # readings of which anything can be said
-_PASSES = 4  # over the readings that are left
-_NEARBY = 61  # readings whose median gives the noise here
-_BEYOND = 12.0  # of these medians: 10 sds of white noise
-_CHANGES = 4.0  # of the median change from reading to reading, and of a digitised channel's steps
-_LEAST = 0.01  # of the channel's range: less does no harm
-_STEP_READINGS = 20_000  # that show the step of a digitised channel
 _STIFFER = 5.0  # than the record's secant a specimen may be at its stiffest,
 _LEAVES = 2.0  # and of what it loses with contact: all that it bore
-_NOTICED = 8.0  # times the noise: a change of force that would surely be seen,
-_FOLLOWED = 0.25  # by so much of that change at the least
+_FOLLOWED = 0.25  # of a change of force that would be seen: so much shows at the least
 _BENDS = 8  # readings on either side in which a change of speed makes an inertial force
 _IMPOSSIBLE = 5.0  # times the largest speed otherwise seen: no platen is so fast
 _AROUND = 60  # readings on either side that say how often a value repeats by chance
@@ -216,130 +209,6 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
     return replace(test, **sound, start_s=test.start_s + late)
 
 
-def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
-    """Return a mask of the readings (n,) that lie far outside those before and after them."""
-    if signal.size < FEWEST:
-        return np.zeros(signal.size, dtype=bool)
-    return _mask(_outlying_runs(time, signal, _Scale.of(time, signal)), signal.size)
-
-
-@dataclass(frozen=True)
-class _Scale:
-    """Size of the changes from reading to reading in one channel."""
-
-    deviation: Array  # (n,) median distance of a reading from the line through its neighbours
-    change: Array  # (n,) median change nearby
-    step: float  # of a digitised channel, 0 where none shows
-    span: float  # its range
-
-    @classmethod
-    def of(cls, time: Array, signal: Array) -> _Scale:
-        """Return the scale of one channel, which few bad readings do not change."""
-        off, gaps = _off_line(time, signal), np.diff(time)
-        # as far off as those with similar intervals to their neighbours are
-        gap = np.minimum(gaps[1:], gaps[:-1])
-        order = np.argsort(gap, kind="stable")
-        root, alike = np.sqrt(gap[order]), np.empty_like(off)
-        alike[order] = root * _median(off[order] / root)
-        low, high = np.quantile(signal, [0.005, 0.995])
-        change = np.abs(np.diff(signal))
-        few = signal[:_STEP_READINGS]
-        moves = change[: few.size - 1][change[: few.size - 1] > 0.0]
-        step = encoder_step(few) or float(moves.min(initial=np.inf))  # bad ones are no multiples
-        return cls(
-            np.pad(np.maximum(_median(off), alike), 1, mode="edge"),
-            np.pad(_median(change), (0, 1), mode="edge"),
-            step if np.isfinite(step) else 0.0,
-            # the range of a force that is held is rounding
-            max(float(high - low), 1e-5 * float(np.max(np.abs(signal)))),
-        )
-
-    def at(self, rows: Rows) -> _Scale:
-        """Return the scale of some of the readings."""
-        return replace(self, deviation=self.deviation[rows], change=self.change[rows])
-
-    def least(self, run: Run, sides: float) -> float:
-        """Return how far a run must lie outside its neighbours, which differ by ``sides``."""
-        at = min((run[0] + run[1]) // 2, self.deviation.size - 1)
-        noise = _BEYOND * float(np.sqrt(min(run[1] - run[0], LONGEST)) * self.deviation[at])
-        coarse = _CHANGES * max(float(self.change[at]), self.step)
-        return max(noise, coarse, sides, _LEAST * self.span)
-
-    def noise(self, at: int, sds: float = _NOTICED) -> float:
-        """Return a change that is surely none of noise and step."""
-        return sds * float(self.deviation[at]) + self.step
-
-
-def _outlying_runs(time: Array, signal: Array, scale: _Scale) -> list[Run]:
-    """Return the outlying runs, each much farther off than its neighbours from each other."""
-    mask, sound = np.zeros(signal.size, dtype=bool), np.arange(signal.size)
-    for _ in range(_PASSES):
-        runs = _one_pass(signal[sound], scale.at(sound))
-        for run in runs:
-            mask[sound[slice(*run)]] = True
-        sound = np.flatnonzero(~mask)
-        if not runs or sound.size < FEWEST:
-            break
-    if not mask.any() or sound.size < FEWEST:
-        return []
-    rough, alone = _off_line(time[sound], signal[sound]), []
-    for first, stop in runs_of(mask):
-        at = int(np.searchsorted(sound, first)) - 1  # of the last sound reading before it
-        off = _distance(signal[first:stop], *signal[sound[[at, at + 1]]])
-        if off.min() > 3.0 * rough[max(at - 6, 0) : at + 6].max(initial=0.0):
-            alone.append((first, stop))
-    return alone
-
-
-def _one_pass(signal: Array, scale: _Scale) -> list[Run]:
-    """Return the outlying runs, from the shortest on, that the nearest sound readings confirm."""
-    mask = np.zeros(signal.size, dtype=bool)
-    long = [run for run in _equal_runs(signal, LONGEST + 1) if signal[run[0]] == 0.0]
-    for run in (*_candidates(signal, scale), *long):
-        if not mask[slice(*run)].any() and _is_beyond(signal, scale, run):
-            mask[slice(*run)] = True
-    confirmed: list[Run] = []
-    for first, stop in runs_of(mask):
-        before, after = signal[first - 1], signal[stop]
-        least = scale.least((first, first + 1), abs(after - before))
-        bad = _distance(signal[first:stop], before, after) > least
-        confirmed += [(first + a, first + b) for a, b in runs_of(bad)]
-    return confirmed
-
-
-def _candidates(signal: Array, scale: _Scale) -> Iterator[Run]:
-    """Yield the runs that noise and sides alone do not dispose of: one by one takes seconds."""
-    for length in range(1, min(LONGEST, signal.size - 2) + 1):
-        starts = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
-        values = signal[starts[:, None] + np.arange(1, length + 1)]
-        before, after = signal[starts][:, None], signal[starts + length + 1][:, None]
-        beyond = _distance(values, before, after).min(axis=1, initial=np.inf)
-        noise = _BEYOND * np.sqrt(length) * scale.deviation[starts + 1 + length // 2]
-        least = np.maximum(np.maximum(noise, _LEAST * scale.span), np.abs(after - before)[:, 0])
-        for at in (starts[beyond > least] + 1).tolist():
-            yield at, at + length
-
-
-def _is_beyond(signal: Array, scale: _Scale, run: Run) -> bool:
-    first, stop = run
-    if first == 0 or stop == signal.size:
-        return False
-    before, after = float(signal[first - 1]), float(signal[stop])
-    off = float(_distance(signal[first:stop], before, after).min())
-    return off > scale.least(run, abs(after - before))
-
-
-def _runs_at_ends(signal: Array, scale: _Scale) -> Iterator[Run]:
-    """Yield outlying runs at the record's ends, which have neighbours on one side only."""
-    for ahead in (signal, signal[::-1]):
-        for stop in (1, 2, 3):
-            one, other = float(ahead[stop]), float(ahead[stop + 1])
-            run = (0, stop) if ahead is signal else (signal.size - stop, signal.size)
-            if _distance(ahead[:stop], one, other).min() > scale.least(run, abs(one - other)):
-                yield run
-                break
-
-
 class _Channels:
     """Both channels of a test, of the readings whose clock ticks; each is held against the other.
 
@@ -360,15 +229,15 @@ class _Channels:
             return
         self.read = force[self.used]
         self.force = np.interp(self.time, self.time[self.used], self.read)
-        self.of_way = _Scale.of(self.time, self.way)
-        self.of_read = _Scale.of(self.time[self.used], self.read)
+        self.of_way = Scale.of(self.time, self.way)
+        self.of_read = Scale.of(self.time[self.used], self.read)
         nearest = np.interp(every, self.used, np.arange(self.used.size)).round().astype(int)
         self.of_force = self.of_read.at(nearest)
-        self.way_runs = _outlying_runs(self.time, self.way, self.of_way)
+        self.way_runs = outlying_runs(self.time, self.way, self.of_way)
         # of the readings used, as their neighbours are
-        self.force_runs = _outlying_runs(self.time[self.used], self.read, self.of_read)
-        self.force_rows = _mask(self._of_used(self.force_runs), self.time.size)
-        self.doubtful = _mask(self.way_runs, self.time.size) | self.force_rows
+        self.force_runs = outlying_runs(self.time[self.used], self.read, self.of_read)
+        self.force_rows = mask_of(self._of_used(self.force_runs), self.time.size)
+        self.doubtful = mask_of(self.way_runs, self.time.size) | self.force_rows
         self.lost = np.zeros(self.time.size, dtype=bool)
         t, x = self.time[~self.doubtful], self.way[~self.doubtful]
         self.fastest = float(np.max(np.abs(np.diff(x)) / np.diff(t), initial=0.0))
@@ -391,7 +260,7 @@ class _Channels:
             if self.force_rows[slice(*run)].all() and self._is_lost_row(run):
                 self.lost[slice(*run)] = True
                 yield run, _kind(self.way[slice(*run)]), "both"
-        for run in (*self.way_runs, *_runs_at_ends(self.way, self.of_way)):
+        for run in (*self.way_runs, *runs_at_ends(self.way, self.of_way)):
             if self._way_contradicted(run, top):
                 self.lost[slice(*run)] = True
                 yield run, _kind(self.way[slice(*run)]), "displacement"
@@ -431,14 +300,13 @@ class _Channels:
 
     def _way_contradicted(self, run: Run, top: float) -> bool:
         """Return whether the force shows no sign of the displacement readings of a run."""
-        before, after = self._sides(run)
-        one, other, inside = float(self.way[before]), float(self.way[after]), slice(*run)
-        off = float(_distance(self.way[inside], one, other).min())
+        sides, inside = self._sides(run), slice(*run)
+        one, other = self.way[sides].tolist()
+        off = float(distance(self.way[inside], one, other).min())
         expected = self.stiffness * off
         if abs(float(self.way[run[0]])) < min(abs(one), abs(other)):  # back towards 0
-            expected = min(expected, *np.abs(self.force[[before, after]]).tolist())
+            expected = min(expected, *np.abs(self.force[sides]).tolist())
         if expected > self.of_force.noise(run[0]):
-            sides = self._sides(run)
             line = np.interp(self.time[inside], self.time[sides], self.force[sides])
             seen = np.abs(self.force[inside] - line)
             return bool(max(seen[0], seen[-1], np.median(seen)) < _FOLLOWED * expected)
@@ -455,10 +323,11 @@ class _Channels:
             2.5 * flicker, 4.0 * self._typical_deflection()
         ):
             return False
-        travel = float(np.ptp(self.way[self._near(run, 2)]))
+        near = self.way[self._near(run, 2)]
+        travel = float(np.ptp(near)) if near.size else 0.0
         moved = travel if travel > flicker else 0.0
         sides = self.force[_around(self.used[~self.doubtful[self.used]], first)]
-        off = _distance(self.read[slice(*run)], *sides)
+        off = distance(self.read[slice(*run)], *sides)
         return float(off.min()) > (_LEAVES if lost else _STIFFER) * self.stiffness * moved
 
     def _near(self, run: Run, reach: int) -> Rows:
@@ -479,7 +348,7 @@ class _Channels:
         """Yield runs in which the displacement stays, while the force goes on, and then jumps."""
         time, way, force = self.time[rows], self.way[rows], self.force[rows]
         changes = np.abs(np.diff(way))
-        for first, stop in _equal_runs(way, 3):
+        for first, stop in equal_runs(way, 3):
             if stop == way.size or first < 2:
                 continue
             near = np.append(changes[max(first - 10, 0) : first], changes[stop : stop + 10])
@@ -506,7 +375,7 @@ class _Channels:
         away = np.minimum(np.abs(force), np.abs(force - force[0])) > _NEAR_ZERO * scale.span
         rarest = np.log(_CHANCE / force.size) / np.log(0.5 / _AROUND)
         ends, clips = {float(force.min()), float(force.max())}, set[float]()
-        for run in _equal_runs(force, max(4, int(np.ceil(rarest)))):
+        for run in equal_runs(force, max(4, int(np.ceil(rarest)))):
             if not (away[run[0]] and scale.deviation[run[0]] >= scale.step):
                 continue
             if _against_noise(force, run):
@@ -539,12 +408,6 @@ def _kind(values: Array) -> str:
     return "lost" if not values.any() or (values.size > 2 and np.ptp(values) == 0.0) else "spike"
 
 
-def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
-    """Return the runs [first, stop) of masked readings."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
-
-
 def _in_all(rows: Rows, run: Run) -> list[Run]:
     """Return a run of some of the readings, in order, as runs of all."""
     some = rows[slice(*run)]
@@ -558,40 +421,9 @@ def _around(sound: Rows, first: int) -> list[int]:
     return [int(sound[max(after - 1, 0)]), int(sound[min(after, sound.size - 1)])]
 
 
-def _mask(runs: Iterable[Run], size: int) -> NDArray[np.bool_]:
-    mask = np.zeros(size, dtype=bool)
-    for run in runs:
-        mask[slice(*run)] = True
-    return mask
-
-
-def _equal_runs(signal: Array, least: int) -> list[Run]:
-    """Return the runs of at least this many readings that repeat one value."""
-    edges = np.flatnonzero(np.diff(signal) != 0.0) + 1
-    edges = np.concatenate([[0], edges, [signal.size]])
-    long = np.flatnonzero(np.diff(edges) >= least)
-    return [(int(edges[k]), int(edges[k + 1])) for k in long]
-
-
-def _distance(values: Array, one: float | Array, other: float | Array) -> Array:
-    """Return how far values lie outside the interval between two levels."""
-    low, high = np.minimum(one, other), np.maximum(one, other)
-    return np.maximum(np.maximum(values - high, low - values), 0.0)
-
-
-def _off_line(time: Array, signal: Array) -> Array:
-    """Return the distance (n - 2,) of each inner reading from the line through its neighbours."""
-    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    return np.abs(signal[1:-1] - signal[:-2] - weight * (signal[2:] - signal[:-2]))
-
-
 def _deflection(time: Array, values: Array, rows: Rows) -> float:
     """Return the largest deviation of some readings from the line between their ends."""
     if rows.size < 3:
         return 0.0
     line = np.interp(time[rows], time[rows[[0, -1]]], values[rows[[0, -1]]])
     return float(np.max(np.abs(values[rows] - line)))
-
-
-def _median(values: Array) -> Array:
-    return np.asarray(median_filter(values, size=min(_NEARBY, values.size), mode="reflect"))

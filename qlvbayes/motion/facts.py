@@ -14,14 +14,10 @@ from qlvbayes.io.readings import sampling_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 
-NEARLY = 0.02
-"""Share of the largest depth or force, below which a test counts as back at zero."""
-OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")
-"""Effects that show where a platen moves back."""
-ROUNDED = 0.1
-"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
-DEEPER = 1.25
-"""Ratio of two depths from which they count as different."""
+NEARLY = 0.02  # share of the largest depth or force, below which a test counts as back at zero
+OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")  # seen as a platen moves back
+ROUNDED = 0.1  # of a step of the encoder: where no reading is farther from the motion, it was none
+DEEPER = 1.25  # ratio of two depths from which they count as different
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
 _TIMES = 401  # of a movement, at which its speed is looked for

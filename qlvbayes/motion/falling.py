@@ -1,4 +1,4 @@
-"""A force that falls while the platen moves in: a specimen that tears, slips or yields."""
+"""What a force shows without a model: stiffness, and falls where a specimen tears or yields."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ _MATERIAL = 0.1  # of the top speed, that an acceleration of one sign changes th
 _SHARP = 0.5  # of that acceleration's largest, by which it changes within a few readings
 _DOUBT = 3.0  # sds of the time of a kink
 _TINY = np.finfo(float).tiny
+_LAST = 0.25  # of the way to the largest force, where the slope is taken
+_SURELY = 5.0  # of the sds of readings around it, above which a force is no noise
+_NEARBY = 21  # readings around, for which one sd is taken
 
 
 @dataclass(frozen=True)
@@ -212,3 +215,33 @@ def _changes(values: Array) -> Array:
     """Return the changes from the mean of some values to that of as many after them."""
     means = np.convolve(values, np.full(_LASTING, 1.0 / _LASTING), mode="valid")
     return means[_LASTING:] - means[:-_LASTING]
+
+
+def largest_force(test: Test) -> float:
+    """Return the largest magnitude of the force (N), noise aside."""
+    return float(np.max(np.where(_above_noise(test), np.abs(test.force), 0.0)))
+
+
+def _above_noise(test: Test) -> NDArray[np.bool_]:
+    """Return which readings are larger than their own noise, all if none is or none is known."""
+    every = np.ones(test.force.size, dtype=bool)
+    if test.force_sd is None:
+        return every
+    around = maximum_filter1d(test.force_sd, _NEARBY)  # where noise ends its sd is not sharp
+    clear = np.abs(test.force) > _SURELY * around
+    return clear if clear.any() else every
+
+
+def largest_stiffness(tests: Sequence[Test]) -> float:
+    """Return the slope (N/mm) of the force over the last quarter of the way to its maximum."""
+    depth = max(float(np.max(np.abs(test.displacement))) for test in tests)
+    hardest = max(tests, key=largest_force)
+    clear = _above_noise(hardest)
+    peak = int(np.argmax(np.where(clear, np.abs(hardest.force), 0.0)))
+    travel, force = (np.abs(x[: peak + 1]) for x in (hardest.displacement, hardest.force))
+    secant = float(force[-1]) / depth
+    last = clear[: peak + 1] & (travel >= (1.0 - _LAST) * travel[-1])
+    spread = travel[last] - np.mean(travel[last])
+    if travel[-1] < _LAST * depth or not np.any(spread):
+        return secant
+    return max(float(spread @ force[last] / (spread @ spread)), secant)

@@ -18,12 +18,8 @@ from qlvbayes.motion.trajectory import Trajectory
 
 Move = tuple[int, int, int]  # first and last of the times, and the sign
 Kind = Literal["ramp", "hold", "unload", "recovery"]
-NAMES: dict[str, str] = {  # of kinds, for readers
-    "ramp": "ramp",
-    "hold": "hold",
-    "unload": "unloading",
-    "recovery": "recovery",
-}
+# of kinds, for readers
+NAMES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 KINDS = tuple(NAMES)
 MOVING = ("ramp", "unload")  # there and back
 

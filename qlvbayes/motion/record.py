@@ -45,11 +45,6 @@ class Blocks(Pytree):
         return held(np.hypot(self.zero, self.stage))
 
     @classmethod
-    def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
-        """Make each sample a block of its own."""
-        return cls.of_means(force, np.ones(time.shape), time, time, weight)
-
-    @classmethod
     def of_means(
         cls,
         force: np.ndarray,

@@ -22,7 +22,7 @@ from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.past import EarlierMotion, grid_times, path_at
 from qlvbayes.motion.patherrors import path_errors
 from qlvbayes.motion.phases import MOVING, Phase
-from qlvbayes.motion.record import Blocks, RateErrors, Record, held, padded_size
+from qlvbayes.motion.record import Blocks, Record, held, padded_size
 from qlvbayes.motion.trajectory import Trajectory
 
 GROWTH = 0.2  # a block's width over the time since its phase began
@@ -99,8 +99,7 @@ def reduce_test(
     wrong = None
     if errors:
         read = np.isin(whole.time, trajectory.read_times(whole.time))
-        found = path_errors(whole.time[read], whole.displacement[read], trajectory, grid)
-        wrong = RateErrors(held(found.velocity), held(found.acceleration))
+        wrong = path_errors(whole.time[read], whole.displacement[read], trajectory, grid)
     if past is not None:
         motion, indices = _remembering(motion, past), indices + past.time.size
         before = ((0, 0), (past.time.size, 0))

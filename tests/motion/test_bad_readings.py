@@ -11,8 +11,9 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD
-from qlvbayes.motion.clean import left_out_notice, outlying, sound_tests
+from qlvbayes.motion.clean import left_out_notice, sound_tests
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.outliers import outlying
 
 SHARED = Path(__file__).parents[3] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01

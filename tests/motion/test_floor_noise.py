@@ -47,7 +47,7 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(ratio, tau):
 def samples(time, scale=None):
     one = np.ones(time.size)
     scale = one if scale is None else scale
-    return replace(Blocks.from_samples(time, one, one), scale=scale)
+    return replace(Blocks.of_means(one, one, time, time), scale=scale)
 
 
 def test_realisations_have_the_covariance_of_the_floor():

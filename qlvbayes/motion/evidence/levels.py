@@ -13,18 +13,12 @@ from qlvbayes.io.files import Part
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 
-Rows = NDArray[np.intp]
-"""Indices of readings."""
-CLEAR = 5.0
-"""Errors, from which on a size is beyond doubt where it is seen in two places."""
-AT_ZERO = 0.01
-"""Of the depth, within which the platen has not left the file's zero."""
-AROUND = 5
-"""Readings whose mean is a level, before and after a start."""
-REACHED = 0.9
-"""Of a movement's mean speed, at which its start is over."""
-HALF = 0.5
-"""Of a mass, by which single starts may differ; of a pull, by which a drag falls at once."""
+Rows = NDArray[np.intp]  # indices of readings
+CLEAR = 5.0  # errors, from which on a size is beyond doubt where it is seen in two places
+AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
+AROUND = 5  # readings whose mean is a level, before and after a start
+REACHED = 0.9  # of a movement's mean speed, at which its start is over
+HALF = 0.5  # of a mass, by which single starts may differ; of a pull, by which a drag falls at once
 
 
 class DirectEvidence(Part, frozen=True):

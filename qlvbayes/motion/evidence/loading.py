@@ -123,33 +123,28 @@ def _fall(
     speeds = mean_speed(one, first), mean_speed(two, second)
     if abs(speeds[1] / speeds[0] - 1.0) > _SAME_SPEED:
         return None
-    starts, stops = np.transpose([_ends(*earlier), _ends(*later)])
+    starts, stops = np.transpose(
+        [trial.trajectory.displacement([p.start, p.stop]) for trial, p in (earlier, later)]
+    )
     if abs(starts[1] - starts[0]) > _SAME_START * experiment.depth:
         return None
-    back = next(
-        (move for move, _ in moves_of(one) if move.kind == "unload" and move.start >= first.stop),
-        None,
-    )
-    if back is None:
+    backs = [p for p in one.used_phases if p.kind == "unload" and p.start >= first.stop]
+    if not backs:
         return None
-    since = two.whole.start_s - one.whole.start_s
+    back, since = backs[0], two.whole.start_s - one.whole.start_s
     rest = since + second.start - back.stop
     if rest <= 0.0:
         return None
     pressed = back.stop - first.start
     bottom, top = float(np.max(starts)), float(np.min(stops))
-    depths = np.linspace(bottom, top, _DEPTHS + 2)[2:-1] if top > bottom else np.zeros(0)
-    if depths.size == 0:
+    if top <= bottom:
         return None
+    depths = np.linspace(bottom, top, _DEPTHS + 2)[2:-1]
     of = [_force_at(trial, move, depths) for trial, move in (earlier, later)]
     memory = min(_REMEMBERED * pressed / rest, 1.0)
     lower = float(np.mean(of[0] - of[1] - memory * np.abs(of[0])))
     sd = float(np.sqrt(2.0) * experiment.floor.total)
     return Place(two, "ramp", lower, sd, speeds[1])
-
-
-def _ends(trial: Trial, move: Phase) -> np.ndarray:
-    return trial.trajectory.displacement(np.array([move.start, move.stop]))
 
 
 def _force_at(trial: Trial, move: Phase, depths: np.ndarray) -> np.ndarray:

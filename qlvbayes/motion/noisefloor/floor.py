@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,14 +24,6 @@ _KEPT = 0.95  # probability of the floors that are averaged
 _MOST = 5.0  # a wider prior would say nothing
 
 
-class NoiseConstants(NamedTuple):
-    """White sd, correlated sd and its time (`NoiseFloor`)."""
-
-    white: float
-    ou: float
-    tau: float
-
-
 @dataclass(frozen=True, eq=False)
 class Dwells:
     """The pooled dwells, and the noise of highest restricted likelihood."""
@@ -48,11 +39,11 @@ class Dwells:
     # probability)
     correlated: bool
 
-    def chosen(self, count: int, power: float = 1.0) -> tuple[list[NoiseConstants], Array]:
+    def chosen(self, count: int, power: float = 1.0) -> tuple[Array, Array]:
         """Return noises drawn by a power of their probability, with weights (count,) of sum 1.
 
-        By the power 1 they are equally likely; by a smaller one unlikely ones are included. They
-        are the same at every call.
+        Of each (count, 3) the white sd, the correlated sd and its time, the same at every call. By
+        the power 1 they are equally likely; by a smaller one unlikely ones are included.
         """
         # here and below, as it takes longer to load than a first look takes
         from scipy.stats import chi2
@@ -63,12 +54,9 @@ class Dwells:
         chosen = np.clip(chosen, 0, weights.size - 1)
         freedom, mixed = self.pool.freedom, np.random.default_rng(0).permutation(count)
         scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
-        draws = []
-        for k, scale in zip(chosen, scales, strict=True):
-            white, (ratio, tau) = float(np.sqrt(variances[k]) * scale), points[k]
-            ou = white * float(np.exp(0.5 * ratio))
-            draws.append(NoiseConstants(white, ou, float(np.exp(tau))))
+        white, (ratio, tau) = np.sqrt(variances[chosen]) * scales, points[chosen].T
         left = weights[chosen] ** (1.0 - power)
+        draws = np.stack([white, white * np.exp(0.5 * ratio), np.exp(tau)], axis=1)
         return draws, left / left.sum()
 
     @cached_property
@@ -214,8 +202,9 @@ class NoiseFloor:
 
     def _chosen(self, count: int, power: float) -> tuple[list[NoiseFloor], Array]:
         assert self.dwells is not None
-        noises, weights = self.dwells.chosen(count, power)
-        return [replace(self, **noise._asdict()).rounded() for noise in noises], weights
+        draws, weights = self.dwells.chosen(count, power)
+        every = [replace(self, white=sd, ou=ou, tau=tau) for sd, ou, tau in draws.tolist()]
+        return [one.rounded() for one in every], weights
 
     def likely(self) -> tuple[list[NoiseFloor], Array]:
         """Return floors with weights of sum 1, without the twentieth with the most slow noise."""

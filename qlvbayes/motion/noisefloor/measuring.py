@@ -19,9 +19,9 @@ from scipy.optimize import Bounds, minimize
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.clean import outlying
 from qlvbayes.motion.noisefloor.floor import Dwells, NoiseFloor, prior_log_tau
 from qlvbayes.motion.noisefloor.pool import Dwell, Pool
+from qlvbayes.motion.outliers import outlying
 from qlvbayes.motion.phases import MOVING, Phase
 from qlvbayes.motion.sensor import encoder_step, sensor_noise
 
