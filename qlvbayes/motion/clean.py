@@ -75,11 +75,11 @@ class LeftOut:
         mask = reason != ""
         if not mask.any():
             return None
-        own = (x[mask] for x in (test.time, test.displacement, test.force))
         kept = np.stack([test.displacement[~mask], test.force[~mask]])
         sides = np.cumsum(~mask)[mask] + np.array([[0], [1]])
         around = np.pad(kept, ((0, 0), (1, 1)), constant_values=np.nan)[:, sides]
-        return cls(mask, *own, reason[mask].astype(np.str_), around)
+        why = reason[mask].astype(np.str_)
+        return cls(mask, test.time[mask], test.displacement[mask], test.force[mask], why, around)
 
     @property
     def count(self) -> int:
