@@ -71,7 +71,7 @@ class LeftOut:
 
     @classmethod
     def of(cls, test: Test, reason: NDArray[np.object_]) -> LeftOut | None:
-        """Return the readings of a test for which there is a reason (n,), else an empty one."""
+        """Return the readings of a test for which there is a reason (n,); None without any."""
         mask = reason != ""
         if not mask.any():
             return None
