@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from qlvbayes.comparison.contrast import ReadAt
 from qlvbayes.io.checks import InputError
-from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.facts import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _UNKNOWN = Covered(depth=1.0, slowest=0.1, fastest=10.0, quickest=0.1, hold=30.0, tests=0)

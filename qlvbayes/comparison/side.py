@@ -22,7 +22,7 @@ from qlvbayes.model.drawn import described_model, drawn_models, factors, pad_alo
 from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
-from qlvbayes.motion.covered import Covered, covered
+from qlvbayes.motion.facts import Covered, covered
 
 _LONGER = 1.5  # times as long a hold, or as quick a ramp, from which on tests are unlike
 _WITHIN = 0.1  # of a ramp: what relaxes in less has gone when it ends

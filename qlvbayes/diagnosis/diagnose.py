@@ -23,7 +23,7 @@ from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.motion.specimen import pull_notices
 
 
 def diagnose(

@@ -112,7 +112,7 @@ class Session:
         return cls(
             _fitted(experiment, bonded, mm, newton),
             ForceErrors(
-                Noise(newton * white, newton * floor.ou, floor.memory),
+                Noise(newton * white, newton * floor.ou, floor.tau),
                 floor.growth / newton,
                 newton * floor.level,
                 newton * floor.step,

@@ -48,10 +48,10 @@ from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor, White
 from qlvbayes.model.parameters import all_fields, described, unit_kinds
-from qlvbayes.motion.carryover import carryover_notices, clock_notices
-from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.facts import covered
 from qlvbayes.motion.record import Record
+from qlvbayes.motion.specimen import carryover_notices, clock_notices
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain

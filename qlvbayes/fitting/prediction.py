@@ -28,7 +28,6 @@ from qlvbayes.motion.reduction import clear_of_kinks
 
 DRAWS = 400
 _ROWS = 300  # largest number of samples in a phase, evenly spread in the logarithm of time
-_TINY = 1e-300  # avoids 0/0 where no time has passed
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,8 +212,9 @@ def realisations(
         for name in ("white", "ou", "tau")
     )
     shape = (len(floors), time.size)
-    walk = _smooth_walk if floors[0].smooth else _walk
-    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    errors = scale * (
+        white * weight * rng.standard_normal(shape) + ou * _walk(time, tau[:, 0], rng)
+    )
     errors += extra * rng.standard_normal((len(floors), 1))
     errors += timing * rng.standard_normal(shape)
     if (contact := np.asarray(samples.contact)).any():
@@ -230,28 +230,3 @@ def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.nda
     for k in range(1, time.size):
         kicks[:, k] += memory[:, k - 1] * kicks[:, k - 1]
     return kicks
-
-
-def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return unit processes (D, n) of correlation e^-x (cos x + sin x), x = t/tau."""
-    values = np.empty((tau.size, time.size))
-    value, slope = rng.standard_normal((2, tau.size))
-    values[:, 0] = value
-    for k, gap in enumerate(np.diff(time), start=1):
-        x = gap / tau
-        decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
-        mixed = np.sqrt(2.0) * sine
-        variance = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
-        variance = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), variance)
-        slope_variance = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
-        root = np.sqrt(np.maximum(variance, _TINY))
-        slope_on_value = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / root
-        first, second = rng.standard_normal((2, tau.size))
-        value, slope = (
-            decay * ((cosine + sine) * value + mixed * slope) + np.sqrt(variance) * first,
-            decay * ((cosine - sine) * slope - mixed * value)
-            + slope_on_value * first
-            + np.sqrt(np.maximum(slope_variance - slope_on_value**2, 0.0)) * second,
-        )
-        values[:, k] = value
-    return values

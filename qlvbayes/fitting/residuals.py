@@ -23,9 +23,10 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
+from qlvbayes.motion.clean import LeftOut as Unused
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import KINDS, phase_index
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.motion.specimen import pull_notices
 
 _DIGITS = 5  # significant digits of curves
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
@@ -301,17 +302,19 @@ def _curves_of(one: Prediction) -> TestCurves:
     moved, observed, mean, low, high = (tuple(map(_short, line)) for line in lines)
     left_out: tuple[LeftOut, ...] = ()
     if unused is not None:
-        channels = np.column_stack([unused.time, unused.displacement, unused.force])
-        left_out = tuple(
-            LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind)
-            for (t, d, f), run in ((channels[k], run) for k, run in unused.drawn)
-        )
+        left_out = tuple(_left_out(unused, k) for k in unused.drawn.tolist())
     return TestCurves(
         trial.name, trial.role, finite_or_none(trial.rate),
         tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
         tuple(map(_exact, one.time)), tuple(map(str, one.phase)),
         moved, observed, mean, low, high, left_out,
     )  # fmt: skip
+
+
+def _left_out(unused: Unused, k: int) -> LeftOut:
+    kind, channel = unused.reason[k].split(" ")[:2]
+    values = _exact(unused.time[k]), _short(unused.displacement[k]), _short(unused.force[k])
+    return LeftOut(*values, "force" if kind == "excluded" else channel, kind)
 
 
 def _short(value: float) -> float:

@@ -30,7 +30,7 @@ from qlvbayes.model.elsewhere import (
     stated_units,
 )
 from qlvbayes.model.noise import NOISES, neutral_names
-from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.facts import Covered
 
 SCHEMA = 1  # version of the attributes of a file
 _LIBRARIES = (

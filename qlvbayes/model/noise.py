@@ -93,7 +93,7 @@ class Correlated(AbstractNoise):
     @classmethod
     def from_floor(cls, floor: NoiseFloor) -> Correlated:
         """Return the noise that was measured as the noise floor."""
-        return cls(*map(np.asarray, (floor.white, floor.ou, floor.memory)))
+        return cls(*map(np.asarray, (floor.white, floor.ou, floor.tau)))
 
     def sample_sd(self, samples: Blocks) -> Array:
         """Return the square root of (white weight)^2 + ou^2 (N)."""

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.contact import FirstContact, find_contact
@@ -40,88 +39,63 @@ _ROUNDS = 4  # of finding the contact and the line
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """Force off the specimen, in a test's units: F_0 + ``along`` d + ``drift`` t."""
+    """Line of the force off the specimen: level, slope along displacement, drift, and their sds."""
 
-    level: float
-    along: float
-    along_sd: float
-    drift: float
-    drift_sd: float
-    change: float  # of the force from the first reading to contact, over the largest force
+    line: Array  # (3,)
+    sds: Array  # (3,), 0 where it is not needed
     seen_back: bool  # whether the way back shows it as well
+    change: float  # of the force from the first reading to contact, over the largest force
     contact: FirstContact  # found without it
 
-    def taken_off(self, test: Test) -> Array:
-        """Return the force (n,) without it."""
-        return test.force - self.level - self.along * test.displacement - self.drift * test.time
+    @property
+    def is_sure(self) -> bool:
+        """True if a slope or a drift is there."""
+        least = (_SURE if self.seen_back else _SURER) * self.sds[1:]
+        return bool(np.any(np.abs(self.line[1:]) > least))
 
 
 def without_slopes(pad: Pad) -> tuple[Pad, tuple[str, ...]]:
     """Return a pad without slopes of the force before contact, and a sentence on each."""
-    if pad.units.dimensionless:
+    slopes = [None if pad.units.dimensionless else _slope_of(test) for test in pad.tests]
+    known = [slope for slope in slopes if slope is not None]
+    if not known or len(known) < _MOST * len(slopes) or not _alike(known):
         return pad, ()
-    slopes = [_slope_of(test) for test in pad.tests]
-    if not any(slopes) or not _alike(slopes):
-        return pad, ()
-    zeros = _zeros(pad.tests, slopes)
-    tests = [
-        test if slope is None else _levelled(test, slope, zero)
-        for test, slope, zero in zip(pad.tests, slopes, zeros, strict=True)
-    ]
-    notices = [
-        _notice(pad.name, test, slope, pad.units)
-        for test, slope in zip(pad.tests, slopes, strict=True)
-        if slope
-    ]
+    tests, notices = [], []
+    for test, slope in zip(pad.tests, slopes, strict=True):
+        if slope is None:
+            tests.append(test)
+            continue
+        force = test.force - slope.line @ _columns(test.displacement, test.time)
+        way, sd = test.displacement, test.contact_sd
+        if sd is not None:  # the old zero was the contact found, with a stage's other tests
+            stage = test.contact_stage
+            found = [
+                other.contact
+                for one, other in zip(pad.tests, slopes, strict=True)
+                if other is not None and (one is test or (stage and one.contact_stage == stage))
+            ]
+            positions, sds = np.array([(one.position, one.sd) for one in found]).T
+            sd = float(np.sum(sds**-2.0) ** -0.5)
+            way = way - float(positions @ sds**-2.0) * sd**2
+        tests.append(replace(test, force=force, displacement=way, contact_sd=sd))
+        notices.append(_notice(pad.name, test, slope, pad.units))
     return replace(pad, tests=tuple(tests)), tuple(notices)
 
 
-def _levelled(test: Test, slope: Slope, zero: tuple[float, float] | None) -> Test:
-    force = slope.taken_off(test)
-    if zero is None:
-        return replace(test, force=force)
-    position, sd = zero
-    return replace(test, force=force, displacement=test.displacement - position, contact_sd=sd)
+def _alike(slopes: Sequence[Slope]) -> bool:
+    """Return whether the tests have one slope and one drift, 0 where neither was needed."""
+    every = np.array([(slope.line, slope.sds) for slope in slopes])
+    for values, sds in (every[:, :, 1].T, every[:, :, 2].T):
+        if sds.any():
+            sure = np.where(sds > 0.0, sds, sds.max())
+            mean = float(np.average(values, weights=sure**-2.0))
+            if np.any(np.abs(values - mean) > _AGREES * np.hypot(sure, 0.1 * np.abs(mean))):
+                return False
+    return True
 
 
-def _zeros(
-    tests: Sequence[Test], slopes: Sequence[Slope | None]
-) -> list[tuple[float, float] | None]:
-    """Return the new zero of displacement and its sd, where the old one was the contact found."""
-    zeros: list[tuple[float, float] | None] = [None] * len(tests)
-    for k, (test, slope) in enumerate(zip(tests, slopes, strict=True)):
-        if slope is None or test.contact_sd is None:
-            continue
-        stage = test.contact_stage
-        every = [
-            (other.contact.position, other.contact.sd)
-            for one, other in zip(tests, slopes, strict=True)
-            if other is not None and (one is test or (stage and one.contact_stage == stage))
-        ]
-        positions, sds = np.array(every).T
-        weights = sds**-2.0 / np.sum(sds**-2.0)
-        zeros[k] = float(weights @ positions), float(np.sum(sds**-2.0) ** -0.5)
-    return zeros
-
-
-def _alike(slopes: Sequence[Slope | None]) -> bool:
-    """Return whether the tests have one slope, whatever their speed."""
-    known = [slope for slope in slopes if slope is not None]
-    if len(known) < _MOST * len(slopes):
-        return False
-    return _agree([(slope.along, slope.along_sd) for slope in known]) and _agree(
-        [(slope.drift, slope.drift_sd) for slope in known]
-    )
-
-
-def _agree(found: Sequence[tuple[float, float]]) -> bool:
-    """Return whether values with their sds are one, 0 where neither was needed."""
-    values, sds = np.array(found).T
-    if not sds.any():
-        return True
-    sds = np.where(sds > 0.0, sds, sds.max())
-    mean = float(np.average(values, weights=sds**-2.0))
-    return bool(np.all(np.abs(values - mean) <= _AGREES * np.hypot(sds, 0.1 * np.abs(mean))))
+def _columns(way: Array, time: Array) -> Array:
+    return np.stack([np.ones_like(way), way, time])
 
 
 def _slope_of(test: Test) -> Slope | None:
@@ -132,103 +106,57 @@ def _slope_of(test: Test) -> Slope | None:
     time, way, force = test.time[fresh], test.displacement[fresh], test.force[fresh]
     # where the file's own zero is the contact, all beyond it is the specimen's
     beyond = 0.0 if test.contact_sd is None else np.inf
-    if not way[0] < beyond:
-        return None
-    peak = int(np.argmax(force))
-    contact, line = find_contact(way, force), None
+    contact, slope = find_contact(way, force) if way[0] < beyond else None, None
     for _ in range(_ROUNDS):
         if contact is None:  # it begins in contact
             return None
-        limit = min(_limit(float(way[0]), contact), beyond)
-        line = _line(time, way, force, peak, limit)
-        if line is None or not _is_sure(*line):
+        way_in = contact.position - float(way[0])
+        spare = max(_CLEAR * way_in, min(2.0 * contact.sd, 0.5 * way_in))
+        slope = _line(time, way, force, min(contact.position - spare, beyond), contact)
+        if slope is None or not slope.is_sure:
             return None
-        constants, _, _ = line
-        contact = find_contact(way, force - constants @ [np.ones_like(way), way, time])
-    if contact is None or line is None:
+        contact = find_contact(way, force - slope.line @ _columns(way, time))
+    if contact is None or slope is None:
         return None
-    constants, sds, back = line
-    reach = constants[1] * (contact.position - way[0])
-    change = float(reach + constants[2] * (time[contact.rows] - time[0])) / float(force.max())
-    span = abs(constants[1]) * np.ptp(way) + abs(constants[2]) * np.ptp(time)
-    if span < _MATTERS * float(force.max()) or not _is_sure(*line):
+    first = np.array([contact.position - way[0], time[contact.rows] - time[0]])
+    span = np.abs(slope.line[1:]) @ [np.ptp(way), np.ptp(time)]
+    largest = float(force.max())
+    if span < _MATTERS * largest:
         return None
-    return Slope(
-        float(constants[0]), float(constants[1]), float(sds[1]), float(constants[2]),
-        float(sds[2]), change, back, contact,
-    )  # fmt: skip
-
-
-def _is_sure(constants: Array, sds: Array, back: bool) -> bool:
-    """Return whether a slope or a drift is there."""
-    return bool(np.any(np.abs(constants[1:]) > (_SURE if back else _SURER) * sds[1:]))
-
-
-def _limit(start: float, contact: FirstContact) -> float:
-    """Return the displacement below which the platen is surely off the specimen."""
-    way_in = contact.position - start
-    return contact.position - max(_CLEAR * way_in, min(2.0 * contact.sd, 0.5 * way_in))
+    return replace(slope, change=float(slope.line[1:] @ first) / largest, contact=contact)
 
 
 def _line(
-    time: Array, way: Array, force: Array, peak: int, limit: float
-) -> tuple[Array, Array, bool] | None:
-    """Return level, slope and drift (3,) with their sds, and whether the way back shows them.
+    time: Array, way: Array, force: Array, limit: float, contact: FirstContact
+) -> Slope | None:
+    """Return the line of the force below a displacement, on the way in and, where read, back.
 
     None where the force off the specimen is no line, or hardly any reading shows it.
     """
-    rows = np.arange(way.size)
+    rows, peak = np.arange(way.size), int(np.argmax(force))
     inward = np.flatnonzero((rows < peak) & (way < limit))
     outward = np.flatnonzero((rows > peak) & (way < limit))
-    moving = inward.size >= _FEWEST and np.ptp(way[inward]) > 0.0
-    if not moving:
+    if inward.size < _FEWEST or np.ptp(way[inward]) == 0.0:
         return None
-    scatter = _scatter(force[inward])
-    if outward.size < _BACK:
-        return _fitted(time, way, force, inward, (1,), scatter, back=False)
-    both = np.concatenate([inward, outward])
-    for columns in ((1,), (2,), (1, 2)):
-        found = _fitted(time, way, force, both, columns, scatter, back=True)
-        if found is not None and not _turns(time, way, force, inward, outward, found[0]):
-            return found
+    scatter = float(np.sqrt(np.mean(np.diff(force[inward], 2) ** 2) / 6.0))
+    back = outward.size >= _BACK
+    both = np.concatenate([inward, outward]) if back else inward
+    for needed in ((1,), (2,), (1, 2)) if back else ((1,),):
+        line, sds = np.zeros(3), np.zeros(3)
+        columns = [0, *needed]
+        design = _columns(way, time)[columns][:, both].T
+        line[columns], sds[columns], left = _least_squares(design, force[both])
+        bent = np.column_stack([design, (way[both] - np.mean(way[both])) ** 2])
+        bend, bend_sds, _ = _least_squares(bent, force[both])
+        if left > _AGREE * scatter or abs(bend[-1]) > _STRAIGHT * bend_sds[-1]:
+            continue
+        own = line @ _columns(way, time)
+        sides = [float(np.mean((force - own)[rows])) for rows in (inward, outward) if rows.size]
+        # as a drag and a guide that rubs do, it turns with the direction
+        turns = abs(sides[-1] - sides[0]) > _TURNS * float(np.ptp(own[both]))
+        if not (back and turns):
+            return Slope(line, sds, back, 0.0, contact)
     return None
-
-
-def _turns(
-    time: Array,
-    way: Array,
-    force: Array,
-    inward: NDArray[np.intp],
-    outward: NDArray[np.intp],
-    constants: Array,
-) -> bool:
-    """Return whether the force turns with the direction, as a drag and a guide that rubs do."""
-    line = constants @ [np.ones_like(way), way, time]
-    sides = [float(np.mean((force - line)[rows])) for rows in (inward, outward)]
-    return abs(sides[1] - sides[0]) > _TURNS * float(np.ptp(line[np.append(inward, outward)]))
-
-
-def _fitted(
-    time: Array,
-    way: Array,
-    force: Array,
-    rows: NDArray[np.intp],
-    columns: tuple[int, ...],
-    scatter: float,
-    *,
-    back: bool,
-) -> tuple[Array, Array, bool] | None:
-    """Return the line along displacement (1), time (2) or both; None where it does not fit."""
-    every = np.stack([np.ones_like(way), way, time], axis=1)[rows]
-    design = every[:, [0, *columns]]
-    bent = np.column_stack([design, (way[rows] - np.mean(way[rows])) ** 2])
-    size, sds, left = _least_squares(design, force[rows])
-    bend, bend_sds, _ = _least_squares(bent, force[rows])
-    if left > _AGREE * scatter or abs(bend[-1]) > _STRAIGHT * bend_sds[-1]:
-        return None
-    constants, errors = np.zeros(3), np.zeros(3)
-    constants[[0, *columns]], errors[[0, *columns]] = size, sds
-    return constants, errors, back
 
 
 def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float]:
@@ -243,20 +171,11 @@ def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float]:
     return np.asarray(size), np.asarray(sds), left
 
 
-def _scatter(force: Array) -> float:
-    """Return the sd of single readings, from their second differences."""
-    return float(np.sqrt(np.mean(np.diff(force, 2) ** 2) / 6.0))
-
-
 def _notice(pad: str, test: Test, slope: Slope, units: UnitSystem) -> str:
-    unit, way = units.force, units.displacement
-    parts = []
-    if slope.along:
-        parts.append(f"{plain(slope.along)} +- {plain(slope.along_sd, 2)} {unit}/{way}")
-    if slope.drift:
-        parts.append(f"{plain(slope.drift)} +- {plain(slope.drift_sd, 2)} {unit}/s")
+    way, contact = units.displacement, slope.contact
+    kinds = zip(slope.line[1:], slope.sds[1:], (way, "s"), strict=True)
+    parts = [f"{plain(x)} +- {plain(sd, 2)} {units.force}/{per}" for x, sd, per in kinds if x]
     where = "on the way in and on the way back" if slope.seen_back else "on the way in"
-    contact = slope.contact
     return (
         f"pad {pad}, test {test.name}: off the specimen the {units.force_name} changes by "
         f"{' and '.join(parts)} ({100.0 * abs(slope.change):.2g} % of the largest before contact), "

@@ -17,18 +17,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from math import factorial
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control, Prescribed, Test
+from qlvbayes.motion.falling import largest_stiffness
 from qlvbayes.motion.phases import Phase, find_phases, phase_index
 from qlvbayes.motion.sensor import sensor_noise
-from qlvbayes.motion.stiffness import largest_stiffness
-from qlvbayes.motion.trajectory import Trajectory
+from qlvbayes.motion.splines import expanded
+from qlvbayes.motion.trajectory import Trajectory, fields_of
 
 # They are no settings: what was prescribed is a fact of the record, and a column says it otherwise.
 HELD = 0.05  # of the largest force, by which a held force may be read to either side of its level
@@ -81,48 +82,35 @@ def controls_of(test: Test, trajectory: Trajectory) -> tuple[Prescribed, ...]:
         return tuple(part for part in parts if part.start < part.stop)
     if test.control is not None:
         return (Prescribed(Control(test.control), begin, end),)
-    return tuple(_joined(_detected(test, trajectory)))
+    runs = groupby(_detected(test, trajectory), key=lambda part: part.control)
+    joined = (list(run) for _, run in runs)
+    return tuple(replace(run[0], stop=run[-1].stop) for run in joined)
 
 
 def slack(test: Test) -> float:
     """Return how far from its level a held force may be read (N)."""
-    return max(
-        HELD * float(np.max(np.abs(test.force))), _NOISY * sensor_noise(test.time, test.force)
-    )
+    noise = sensor_noise(test.time, test.force)
+    return max(HELD * float(np.max(np.abs(test.force))), _NOISY * noise)
 
 
 def stretches(test: Test) -> list[LevelStretch]:
     """Divide the record into stretches in which the force stays within its tolerance."""
-    force, most = test.force, 2.0 * slack(test)
-    parts, first = [], 0
+    force, most, ends = test.force, 2.0 * slack(test), [0]
     low = high = float(force[0])
     for k, value in enumerate(force.tolist()):
         low, high = min(low, value), max(high, value)
         if high - low > most:
-            parts.append(_stretch(test, first, k, most))
-            first, low, high = k, value, value
-    return [*parts, _stretch(test, first, force.size, most)]
-
-
-def _stretch(test: Test, first: int, stop: int, most: float) -> LevelStretch:
-    time, force = test.time[first:stop], test.force[first:stop]
-    held = False
-    if force.size >= _FEWEST:
-        centred = time - time.mean()
-        drift = abs(float(centred @ force / (centred @ centred))) * float(np.ptp(time))
-        held = drift < 0.5 * most
-    return LevelStretch(first, stop, float(np.median(force)), held)
-
-
-def _joined(parts: Sequence[Prescribed]) -> list[Prescribed]:
-    """Return the stretches, neighbours of one control as one."""
-    joined = list(parts[:1])
-    for part in parts[1:]:
-        if part.control == joined[-1].control:
-            joined[-1] = replace(joined[-1], stop=part.stop)
-        else:
-            joined.append(part)
-    return joined
+            ends.append(k)
+            low = high = value
+    parts = []
+    for first, stop in pairwise([*ends, force.size]):
+        time, some, held = test.time[first:stop], force[first:stop], False
+        if some.size >= _FEWEST:
+            centred = time - time.mean()
+            drift = abs(float(centred @ some / (centred @ centred))) * float(np.ptp(time))
+            held = drift < 0.5 * most
+        parts.append(LevelStretch(first, stop, float(np.median(some)), held))
+    return parts
 
 
 def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
@@ -176,7 +164,8 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     if scatter > max(_STEADY * peak, _SLOW_ERRORS * sensor_noise(test.time, test.force)):
         return False
     rests = np.mean(trajectory.velocity(time) == 0.0) > _RESTS
-    if rests and not _stops(trajectory, first, spare):  # as after a ramp that slows down
+    before, at, after = trajectory.displacement([first - spare, first, first + spare])
+    if rests and not abs(after - at) < _STOPS * abs(at - before):  # as after a ramp that slows down
         return False
     explained = scatter * depth / peak
     least = max(_CREPT * depth, _SEEN * trajectory.resolution, _PLAIN * explained)
@@ -189,12 +178,6 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
         return False
     lasted = float(quarters[2] - quarters[0])
     return abs(level) >= _LOADED * peak or _recovers(test, trajectory, first, crept, lasted)
-
-
-def _stops(trajectory: Trajectory, first: float, lasts: float) -> bool:
-    """Return whether the platen's speed falls at once when a force begins to be held."""
-    before, at, after = trajectory.displacement(np.array([first - lasts, first, first + lasts]))
-    return bool(abs(after - at) < _STOPS * abs(at - before))
 
 
 def _recovers(
@@ -266,23 +249,13 @@ def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> T
     knots = np.union1d(
         trajectory.knots, time[np.union1d(*(np.flatnonzero(bad) + k for k in (0, 1)))]
     )
-    path, starts = trajectory.path, knots[:-1]
-    order = path.c.shape[0] - 1
-    rows = np.array([path.derivative(k)(starts) / factorial(k) for k in range(order + 1)])
+    starts, slopes = knots[:-1], np.diff(ends) / np.diff(time)
     gap = np.clip(np.searchsorted(time, starts, side="right") - 1, 0, time.size - 2)
-    line = bad[gap]
-    slopes = np.diff(ends) / np.diff(time)
+    rows, line = expanded(trajectory.path, starts, len(trajectory.path.c)), bad[gap]
     rows[:, line] = 0.0
-    rows[0, line] = (ends[gap] + slopes[gap] * (starts - time[gap]))[line]
-    rows[1, line] = slopes[gap][line]
-    return replace(
-        trajectory,
-        knots=knots,
-        start_displacement=rows[0],
-        start_velocity=rows[1],
-        start_acceleration=2.0 * rows[2],
-        higher=rows[3:] if order > 2 else None,
-    )
+    straight = np.array([slopes[gap], ends[gap] + slopes[gap] * (starts - time[gap])])
+    rows[-2:, line] = straight[:, line]
+    return replace(trajectory, **fields_of(PPoly(rows, knots)))
 
 
 def phases_of(
@@ -313,11 +286,10 @@ def _within(phases: Sequence[Phase], part: Prescribed, time: Array) -> list[Phas
     if not pieces:
         longest = max(phases, key=lambda x: min(x.stop, part.stop) - max(x.start, part.start))
         pieces = [replace(longest, control=part.control)]
-    starts = [part.start, *(piece.start for piece in pieces[1:])]
-    stops = [*starts[1:], part.stop]
+    bounds = pairwise([part.start, *(piece.start for piece in pieces[1:]), part.stop])
     return [
         replace(piece, start=start, stop=stop)
-        for piece, start, stop in zip(pieces, starts, stops, strict=True)
+        for piece, (start, stop) in zip(pieces, bounds, strict=True)
     ]
 
 

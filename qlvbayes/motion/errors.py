@@ -32,7 +32,7 @@ from scipy.sparse.linalg import splu
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.sensor import last_decimal
-from qlvbayes.motion.splines import Joints, Stretch
+from qlvbayes.motion.splines import Joints, Stretch, at_ends
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
 
 _MOST_TIMES = 3000  # of a stretch at which errors are computed
@@ -60,9 +60,8 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
     time = stretch.window.time
     inside = np.flatnonzero((time >= joints.knots[0]) & (time <= joints.knots[-1]))
     if inside.size < 2:
-        nothing = np.zeros(joints.knots.size)
-        most = np.full(joints.knots.size, np.sqrt(tol.variance))
-        return Errors(joints.knots, most, nothing + np.inf, nothing + np.inf)
+        most, unknown = (np.full(joints.knots.size, x) for x in (np.sqrt(tol.variance), np.inf))
+        return Errors(joints.knots, most, unknown, unknown)
     full, kept = repeated_knots(joints, stretch.degree)
     variance = _variance(stretch, inside, tol)
     pick = np.unique(np.linspace(0, inside.size - 1, min(inside.size, _MOST_TIMES)).astype(int))
@@ -131,7 +130,9 @@ def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
     size = gram.shape[0]
     ridge = _ROUNDOFF * float(gram.diagonal().max())
     forms = np.zeros((len(rows), rows[0].shape[0]))
-    owner = _middle(rows[0])
+    ends = rows[0].indptr  # each row belongs to a column near the middle of its entries
+    middles = np.minimum((ends[:-1] + ends[1:]) // 2, rows[0].indices.size - 1)
+    owner = rows[0].indices[middles]
     for start in range(0, size, _CHUNK):
         mine = np.flatnonzero((owner >= start) & (owner < start + _CHUNK))
         if mine.size == 0:
@@ -142,12 +143,6 @@ def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
             some = row[mine][:, part].toarray()
             forms[k, mine] = np.einsum("ij,jk,ik->i", some, inverse, some)
     return np.maximum(forms, 0.0)
-
-
-def _middle(basis: csr_array) -> NDArray[np.intp]:
-    """Return a column near the middle of each row's entries."""
-    start, stop = basis.indptr[:-1], basis.indptr[1:]
-    return np.asarray(basis.indices[np.minimum((start + stop) // 2, basis.indices.size - 1)])
 
 
 @dataclass(frozen=True)
@@ -229,7 +224,7 @@ def _variance_of_knots(stretch: Stretch, inside: NDArray[np.intp], tol: Toleranc
 
 def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
     """Return the row of the jump that a shift of each knot makes, and the next higher jump (k,)."""
-    joints, degree, p = stretch.joints, stretch.degree, stretch.pieces
+    joints, degree, path = stretch.joints, stretch.degree, stretch.pieces
     knots = joints.knots
     after = np.append(knots[:-1], knots[-1])
     before = np.nextafter(knots, -np.inf)
@@ -243,22 +238,11 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
         keep_right[-1] = keep_left[0] = 0.0  # dwells lie outside
         orders.append(diags_array(keep_right) @ right - diags_array(keep_left) @ left)
     rows = csr_array(orders[0].multiply(kinked) + orders[1].multiply(smooth))
-    end_v, end_a = _ends(stretch)
-    speed = np.append(p.velocity, 0.0) - np.append(0.0, end_v)
-    rate = np.append(p.acceleration, 0.0) - np.append(0.0, end_a)
+    speed, rate = (
+        np.append(order.c[-1], 0.0) - np.append(0.0, at_ends(order))
+        for order in (path.derivative(1), path.derivative(2))
+    )
     return rows, np.abs(np.where(joints.kinked, speed, rate))
-
-
-def _ends(stretch: Stretch) -> tuple[Array, Array]:
-    """Return velocity and acceleration (k,) at the end of each piece."""
-    p = stretch.pieces
-    s = np.diff(p.knots)
-    v, a = p.velocity + p.acceleration * s, p.acceleration.copy()
-    for k, row in enumerate(() if p.higher is None else p.higher):
-        n = 3 + k
-        v = v + n * row * s ** (n - 1)
-        a = a + n * (n - 1) * row * s ** (n - 2)
-    return v, a
 
 
 def _speed(stretch: Stretch, time: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,31 +14,16 @@ from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
-from qlvbayes.motion.badreadings import (
-    BadReadings,
-    left_out_notice,
-    smooth_readings,
-    sound_tests,
-    without,
-)
+from qlvbayes.motion.clean import LeftOut, left_out_notice, smooth_readings, sound_tests, without
 from qlvbayes.motion.control import controls_of, crept_path, phases_of, with_both_errors
-from qlvbayes.motion.falling import fall_notice, falls_of
+from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.pad import (
-    NamedPhase,
-    cut,
-    excluded_notices,
-    excluded_readings,
-    left_out_of,
-    marked,
-    parts_of,
-)
+from qlvbayes.motion.pad import by_phase, cut, excluded_notices, excluded_readings, left_out_of
 from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
 from qlvbayes.motion.polling import fresh_forces, held_notices, with_fresh, with_own_readings
 from qlvbayes.motion.sensor import encoder_steps, known_scatter
-from qlvbayes.motion.stiffness import largest_force, largest_stiffness
 from qlvbayes.motion.trajectory import Trajectory, smooth
 
 if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
@@ -63,7 +49,7 @@ class Trial:
     phases: tuple[Phase, ...]
     rate: float
     role: str
-    left_out: BadReadings | None = None
+    left_out: LeftOut | None = None
     recorded: Test | None = None
 
     @property
@@ -138,7 +124,7 @@ class Experiment:
         from qlvbayes.motion.reduction import Fineness
 
         floor, scales = self.floor, self.scales
-        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
+        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.tau))
         sudden = float(np.hypot(floor.white, floor.ou * change))
         return Fineness(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
 
@@ -150,18 +136,16 @@ class Experiment:
         platen moves in, and what was prescribed.
         """
         left_out = [(trial.name, trial.left_out) for trial in self.trials]
-        excluded = (
+        off = [(trial.name, trial.trajectory.departure) for trial in self.trials]
+        unit = self.units.displacement
+        return (
+            *self.cuts,
             *excluded_notices(self.pad, left_out, self.units),
             *left_out_notice(self.pad, left_out, self.units),
+            *(f"pad {self.pad}: {one.notice(name, unit)}" for name, one in off if one),
+            *self.falls,
+            *self._load_controlled,
         )
-        return (*self.cuts, *excluded, *self._departures, *self.falls, *self._load_controlled)
-
-    @property
-    def _departures(self) -> tuple[str, ...]:
-        """Sentences on the tests whose motion deviates from a reading by more than its error."""
-        unit = self.units.displacement
-        departures = [(trial.name, trial.trajectory.departure) for trial in self.trials]
-        return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
 
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
@@ -178,24 +162,22 @@ class Experiment:
         """Sentences on the tests in which a prescribed force was detected."""
         detected = [t for t in self.trials if not t.test.states_control]
         names = [t.name for t in detected if t.control == Control.FORCE]
+        parts = [f"{t.name} ({_loaded_times(t)})" for t in detected if t.control is None]
+        held = "the force is held while the displacement creeps, which is taken as"
         sentences = []
         if names:
             those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
             sentences.append(
-                f"pad {self.pad}: in {those} the force is held while the displacement creeps, "
-                "which is taken as a prescribed force; a column control (displacement or force) "
+                f"in {those} {held} a prescribed force; a column control (displacement or force) "
                 "says otherwise"
             )
-        parts = [
-            f"{trial.name} ({_loaded_times(trial)})" for trial in detected if trial.control is None
-        ]
         if parts:
             sentences.append(
-                f"pad {self.pad}: in a part of test{'s' if len(parts) > 1 else ''} {joined(parts)} "
-                "the force is held while the displacement creeps, which is taken as a prescribed "
-                "force there; a column control (displacement or force in each row) says otherwise"
+                f"in a part of test{'s' if len(parts) > 1 else ''} {joined(parts)} {held} a "
+                "prescribed force there; a column control (displacement or force in each row) "
+                "says otherwise"
             )
-        return tuple(sentences)
+        return tuple(f"pad {self.pad}: {sentence}" for sentence in sentences)
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """Return the trials that are fitted, or those that validate."""
@@ -237,7 +219,7 @@ class Experiment:
             longest=self.longest,
             white=floor.white,
             ou=floor.ou,
-            tau=floor.memory,
+            tau=floor.tau,
             speed=max(path.top_speed for path in paths),
             acceleration=max(path.top_acceleration for path in paths),
             clock=max(t.start_s + float(t.time[-1]) for t in whole) - self.clock_zero,
@@ -335,7 +317,7 @@ def _trials_of(
     held = held_notices(part.name, part.tests, fresh)
     part, slopes = without_slopes(part)
     phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
-    if any(isinstance(one, NamedPhase) for one in parts_of(leave_out)):
+    if by_phase(leave_out):
         read = list(map(with_fresh, part.tests, fresh))
         trials, _ = _smoothed(read, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
@@ -343,7 +325,9 @@ def _trials_of(
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
-    tests = list(map(with_fresh, map(marked, part.tests, excluded), fresh))
+    used = (None if np.all(reason == "") else reason == "" for reason in excluded)
+    marked = (replace(test, used=some) for test, some in zip(part.tests, used, strict=True))
+    tests = list(map(with_fresh, marked, fresh))
     trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
     left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
     trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
@@ -365,7 +349,7 @@ def _smoothed(
 
 
 def _trial(
-    whole: Test, step: float, scatter: float, left_out: BadReadings | None, units: UnitSystem
+    whole: Test, step: float, scatter: float, left_out: LeftOut | None, units: UnitSystem
 ) -> Trial:
     trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None
@@ -391,13 +375,9 @@ def _moved(test: Test, step: float, scatter: float) -> tuple[Trajectory, Test]:
 
 def _loaded_times(trial: Trial) -> str:
     """Return when the force was prescribed, as '1.8 to 3.8 s and 5 to 7 s'."""
-    spans: list[tuple[float, float]] = []
-    for phase in trial.phases_under(Control.FORCE):
-        if spans and spans[-1][1] == phase.start:
-            spans[-1] = (spans[-1][0], phase.stop)
-        else:
-            spans.append((phase.start, phase.stop))
-    return joined([f"{plain(start)} to {plain(stop)} s" for start, stop in spans])
+    runs = (list(run) for _, run in groupby(trial.phases, key=lambda phase: phase.control))
+    loaded = (run for run in runs if run[0].control == Control.FORCE)
+    return joined([f"{plain(run[0].start)} to {plain(run[-1].stop)} s" for run in loaded])
 
 
 def _rate(
@@ -415,9 +395,5 @@ def _rate(
 def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:
     if any(trial.role == "fit" for trial in trials):
         return [trial.role or "validate" for trial in trials]
-    distance = [
-        np.inf if trial.role == "validate" else abs(np.log(trial.rate / fit_rate))
-        for trial in trials
-    ]
-    chosen = int(np.argmin(distance))
-    return ["fit" if k == chosen else "validate" for k in range(len(trials))]
+    off = [abs(np.log(t.rate / fit_rate)) if t.role != "validate" else np.inf for t in trials]
+    return ["fit" if k == np.argmin(off) else "validate" for k in range(len(trials))]

@@ -1,11 +1,11 @@
-"""Collect the movements, holds and unloadings of a pad's tests.
+"""Collect the movements, holds and unloadings of a pad's tests, and the ranges that they cover.
 
 Which parts of a model the tests can show depends on these.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -14,14 +14,10 @@ from qlvbayes.io.readings import sampling_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import MOVING, Phase
 
-NEARLY = 0.02
-"""Share of the largest depth or force, below which a test counts as back at zero."""
-OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")
-"""Effects that show where a platen moves back."""
-ROUNDED = 0.1
-"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
-DEEPER = 1.25
-"""Ratio of two depths from which they count as different."""
+NEARLY = 0.02  # share of the largest depth or force, below which a test counts as back at zero
+OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")  # seen as a platen moves back
+ROUNDED = 0.1  # of a step of the encoder: where no reading is farther from the motion, it was none
+DEEPER = 1.25  # ratio of two depths from which they count as different
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
 _TIMES = 401  # of a movement, at which its speed is looked for
@@ -87,16 +83,13 @@ class Facts:
 
 def facts_of(experiment: Experiment) -> Facts:
     """Collect movements and holds from the phases of all tests."""
-    moves: list[Movement] = []
-    holds: list[LoadedDwell] = []
-    for trial in experiment.trials:
-        moves += [move_of(trial, phase) for phase in trial.used_phases if phase.kind in MOVING]
-        every_hold = (_hold(experiment, trial, phase) for phase in trial.used_phases)
-        holds += [hold for hold in every_hold if hold is not None]
+    every = [(trial, phase) for trial in experiment.trials for phase in trial.used_phases]
+    moves = tuple(move_of(trial, phase) for trial, phase in every if phase.kind in MOVING)
+    holds = (_hold(experiment, trial, phase) for trial, phase in every)
     # of an uneven record the short ones, which are where it changes quickly
-    intervals = [sampling_of(trial.test.time).low for trial in experiment.trials]
+    interval = min(sampling_of(trial.test.time).low for trial in experiment.trials)
     loads = sum(move.kind == "ramp" for move in moves)
-    return Facts(tuple(moves), tuple(holds), min(intervals), loads)
+    return Facts(moves, tuple(hold for hold in holds if hold is not None), interval, loads)
 
 
 def move_of(trial: Trial, phase: Phase) -> Movement:
@@ -125,17 +118,15 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> LoadedDwell | N
     if phase.control == Control.FORCE:
         held, answer, largest, of_answer = answer, held, of_answer, largest
     level = float(np.median(held))
-    pressed = abs(level) if experiment.units.dimensionless else level
-    if pressed < _LOADED * largest:  # before contact, or back at zero
-        return None
+    if (abs(level) if experiment.units.dimensionless else level) < _LOADED * largest:
+        return None  # before contact, or back at zero
     time = trial.test.time[inside]
     duration = float(time[-1] - time[0])
-    middle, end = phase.start + 0.5 * duration, float(time[-1])
     spare = 0.5 * _LATE * duration
-    at_middle = answer[np.abs(time - middle) <= spare]
-    at_end = answer[time >= end - spare]
+    at_middle = answer[np.abs(time - (phase.start + 0.5 * duration)) <= spare]
     change = 0.0
-    if at_middle.size and at_end.size and of_answer > 0.0:
+    if at_middle.size and of_answer > 0.0:
+        at_end = answer[time >= time[-1] - spare]
         change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
     return LoadedDwell(phase.control, level, phase.stop - phase.start, change)
 
@@ -148,39 +139,31 @@ def noise_of(experiment: Experiment) -> float:
     return experiment.floor.total * float(np.median(np.concatenate(sds))) / experiment.sd_scale
 
 
+def _depth_at(trial: Trial, time: float) -> float:
+    return float(trial.trajectory.displacement(time))
+
+
 def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
     """Return whether a test moves back by more than the fitted motion may ripple."""
     return any(
-        back > nearly * experiment.depth
+        _depth_at(trial, phase.start) - _depth_at(trial, phase.stop) > nearly * experiment.depth
         for trial in experiment.trials
         for phase in trial.used_phases
         if phase.kind == "unload"
-        for back in [_way_back(trial, phase)]
     )
-
-
-def _way_back(trial: Trial, phase: Phase) -> float:
-    begin, end = trial.trajectory.displacement(np.array([phase.start, phase.stop]))
-    return float(begin - end)
 
 
 def returns(experiment: Experiment, nearly: float = NEARLY) -> bool:
     """Return whether an unloading ends at zero depth, or the force vanishes in or after it."""
-    return any(_returns(experiment, trial, nearly) for trial in experiment.trials)
-
-
-def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
     little = max(nearly * experiment.peak, 3.0 * experiment.floor.total)
-    for phase in trial.used_phases:
-        if phase.kind not in ("unload", "recovery"):
-            continue
-        if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < (
-            nearly * experiment.depth
-        ):
-            return True
-        inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
-        if np.any(trial.test.force[inside] < little):
-            return True
+    for trial in experiment.trials:
+        for phase in trial.used_phases:
+            if phase.kind in ("unload", "recovery"):
+                inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
+                if _depth_at(trial, phase.stop) < nearly * experiment.depth:
+                    return True
+                if np.any(trial.test.force[inside] < little):
+                    return True
     return False
 
 
@@ -189,15 +172,14 @@ def loaded_once(experiment: Experiment) -> bool:
     if len(experiment.trials) > 1:
         return False
     (trial,) = experiment.trials
-    ramps = [phase.stop for phase in trial.phases if phase.kind == "ramp"]
-    depths = np.abs(trial.trajectory.displacement(np.array(ramps)))
-    return bool(depths.size) and float(depths.max()) < DEEPER * float(depths[0])
+    depths = [abs(_depth_at(trial, p.stop)) for p in trial.phases if p.kind == "ramp"]
+    return bool(depths) and max(depths) < DEEPER * depths[0]
 
 
 def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
     """Return whether all rests in contact are at one depth."""
     ends = [
-        float(trial.trajectory.displacement(np.array([phase.stop]))[0])
+        _depth_at(trial, phase.stop)
         for trial in experiment.trials
         for phase in trial.used_phases
         if phase.kind not in MOVING and phase.control == Control.DISPLACEMENT
@@ -205,3 +187,49 @@ def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
     apart = nearly * experiment.depth
     pressed = [depth for depth in ends if depth > apart]
     return bool(pressed) and max(pressed) - min(pressed) < apart
+
+
+@dataclass(frozen=True)
+class Covered:
+    """Ranges of depth, speed and time of one pad's tests, outside which a model extrapolates."""
+
+    depth: float  # largest depth
+    # slowest, fastest: loading rates, in the pad's units
+    slowest: float
+    fastest: float
+    quickest: float  # duration of the shortest ramp (s)
+    hold: float  # duration of the longest dwell (s)
+    tests: int  # how many
+
+    def as_dict(self) -> dict[str, float]:
+        """Return plain values for JSON."""
+        return asdict(self)
+
+    def times(self, factor: float) -> Covered:
+        """Return the ranges in a unit of displacement that is 1/factor as large."""
+        sizes = {name: factor * getattr(self, name) for name in ("depth", "slowest", "fastest")}
+        return replace(self, **sizes)
+
+
+def covered(experiment: Experiment) -> Covered:
+    """Return the ranges of a pad's tests; without a dwell ``hold`` is the longest phase."""
+    trials = experiment.trials
+    lengths: dict[bool, list[float]] = {True: [], False: []}
+    loading = []
+    for trial in trials:
+        used = trial.used_phases
+        for phase in used:
+            if phase.kind != "unload":
+                lengths[phase.kind == "ramp"].append(phase.stop - phase.start)
+        if any(p.kind == "ramp" for p in used) or all(p.kind != "ramp" for p in trial.phases):
+            loading.append(trial)
+    every = [p.stop - p.start for trial in trials for p in trial.used_phases]
+    rates = [trial.rate for trial in loading or trials if np.isfinite(trial.rate)]
+    return Covered(
+        depth=max(float(np.max(trial.test.displacement)) for trial in trials),
+        slowest=float(min(rates)),
+        fastest=float(max(rates)),
+        quickest=float(min(lengths[True] or every)),
+        hold=float(max(lengths[False] or every)),
+        tests=len(trials),
+    )

@@ -1,4 +1,4 @@
-"""A force that falls while the platen moves in: a specimen that tears, slips or yields."""
+"""What a force shows without a model: stiffness, and falls where a specimen tears or yields."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.accelerating import moving_mass, speed_changes
 from qlvbayes.motion.phases import Phase
 from qlvbayes.motion.trajectory import Trajectory
 
@@ -26,6 +25,13 @@ _LASTING = 3  # readings on each side whose medians are compared: a single bad r
 _GRADUAL = 0.1  # of the test's largest force, by which it falls over many readings
 _NOISES = 6.0  # sds of the noise, by which it falls at least
 _FEWEST = 6  # readings of a ramp that show a gradual fall
+_MATERIAL = 0.1  # of the top speed, that an acceleration of one sign changes the speed by
+_SHARP = 0.5  # of that acceleration's largest, by which it changes within a few readings
+_DOUBT = 3.0  # sds of the time of a kink
+_TINY = np.finfo(float).tiny
+_LAST = 0.25  # of the way to the largest force, where the slope is taken
+_SURELY = 5.0  # of the sds of readings around it, above which a force is no noise
+_NEARBY = 21  # readings around, for which one sd is taken
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ def falls_of(
     sudden = _sudden(test, trajectory, ramps, steady)
     end = sudden[0].time if sudden else np.inf
     before = [replace(ramp, stop=min(ramp.stop, end)) for ramp in ramps if ramp.start < end]
-    mass = moving_mass(test, trajectory, _LASTING) if before else 0.0
+    mass = _moving_mass(test, trajectory) if before else 0.0
     free = test.force - mass * trajectory.acceleration(test.time)
     starts = (_gradual(test, free, trajectory, part, steady, noise) for part in before)
     first = next((fall for fall in starts if fall is not None), None)
@@ -125,7 +131,7 @@ def _gradual(
     medians = np.median(np.stack([force[k : force.size - 2 + k] for k in range(3)]), axis=0)
     runs = np.maximum(medians, 0.0)
     speed = np.maximum(trajectory.velocity(test.time[rows[1:-1]]), 0.0)
-    speed_kept = speed / np.maximum(np.maximum.accumulate(speed), np.finfo(float).tiny)
+    speed_kept = speed / np.maximum(np.maximum.accumulate(speed), _TINY)
     below = np.maximum.accumulate(runs) * speed_kept - runs
     sds = np.full(force.size, noise) if test.force_sd is None else test.force_sd[rows]
     # of changes between neighbours: sd is sqrt(pi)/2 of their mean magnitude
@@ -153,3 +159,89 @@ def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSyst
         "moves in, as where a specimen tears, slips or yields, which no part of the model "
         f"describes; --use {part} uses the part before"
     )
+
+
+def speed_changes(test: Test, trajectory: Trajectory, width: int) -> NDArray[np.bool_]:
+    """Return which readings (n,) lie within ``width`` readings of a sharp change of acceleration.
+
+    A start, the end of a speeding up, braking and a stop are such changes, and a jump of the speed;
+    an acceleration counts from a tenth of the top speed on, as a fitted motion also ripples.
+    """
+    knots, time = trajectory.knots, test.time
+    inside = 1e-6 * np.diff(knots)
+    begin, end = knots[:-1] + inside, knots[1:] - inside
+    rate, speed, least = trajectory.acceleration, trajectory.velocity, _MATERIAL
+    least *= max(trajectory.top_speed, _TINY)
+    # the largest acceleration of one sign that each piece belongs to, 0 where that changes little
+    size = np.max(np.abs([rate(begin), rate(0.5 * (begin + end)), rate(end)]), axis=0)
+    gained, largest = speed(end) - speed(begin), np.zeros(begin.size)
+    for part in np.split(np.arange(begin.size), np.flatnonzero(np.diff(np.sign(gained))) + 1):
+        if abs(np.sum(gained[part])) >= least:
+            largest[part] = np.max(size[part])
+    at = np.sort(np.concatenate([begin, end, time]))
+    of = largest[np.clip(np.searchsorted(knots, at, side="right") - 1, 0, largest.size - 1)]
+    share = np.divide(rate(at), of, out=np.zeros(at.size), where=of > 0.0)
+    firsts = np.minimum(np.searchsorted(at, time), at.size - 1)  # until the next reading
+    high = maximum_filter1d(np.maximum.reduceat(share, firsts), 2 * width, mode="nearest")
+    low = minimum_filter1d(np.minimum.reduceat(share, firsts), 2 * width, mode="nearest")
+    near = high - low >= _SHARP
+    jumps, kinks = np.abs(speed(begin[1:]) - speed(end[:-1])), trajectory.kinks
+    for k in np.flatnonzero(jumps >= least):
+        sd = _DOUBT * float(np.interp(knots[k + 1], kinks, trajectory.kink_sd))
+        first, stop = np.searchsorted(time, [knots[k + 1] - sd, knots[k + 1] + sd])
+        near[max(first - width, 0) : stop + width] = True
+    return near
+
+
+def _moving_mass(test: Test, trajectory: Trajectory) -> float:
+    """Return the mass that changes of the force over a few readings show; 0 if none.
+
+    Changes of force are a mass times changes of acceleration, a stiffness times changes of
+    displacement, and a drag times changes of speed (least squares).
+    """
+    if test.time.size < 4 * _LASTING:
+        return 0.0
+    path = (trajectory.acceleration, trajectory.displacement, trajectory.velocity)
+    columns = np.stack([_changes(of(test.time)) for of in path], axis=1)
+    sizes = np.max(np.abs(columns), axis=0)
+    if sizes[0] == 0.0:
+        return 0.0
+    scaled = columns / np.where(sizes > 0.0, sizes, 1.0)
+    found = np.linalg.lstsq(scaled, _changes(test.force), rcond=1e-6)[0]
+    return max(float(found[0]) / float(sizes[0]), 0.0)
+
+
+def _changes(values: Array) -> Array:
+    """Return the changes from the mean of some values to that of as many after them."""
+    means = np.convolve(values, np.full(_LASTING, 1.0 / _LASTING), mode="valid")
+    return means[_LASTING:] - means[:-_LASTING]
+
+
+def largest_force(test: Test) -> float:
+    """Return the largest magnitude of the force (N), noise aside."""
+    return float(np.max(np.where(_above_noise(test), np.abs(test.force), 0.0)))
+
+
+def _above_noise(test: Test) -> NDArray[np.bool_]:
+    """Return which readings are larger than their own noise, all if none is or none is known."""
+    every = np.ones(test.force.size, dtype=bool)
+    if test.force_sd is None:
+        return every
+    around = maximum_filter1d(test.force_sd, _NEARBY)  # where noise ends its sd is not sharp
+    clear = np.abs(test.force) > _SURELY * around
+    return clear if clear.any() else every
+
+
+def largest_stiffness(tests: Sequence[Test]) -> float:
+    """Return the slope (N/mm) of the force over the last quarter of the way to its maximum."""
+    depth = max(float(np.max(np.abs(test.displacement))) for test in tests)
+    hardest = max(tests, key=largest_force)
+    clear = _above_noise(hardest)
+    peak = int(np.argmax(np.where(clear, np.abs(hardest.force), 0.0)))
+    travel, force = (np.abs(x[: peak + 1]) for x in (hardest.displacement, hardest.force))
+    secant = float(force[-1]) / depth
+    last = clear[: peak + 1] & (travel >= (1.0 - _LAST) * travel[-1])
+    spread = travel[last] - np.mean(travel[last])
+    if travel[-1] < _LAST * depth or not np.any(spread):
+        return secant
+    return max(float(spread @ force[last] / (spread @ spread)), secant)

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PchipInterpolator, PPoly
 from scipy.optimize import least_squares
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.splines import Joints, Pieces, Window
+from qlvbayes.motion.splines import Joints, Window
 
 _SHARES = (0.5, *np.geomspace(0.48, 1e-3, 24))  # r, from a triangle to hardly more than a line
 _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
@@ -30,7 +30,7 @@ _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
 
 def trapezoid(
     window: Window, left: float, right: float, variance: float
-) -> tuple[Joints, Pieces, float] | None:
+) -> tuple[Joints, PPoly, float] | None:
     """Return the trapezoid of least acceleration that fits readings, and its largest residual."""
     stroke, time = right - left, window.time
     share = (window.displacement - left) / stroke
@@ -62,12 +62,11 @@ def trapezoid(
     worst = abs(stroke) * float(np.max(np.abs(off(np.array([begin, duration, r])))))
     knots = begin + duration * np.array([0.0, r, 1.0 - r, 1.0])
     speed, rate = stroke / (duration * (1.0 - r)), stroke / (duration**2 * r * (1.0 - r))
-    velocity, acceleration = np.array([0.0, speed, speed]), np.array([rate, 0.0, -rate])
-    kept = np.array([0, 1, 2])
+    rates, kept = np.array([[0.5 * rate, 0.0, -0.5 * rate], [0.0, speed, speed]]), [0, 1, 2]
     if r > _SHARES[0] - _SHARES[-1]:  # nothing between speeding up and slowing down
-        knots, kept = np.delete(knots, 2), np.array([0, 2])
+        knots, kept = np.delete(knots, 2), [0, 2]
     start = left + stroke * _shape(knots[:-1], begin, duration, r)
-    pieces = Pieces(knots, start, velocity[kept], acceleration[kept])
+    pieces = PPoly(np.concatenate([rates[:, kept], start[None]]), knots)
     return Joints(knots, np.zeros(knots.size, dtype=bool), left, right), pieces, worst
 
 
@@ -78,7 +77,7 @@ def _shape(time: Array, begin: Any, duration: Any, r: Any) -> Array:
     return np.where(s < r, early, np.where(s > 1.0 - r, late, s - 0.5 * r)) / (1.0 - r)
 
 
-def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> Pieces:
+def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> PPoly:
     """Return cubics through readings (n,), n >= 2; rests: whether the platen rests at each end."""
     before, after = 2.0 * time[0] - time[1], 2.0 * time[-1] - time[-2]
     first, last = (slice(0, 1), slice(-1, None))
@@ -90,8 +89,7 @@ def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> P
     ]
     with np.errstate(over="ignore"):  # over a step of next to nothing: the slope is 0 there
         path = PchipInterpolator(np.concatenate(times), np.concatenate(values))
-    cubic, square, line, level = path.c[:, int(rests[0]) : int(rests[0]) + time.size - 1]
-    return Pieces(time, level, line, 2.0 * square, cubic[None])
+    return PPoly(path.c[:, int(rests[0]) : int(rests[0]) + time.size - 1], time)
 
 
 def strays_between(path_at: Array, path_between: Array, readings: Array, most: float) -> Array:
@@ -125,10 +123,3 @@ def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.in
             kept.add(first + worst)
             open_ends += [(first, first + worst), (first + worst, last)]
     return np.array(sorted(kept))
-
-
-def changes(x: Array) -> Array:
-    """Return by how much two readings or their neighbours differ, (n - 1,) for n readings."""
-    moved = np.abs(np.diff(x))
-    around = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
-    return np.maximum(moved, around)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
-from qlvbayes.motion.splines import Flags, Joints, Pieces, Window, fit
+from qlvbayes.motion.splines import Flags, Joints, Window, fit
 
 DEGREE = 2
 _FEW = 10  # knots that are moved one by one;
@@ -26,18 +26,12 @@ _MOST_PER_PIECE = 400
 _FEWEST_RESOLVED = 3  # samples that show an acceleration
 _EXTRA_KNOTS = 2
 _MOST_WORTH = 10  # knots that are added to a path that is faithful without them
-FEWEST_PER_PIECE = 5
-"""Readings of a piece, below which they do not show it."""
+FEWEST_PER_PIECE = 5  # readings of a piece, below which they do not show it
 
 
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
     """Return readings minus the fitted spline, the dwells outside the end knots included."""
     return fit(joints, time, displacement, DEGREE).residuals
-
-
-def pieces(joints: Joints, window: Window) -> Pieces:
-    """Return the fitted spline piece by piece."""
-    return fit(joints, window.time, window.displacement, DEGREE).pieces()
 
 
 def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:

@@ -18,12 +18,8 @@ from qlvbayes.motion.trajectory import Trajectory
 
 Move = tuple[int, int, int]  # first and last of the times, and the sign
 Kind = Literal["ramp", "hold", "unload", "recovery"]
-NAMES: dict[str, str] = {  # of kinds, for readers
-    "ramp": "ramp",
-    "hold": "hold",
-    "unload": "unloading",
-    "recovery": "recovery",
-}
+# of kinds, for readers
+NAMES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 KINDS = tuple(NAMES)
 MOVING = ("ramp", "unload")  # there and back
 
@@ -77,19 +73,18 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     """Return the phases of a record: contiguous, in order of time, from its start to its end."""
     times, depth = _turning_points(trajectory)
     moves = _settled(_movements(times, depth, trajectory.resolution), times, trajectory)
-    start, stop = float(times[0]), float(times[-1])
+    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
     phases: list[Phase] = []
     resting: Kind = "hold"
-    at = start
-    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
+    at = float(times[0])
     for first, last, sign in moves:
-        if times[first] > at:
-            phases.append(Phase(resting, at, float(times[first])))
-        at = float(times[last])
-        phases.append(Phase("ramp" if sign > 0 else "unload", float(times[first]), at))
-        resting = "hold" if sign > 0 else "recovery"
-    if at < stop:
-        phases.append(Phase(resting, at, stop))
+        begin, end = float(times[first]), float(times[last])
+        if begin > at:
+            phases.append(Phase(resting, at, begin))
+        phases.append(Phase("ramp" if sign > 0 else "unload", begin, end))
+        at, resting = end, "hold" if sign > 0 else "recovery"
+    if at < times[-1]:
+        phases.append(Phase(resting, at, float(times[-1])))
     return tuple(_shown(phases, trajectory))
 
 
@@ -107,66 +102,49 @@ def _settled(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Mo
             pause = times[moves[run][0]] - times[moves[run - 1][1]]
             if sizes[run] >= _SETTLING * sizes[k] or pause > _DWELL * durations[run]:
                 break
-            creeping = _creeps(sizes[[k, run]], durations[[k, run]], sizes[run + 1 : run + 2])
-            creeping = creeping and _slows_down(moves[run], times, trajectory)
+            # a creep is small and slow, most of it at its beginning, and no small cycles follow
+            slow = sizes[run] * durations[k] <= _SLOW * sizes[k] * durations[run]
+            alone = np.all(sizes[run + 1 : run + 2] >= _LARGER * sizes[run])
+            begin, end = times[list(moves[run][:2])]
+            start, early, stop = trajectory.displacement(
+                [begin, begin + _EARLY * (end - begin), end]
+            )
+            early_on = abs(early - start) >= 0.5 * abs(stop - start)
+            creeping = bool(slow and alone and early_on and sizes[run] < _CREPT * sizes[k])
             run += 1
-        end = moves[run - 1][0 if creeping else 1]  # a creep is a part of the rest
-        after = float(times[moves[run][0]] if run < len(moves) else times[-1]) - times[end]
-        lasted = times[end] - times[last]
+        settled = times[moves[run - 1][0 if creeping else 1]]  # a creep is a part of the rest
+        after = (times[moves[run][0]] if run < len(moves) else times[-1]) - settled
+        lasted = settled - times[last]
         k = run if _REST * lasted <= after and lasted <= _LATE * durations[k] else k + 1
     return kept
 
 
-def _creeps(sizes: Array, durations: Array, following: Array) -> bool:
-    """Return whether the second of two movements is small and slow enough for a creep."""
-    small = sizes[1] < _CREPT * sizes[0] and np.all(following >= _LARGER * sizes[1])
-    return bool(small and sizes[1] * durations[0] <= _SLOW * sizes[0] * durations[1])
-
-
-def _slows_down(move: Move, times: Array, trajectory: Trajectory) -> bool:
-    """Return whether most of a movement lies at its beginning."""
-    begin, end = times[list(move[:2])]
-    start, early, stop = trajectory.displacement(
-        np.array([begin, begin + _EARLY * (end - begin), end])
-    )
-    return bool(abs(early - start) >= 0.5 * abs(stop - start))
-
-
 def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:
     """Return the phases without those of too few readings, which join their neighbours."""
-    if trajectory.read_at is None:
-        return phases
-    k = 0
-    while len(phases) > 1 and k < len(phases):
-        if _is_shown(phases[k], trajectory, trajectory.read_at):
+    read, k = trajectory.read_at, 0
+    while read is not None and len(phases) > 1 and k < len(phases):
+        here = phases[k]
+        if _is_shown(here, trajectory, read):
             k += 1
-            continue
-        phases = _without(phases, k)
-        k = max(k - 1, 0)
+        elif k == 0:
+            phases = [replace(phases[1], start=here.start), *phases[2:]]
+        else:
+            before, rest = replace(phases[k - 1], stop=here.stop), phases[k + 1 :]
+            if rest and (rest[0].kind == before.kind or before.kind not in MOVING):
+                before, rest = replace(before, stop=rest[0].stop), rest[1:]
+            phases = [*phases[: k - 1], before, *rest]
+            k -= 1
     return phases
 
 
-def _is_shown(phase: Phase, trajectory: Trajectory, read_at: Array) -> bool:
+def _is_shown(phase: Phase, trajectory: Trajectory, read: Array) -> bool:
     """Return whether enough readings lie in a phase; a large movement needs none."""
-    first = np.searchsorted(read_at, phase.start - 1e-9, side="left")
-    count = int(np.searchsorted(read_at, phase.stop + 1e-9, side="right") - first)
+    count = np.count_nonzero((read >= phase.start - 1e-9) & (read <= phase.stop + 1e-9))
     if phase.kind not in MOVING:
-        return count >= _FEWEST_AT_REST
-    ends = trajectory.displacement(np.array([phase.start, phase.stop]))
+        return bool(count >= _FEWEST_AT_REST)
+    begin, end = trajectory.displacement([phase.start, phase.stop])
     stroke = float(np.ptp(trajectory.displacement(trajectory.knots)))
-    return count >= _FEWEST_MOVING or abs(float(np.diff(ends)[0])) > _SETTLING * stroke
-
-
-def _without(phases: list[Phase], k: int) -> list[Phase]:
-    """Return the phases without one, which joins its neighbours."""
-    here = phases[k]
-    if k == 0:
-        return [replace(phases[1], start=here.start), *phases[2:]]
-    before = replace(phases[k - 1], stop=here.stop)
-    rest = phases[k + 1 :]
-    if rest and (rest[0].kind == before.kind or before.kind not in MOVING):
-        before, rest = replace(before, stop=rest[0].stop), rest[1:]
-    return [*phases[: k - 1], before, *rest]
+    return bool(count >= _FEWEST_MOVING or abs(end - begin) > _SETTLING * stroke)
 
 
 def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
@@ -195,9 +173,7 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
     return times, trajectory.displacement(times)
 
 
-def _from_the_start(
-    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
-) -> list[tuple[int, int, int]]:
+def _from_the_start(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Move]:
     """Let the first movement begin with the record if the dwell before it is shorter."""
     if not moves:
         return moves
@@ -206,14 +182,12 @@ def _from_the_start(
     late = dwell < lasted
     if late and trajectory.read_at is not None and first > 0:
         interval = float(np.median(np.diff(trajectory.read_at)))
-        still = _all_rest(trajectory, times[: first + 1])
+        still = np.all(_at_rest(trajectory, times[: first + 1]))
         late = not (still and dwell >= max(_SHARE * lasted, _WORTH * interval))
     return [(0, last, sign), *moves[1:]] if late else moves
 
 
-def _turning(
-    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
-) -> list[tuple[int, int, int]]:
+def _turning(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Move]:
     """Join opposite movements where they turn, unless the platen rested there for long."""
     joined = moves[:1]
     for first, last, sign in moves[1:]:
@@ -221,29 +195,24 @@ def _turning(
         pause = times[first] - times[end]
         shorter = min(times[end] - times[before], times[last] - times[first])
         meeting = direction != sign and first > end and pause < _DWELL * shorter
-        if meeting and not _rests(trajectory, times[end : first + 1]):
-            depth = trajectory.displacement(times[end : first + 1])
-            first = end + int(np.argmax(direction * depth))
+        between = times[end : first + 1]
+        if meeting and not np.any(_at_rest(trajectory, between)):
+            first = end + int(np.argmax(direction * trajectory.displacement(between)))
             joined[-1] = (before, first, direction)
         joined.append((first, last, sign))
-    if joined and not _rests(trajectory, times[joined[-1][1] :]):
+    if joined and not np.any(_at_rest(trajectory, times[joined[-1][1] :])):
         first, last, sign = joined[-1]
         if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
             joined[-1] = (first, times.size - 1, sign)
     return joined
 
 
-def _all_rest(trajectory: Trajectory, times: Array) -> bool:
-    """Return whether the platen is at rest between all these neighbouring times."""
-    return bool(np.all(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
+def _at_rest(trajectory: Trajectory, times: Array) -> NDArray[np.bool_]:
+    """Return between which of these neighbouring times the platen is at rest."""
+    return trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0
 
 
-def _rests(trajectory: Trajectory, times: Array) -> bool:
-    """Return whether the platen is at rest between two of these neighbouring times."""
-    return bool(np.any(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
-
-
-def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:
+def _movements(times: Array, depth: Array, resolution: float) -> list[Move]:
     """Return (first, last, sign) of the movements, as indices of ``times``."""
     stroke = float(np.ptp(depth))
     if stroke == 0.0:
@@ -261,9 +230,9 @@ def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int,
     return moves
 
 
-def _swings(depth: Array, least: float) -> list[tuple[int, int, int]]:
+def _swings(depth: Array, least: float) -> list[Move]:
     """Return alternating rises and falls of at least ``least``; smaller reversals are ignored."""
-    swings: list[tuple[int, int, int]] = []
+    swings: list[Move] = []
     low = high = pivot = extreme = sign = 0
     for i, d in enumerate(depth):
         if sign == 0:
@@ -309,26 +278,24 @@ def no_ramp(
     test: Test, trajectory: Trajectory, phases: Sequence[Phase], units: UnitSystem
 ) -> InputError:
     """Return the error that names a test without a ramp, what it does, and a remedy."""
-    word = units.displacement_name
+    word, force = units.displacement_name, units.force_name
     unit = "" if units.dimensionless else f" {units.displacement}"
     falls = [phase for phase in phases if phase.kind == "unload"]
     if not falls:
-        changes = f"changes by {plain(float(np.ptp(test.displacement)), 2)}{unit} only"
+        seen = f"its {word} changes by {plain(float(np.ptp(test.displacement)), 2)}{unit} only"
         remedy = "add the rows of the ramp before this hold, or delete the test"
-        return _error(test, f"its {word} {changes}", remedy)
-    ends = trajectory.displacement(np.array([falls[0].start, falls[-1].stop]))
-    start, stop = (plain(float(end), _DIGITS) for end in ends)
-    seen = f"its {word} only falls, from {start} to {stop}{unit}"
-    if _force_rises(test, falls[0]):
-        seen += f", while the {units.force_name} rises, so that it counts the wrong way"
-        turned = f"write its value at first contact minus each value as {word}"
-        return _error(test, seen, f"{turned}, so that pressing makes it rise from zero")
-    seen += f", and the {units.force_name} falls with it"
-    both = f"multiply {word} and {units.force_name} by -1 if this is the loading"
-    return _error(test, seen, f"add the rows of the loading before it, {both}, or delete the test")
-
-
-def _error(test: Test, seen: str, remedy: str) -> InputError:
+    else:
+        ends = trajectory.displacement([falls[0].start, falls[-1].stop])
+        start, stop = (plain(float(end), _DIGITS) for end in ends)
+        seen = f"its {word} only falls, from {start} to {stop}{unit}"
+        if _force_rises(test, falls[0]):
+            seen += f", while the {force} rises, so that it counts the wrong way"
+            remedy = f"write its value at first contact minus each value as {word}, so that "
+            remedy += "pressing makes it rise from zero"
+        else:
+            seen += f", and the {force} falls with it"
+            remedy = f"add the rows of the loading before it, multiply {word} and {force} by -1 if "
+            remedy += "this is the loading, or delete the test"
     what = f"test {test.name} of pad {test.pad} holds no loading ramp: {seen}"
     return InputError(what, remedy=remedy)
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array, Mask
 from qlvbayes.io.data import Pad, Test
-from qlvbayes.motion.badreadings import without
+from qlvbayes.motion.clean import without
 
 _FEWEST_REPEATS = 5  # repeats of one length that show it,
 _REGULAR = 0.95  # and so many of all changes are multiples of it apart: a lost row shifts one
@@ -69,9 +69,9 @@ def repeated_rows(test: Test) -> int:
     return rows if varied and _force_goes_on(test, change, rows) else 0
 
 
-def _changes(displacement: Array) -> NDArray[np.intp]:
-    """Return the rows whose displacement is not that of the row before."""
-    return np.flatnonzero(np.diff(displacement) != 0.0) + 1
+def _changes(values: Array) -> NDArray[np.intp]:
+    """Return the rows whose value is not that of the row before."""
+    return np.flatnonzero(np.diff(values) != 0.0) + 1
 
 
 def _regular(change: NDArray[np.intp], rows: int) -> bool:
@@ -114,62 +114,43 @@ def _between_readings(test: Test, rows: int) -> Test:
 
 def _notice(pad: str, test: Test, rows: int, left_out: int) -> str:
     ending = f"; its last {left_out} rows, in which it moves on, are left out" if left_out else ""
+    nth = "th" if rows % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(rows % 10, "th")
     return (
-        f"pad {pad}: in test {test.name} the displacement is read only every {_ordinal(rows)} row "
+        f"pad {pad}: in test {test.name} the displacement is read only every {rows}{nth} row "
         "and repeated between, while the force goes on; the motion goes smoothly from one of these "
         f"readings to the next{ending}"
     )
 
 
-def _ordinal(number: int) -> str:
-    """Return '2nd', '3rd', '10th'."""
-    teens = number % 100 in (11, 12, 13)
-    return f"{number}{'th' if teens else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"
-
-
 def fresh_forces(tests: Sequence[Test]) -> list[Mask | None]:
     """Return in which rows (n,) of each test of one load cell its force was read; None: in all."""
-    rows = [
-        _rows_of(test, while_moving=True) or _rows_of(test, while_moving=False, fewest=_AT_REST)
-        for test in tests
-    ]
+    rows = [_rows_of(test, True, _FEWEST) or _rows_of(test, False, _AT_REST) for test in tests]
     if not any(rows):
         return [None] * len(tests)
     # one load cell reads all tests: one that is too quick to show it is judged at rest as well
-    rows = [
-        one or _rows_of(test, while_moving=False) for one, test in zip(rows, tests, strict=True)
-    ]
+    every = zip(tests, rows, strict=True)
+    rows = [known or _rows_of(test, False, _FEWEST) for test, known in every]
     return [_fresh(test.force, k) if k else None for test, k in zip(tests, rows, strict=True)]
 
 
-def _rows_of(test: Test, *, while_moving: bool, fewest: int = 0) -> float:
+def _rows_of(test: Test, while_moving: bool, fewest: int) -> float:
     """Return for how many rows a reading of force is repeated; 0 if that does not show."""
     change = _changes(test.force)
-    if change.size < max(_FEWEST, fewest):
+    if change.size < fewest:
         return 0.0
     repeats, sizes = np.diff(change, prepend=0), np.abs(np.diff(test.force))[change - 1]
-    common = float(np.median(repeats))
-    shown = (
-        _moving(test.displacement, change, repeats) if while_moving else np.ones_like(change, bool)
-    )
-    if np.count_nonzero(shown) < _FEWEST or common < 2.0:
-        return 0.0
+    common, shown = float(np.median(repeats)), np.ones(change.size, dtype=bool)
+    if while_moving:  # also in the rows that repeat a force
+        way, reach = test.displacement, max(int(common), 2)
+        least = _MOVES * float(np.ptp(way)) / max(change.size / 10.0, 1.0)
+        before, just = way[np.maximum(change - reach, 0)], way[change - 1]
+        after = way[np.minimum(change + reach, way.size) - 1]
+        shown = (np.abs(just - before) > least) & (np.abs(after - just) > least)
     large = shown & (sizes > _LARGE * float(sizes.min()))
-    if np.count_nonzero(large) < max(_FEWEST, 0.5 * np.count_nonzero(shown)):
+    seen = np.count_nonzero(shown)
+    if seen < _FEWEST or common < 2.0 or np.count_nonzero(large) < max(_FEWEST, 0.5 * seen):
         return 0.0
     return common if np.mean(repeats[large] > 1) >= _REPEATED else 0.0
-
-
-def _moving(displacement: Array, change: NDArray[np.intp], repeats: NDArray[np.intp]) -> Mask:
-    """Return about which changes the platen moves, also in the rows that repeat a force."""
-    reach = max(int(np.median(repeats)), 2)
-    least = _MOVES * float(np.ptp(displacement)) / max(change.size / 10.0, 1.0)
-    before = displacement[np.maximum(change - reach, 0)]
-    just, after = (
-        displacement[change - 1],
-        displacement[np.minimum(change + reach, displacement.size) - 1],
-    )
-    return np.asarray((np.abs(just - before) > least) & (np.abs(after - just) > least))
 
 
 def _fresh(force: Array, rows: float) -> Mask:

@@ -44,7 +44,5 @@ def _trapezoid(
     top = min(speed, sqrt(acceleration * length))
     rise = top / acceleration
     cruise = length / top - rise
-    pieces = [(rise, 0.0, sign * acceleration)]
-    if cruise > 1e-12 * rise:
-        pieces.append((cruise, sign * top, 0.0))
-    return [*pieces, (rise, sign * top, -sign * acceleration)]
+    cruising = [(cruise, sign * top, 0.0)] if cruise > 1e-12 * rise else []
+    return [(rise, 0.0, sign * acceleration), *cruising, (rise, sign * top, -sign * acceleration)]

@@ -45,11 +45,6 @@ class Blocks(Pytree):
         return held(np.hypot(self.zero, self.stage))
 
     @classmethod
-    def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
-        """Make each sample a block of its own."""
-        return cls.of_means(force, np.ones(time.shape), time, time, weight)
-
-    @classmethod
     def of_means(
         cls,
         force: np.ndarray,
@@ -101,6 +96,16 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     records = _with_as_many_errors(records)
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: np.stack(leaves), *padded)
+
+
+def forgetting(record: Record) -> Record:
+    """Return a batch, of the same shape, with every test begun at rest."""
+
+    def alone(motion: Motion) -> Motion:
+        return replace(motion.alone, ago=motion.ago)
+
+    motion = jax.vmap(alone)(jax.tree.map(jax.numpy.asarray, record.motion))
+    return Record(motion, record.nodes, record.blocks)
 
 
 def padded_size(size: int) -> int:

@@ -12,16 +12,17 @@ from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
 
+from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
-from qlvbayes.motion.grid import grid_times, path_at
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.past import EarlierMotion
+from qlvbayes.motion.past import EarlierMotion, grid_times, path_at
 from qlvbayes.motion.patherrors import path_errors
 from qlvbayes.motion.phases import MOVING, Phase
-from qlvbayes.motion.record import Blocks, RateErrors, Record, held, padded_size
-from qlvbayes.motion.timing import off_kinks, timing_sd
+from qlvbayes.motion.record import Blocks, Record, held, padded_size
 from qlvbayes.motion.trajectory import Trajectory
 
 GROWTH = 0.2  # a block's width over the time since its phase began
@@ -32,6 +33,9 @@ _MARGIN = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
 _EVEN = 1.5  # a gap this much longer than the one next to it ends a block
 _SURE = 3.0  # sds of the displacement over which a slope is known
+_EXACT = 1e-3  # of a sampling interval: no kink is known better, whatever the record says
+_OFF_THE_LINE = 6.0  # variance of twice a reading's distance to its neighbours' line, over its own
+_UNRESOLVED = 12.0**-0.5  # sd of a moment anywhere in a sampling interval, over that interval
 
 
 @dataclass(frozen=True)
@@ -43,74 +47,6 @@ class Fineness:
     stiffness: float
     # how far the grid's straight lines may be from the motion (mm), where less than the default
     chord: float
-
-
-def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
-    """Return the times at which blocks begin and end; no block crosses a phase's end or a kink."""
-    edges = [np.array([phases[0].start])]
-    for phase in phases:
-        parts = MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS
-        edges.append(_phase_edges(phase, parts, shortest))
-    if kinks.size <= _MOST_KINKS:
-        edges.append(kinks)
-    return np.unique(np.concatenate(edges))
-
-
-def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
-    """Return edges whose spacing grows with the time since the phase began."""
-    length = phase.stop - phase.start
-    longest = length / parts
-    edges, elapsed = [], 0.0
-    while elapsed < length:
-        elapsed += min(max(GROWTH * elapsed, shortest), max(longest, shortest))
-        edges.append(elapsed)
-    edges[-1] = length
-    return phase.start + np.array(edges)
-
-
-def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the first sample of each block: at an edge, and after a gap in even spacing."""
-    owner = np.searchsorted(edges, time, side="right")
-    gap = np.diff(time)
-    before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
-    uneven = gap > _EVEN * np.minimum(before, after)
-    first = np.concatenate([[True], (np.diff(owner) > 0) | uneven])
-    return np.flatnonzero(first)
-
-
-def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]) -> np.ndarray:
-    """Return False (n,) for samples so near a kink that their side of it is unknown."""
-    clear = np.ones(time.size, dtype=bool)
-    for low, high in _doubtful(time, trajectory, phases):
-        clear &= (time < low) | (time > high)
-    return clear
-
-
-def _doubtful(
-    time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
-) -> list[tuple[float, float]]:
-    """Return the stretches around kinks whose times the samples do not determine."""
-    time = trajectory.read_times(time)
-    kinks, jumps = trajectory.kinks, trajectory.speed_jumps
-    if kinks.size > _MOST_KINKS:
-        return []
-    if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
-        kinks = np.concatenate([trajectory.knots[:1], kinks])
-        jumps = np.concatenate([np.abs(trajectory.start_velocity[:1]), jumps])
-    lengths = np.array([phase.stop - phase.start for phase in phases])
-    ends = np.array([phase.stop for phase in phases])
-    stretches = []
-    for kink, jump in zip(kinks, jumps, strict=True):
-        index = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
-        around = lengths[max(index - 1, 0) : index + 2].min()
-        at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
-        reach = _MARGIN * float(time[at] - time[at - 1])
-        if reach > _SPARED * around:
-            continue
-        if jump > 0.0:
-            reach += min(trajectory.resolution / jump, _SPARED * around)
-        stretches.append((kink - reach, kink + reach))
-    return stretches
 
 
 def reduce_test(
@@ -151,11 +87,19 @@ def reduce_test(
     chord = np.inf if fineness is None else fineness.chord
     begun = approached and (past is None or not past.stays)
     first = float(trajectory.read_times(whole.time)[0])
-    grid, curved = _grid(trajectory, np.unique(nodes), first, chord, begun)
+    lines, curves = (
+        grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun, curved=curved)
+        for curved in (False, True)
+    )
+    curved = padded_size(curves.size) < padded_size(lines.size)
+    grid = curves if curved else lines
     motion = _motion(trajectory, grid, first, curved)
     motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))
     indices = np.searchsorted(grid, nodes).T
-    wrong = _rate_errors(whole, trajectory, grid) if errors else None
+    wrong = None
+    if errors:
+        read = np.isin(whole.time, trajectory.read_times(whole.time))
+        wrong = path_errors(whole.time[read], whole.displacement[read], trajectory, grid)
     if past is not None:
         motion, indices = _remembering(motion, past), indices + past.time.size
         before = ((0, 0), (past.time.size, 0))
@@ -163,24 +107,73 @@ def reduce_test(
     return Record(motion, held(indices), averaged, wrong)
 
 
-def _rate_errors(test: Test, trajectory: Trajectory, grid: np.ndarray) -> RateErrors:
-    """Return errors of velocity and acceleration on the grid, by the displacement's readings."""
-    read = np.isin(test.time, trajectory.read_times(test.time))
-    found = path_errors(test.time[read], test.displacement[read], trajectory, grid)
-    return RateErrors(held(found.velocity), held(found.acceleration))
+def block_edges(phases: Sequence[Phase], kinks: Array, shortest: float) -> Array:
+    """Return the times at which blocks begin and end; no block crosses a phase's end or a kink.
+
+    Within a phase the spacing grows with the time since it began.
+    """
+    edges = [np.array([phases[0].start])]
+    for phase in phases:
+        length = phase.stop - phase.start
+        longest = length / (MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS)
+        own = [0.0]
+        while own[-1] < length:
+            own.append(own[-1] + min(max(GROWTH * own[-1], shortest), max(longest, shortest)))
+        edges.append(phase.start + np.array([*own[1:-1], length]))
+    if kinks.size <= _MOST_KINKS:
+        edges.append(kinks)
+    return np.unique(np.concatenate(edges))
 
 
-def _grid(
-    trajectory: Trajectory, nodes: np.ndarray, first: float, chord: float, begun: bool
-) -> tuple[np.ndarray, bool]:
-    """Return the grid of times, and whether curvature is stored where that shortens the grid."""
-    lines = grid_times(trajectory, nodes, first, chord=chord, begun=begun, curved=False)
-    curves = grid_times(trajectory, nodes, first, chord=chord, begun=begun)
-    short = padded_size(curves.size) < padded_size(lines.size)
-    return (curves, True) if short else (lines, False)
+def _beginnings(time: Array, edges: Array) -> NDArray[np.intp]:
+    """Return the first sample of each block: at an edge, and after a gap in even spacing."""
+    owner = np.searchsorted(edges, time, side="right")
+    gap = np.diff(time)
+    before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
+    uneven = gap > _EVEN * np.minimum(before, after)
+    return np.flatnonzero(np.concatenate([[True], (np.diff(owner) > 0) | uneven]))
 
 
-def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool) -> Motion:
+def clear_of_kinks(time: Array, trajectory: Trajectory, phases: Sequence[Phase]) -> Array:
+    """Return False (n,) for samples so near a kink that their side of it is unknown."""
+    clear = np.ones(time.size, dtype=bool)
+    for low, high in _doubtful(time, trajectory, phases):
+        clear &= (time < low) | (time > high)
+    return clear
+
+
+def _doubtful(
+    time: Array, trajectory: Trajectory, phases: Sequence[Phase]
+) -> list[tuple[float, float]]:
+    """Return the stretches around kinks whose times the samples do not determine."""
+    time = trajectory.read_times(time)
+    kinks, jumps = trajectory.kinks, trajectory.speed_jumps
+    if kinks.size > _MOST_KINKS:
+        return []
+    if _begins_in_motion(trajectory):
+        kinks = np.append(trajectory.knots[:1], kinks)
+        jumps = np.append(np.abs(trajectory.start_velocity[:1]), jumps)
+    lengths = np.array([phase.stop - phase.start for phase in phases])
+    ends = np.array([phase.stop for phase in phases])
+    stretches = []
+    for kink, jump in zip(kinks, jumps, strict=True):
+        index = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
+        around = lengths[max(index - 1, 0) : index + 2].min()
+        at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
+        reach = _MARGIN * float(time[at] - time[at - 1])
+        if reach > _SPARED * around:
+            continue
+        if jump > 0.0:
+            reach += min(trajectory.resolution / jump, _SPARED * around)
+        stretches.append((kink - reach, kink + reach))
+    return stretches
+
+
+def _begins_in_motion(trajectory: Trajectory) -> bool:
+    return bool(trajectory.start_velocity[0] or trajectory.start_acceleration[0])
+
+
+def _motion(trajectory: Trajectory, grid: Array, first: float, curved: bool) -> Motion:
     displacement = path_at(trajectory, grid, first)
     curvature = None
     if curved:
@@ -196,21 +189,20 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool
 def _remembering(motion: Motion, past: EarlierMotion) -> Motion:
     """Return the motion with the earlier tests before it, at rest between their points."""
     first = np.nextafter(float(motion.time[0]), -np.inf)
-    time = held(np.minimum(past.time, first))
-    still = np.zeros(time.shape)
-    join = lambda x, y: held(np.concatenate([x, y]))  # noqa: E731
-    return replace(
-        motion,
-        time=join(time, motion.time),
-        displacement=join(past.displacement, motion.displacement),
-        velocity=join(still, motion.velocity),
-        acceleration=join(still, motion.acceleration),
-        ago=join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
-        sagitta=None if motion.sagitta is None else join(still, motion.sagitta),
-    )
+    still, none = np.zeros(past.time.shape), np.zeros(motion.time.shape, past.ago.dtype)
+    before = {
+        "time": (np.minimum(past.time, first), motion.time),
+        "displacement": (past.displacement, motion.displacement),
+        "velocity": (still, motion.velocity),
+        "acceleration": (still, motion.acceleration),
+        "ago": (past.ago, none),
+    }
+    if motion.sagitta is not None:
+        before["sagitta"] = (still, motion.sagitta)
+    return replace(motion, **{name: held(np.concatenate(x)) for name, x in before.items()})
 
 
-def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
+def _average(test: Test, begin: NDArray[np.intp], sd_scale: float) -> Blocks:
     count = np.diff(np.append(begin, test.time.size)).astype(float)
     last = np.append(begin[1:], test.time.size) - 1
     force = np.add.reduceat(test.force, begin) / count
@@ -221,7 +213,7 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
 
 
 def _with_errors(
-    blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, fineness: Fineness
+    blocks: Blocks, trajectory: Trajectory, centre: Array, fineness: Fineness
 ) -> Blocks:
     """Add the noise at each block's force, and the force error that the motion's error makes."""
     force, depth = np.asarray(blocks.force), trajectory.displacement(centre)
@@ -235,10 +227,90 @@ def _with_errors(
     return replace(blocks, scale=held(fineness.floor.scale(force)), extra=held(extra))
 
 
-def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _nodes(time: Array, begin: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return mean and sd (both (B,)) of each block's sample times."""
     count = np.diff(np.append(begin, time.size))
     offset = time - np.repeat(time[begin], count)
     mean = np.add.reduceat(offset, begin) / count
     spread = np.add.reduceat((offset - np.repeat(mean, count)) ** 2, begin) / count
     return time[begin] + mean, np.sqrt(spread)
+
+
+def kink_sds(time: Array, trajectory: Trajectory) -> Array:
+    """Return the sd (k,) in s of the time of each kink relative to the readings' clock."""
+    interval = _intervals(trajectory.kinks, time)
+    width = np.where(trajectory.speed_jumps > 0.0, _UNRESOLVED, _EXACT) * interval
+    return np.asarray(np.sqrt(width**2 + trajectory.kink_sd**2 + trajectory.clock_sd**2))
+
+
+def _intervals(at: Array, time: Array) -> Array:
+    """Return the shorter (k,) of the sampling intervals (s) next to some times."""
+    step = np.diff(time)
+    after = np.clip(np.searchsorted(time, at), 1, step.size)
+    return np.asarray(np.minimum(step[after - 1], step[np.minimum(after, step.size - 1)]))
+
+
+def _kink_doubt(time: Array, trajectory: Trajectory) -> Array:
+    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink."""
+    read = trajectory.read_times(time)
+    kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
+    if _begins_in_motion(trajectory):
+        kinks = np.append(trajectory.knots[:1], kinks)
+        sds = np.append(_UNRESOLVED * np.diff(read)[:1], sds)
+    if not kinks.size:
+        return np.zeros(time.shape)
+    nearest = _nearest(kinks, time)
+    beyond = ndtr(-np.abs(time - kinks[nearest]) / sds[nearest])
+    return np.asarray(np.sqrt(beyond * (1.0 - beyond)))
+
+
+def _nearest(kinks: Array, at: Array) -> NDArray[np.intp]:
+    """Return the index (n,) of the nearest of the sorted kinks (k,) to each time."""
+    return np.searchsorted(0.5 * (kinks[1:] + kinks[:-1]), at)
+
+
+def timing_sd(
+    time: Array,
+    force: Array,
+    begin: NDArray[np.intp],
+    trajectory: Trajectory,
+    white: float,
+    rows: NDArray[np.intp] | None = None,
+) -> Array:
+    r"""Return the sd (B,) in N of block means that uncertain times cause.
+
+    A reading at a distance d from a kink of the motion, of which both together are known to
+    within sigma, lies beyond it with the probability p = Phi(-d / sigma). Where the force jumps
+    by Delta F there, whatever made it jump, the reading has the additional variance
+
+    .. math:: p (1 - p)\, \Delta F^2
+
+    and a clock that is known to within sigma_c adds (sigma_c dF/dt)^2 to every reading. Jump
+    and slope are the record's own: how far a reading is off the line through the readings on
+    either side, beyond what their noise makes of it, and the slope of that line.
+    """
+    jumps = np.abs(np.diff(force, append=force[-1:]))  # at the ends the change to the next one
+    if time.size > 2:
+        step = np.diff(time)
+        line = (force[:-2] * step[1:] + force[2:] * step[:-1]) / (step[1:] + step[:-1])
+        jumps[1:-1] = 2.0 * np.abs(force[1:-1] - line)
+        jumps[-1] = abs(force[-1] - force[-2])
+    jumps = np.sqrt(np.maximum(jumps**2 - _OFF_THE_LINE * white**2, 0.0))
+    kink = _kink_doubt(time, trajectory) * jumps
+    clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
+    if rows is not None:
+        kink, clock = kink[rows], clock[rows]
+    count = np.diff(np.append(begin, kink.size))
+    kinks, clocks = np.add.reduceat(kink, begin), np.add.reduceat(clock, begin)
+    return np.asarray(np.sqrt(kinks**2 + clocks) / count)
+
+
+def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -> Array:
+    """Return half the distance (B,) in s of a block's two nodes, neither of them at a kink."""
+    kinks = trajectory.kinks
+    if not kinks.size:
+        return half
+    least = _EXACT * _intervals(centre, time)
+    apart = np.abs(centre - kinks[_nearest(kinks, centre)])
+    inside = np.minimum(centre - time[0], time[-1] - centre) > least
+    return np.where((apart < least) & inside, np.maximum(half, least), half)

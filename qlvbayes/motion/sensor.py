@@ -10,8 +10,7 @@ from scipy.special import ndtri
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
 
-_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
-_DIGITS = 1e-6  # of the range: a record of seven digits has no finer differences
+_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's, nor has a record of seven digits
 _LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
 _PASSED = 20  # changes that show a larger one
 _REPEATED = 3  # equal readings in a row: a level,
@@ -22,7 +21,6 @@ _ALIKE = 0.4  # of their mean: neighbouring intervals that differ by more are no
 _CLIPPED = 5.0  # times the median: larger changes are gaps
 _DENSE = 3.0  # times the shorter intervals (their quartile): up to these, readings are dense
 _EXACT = 1e-6  # of an interval: less is rounding of the computer's
-_DECIMALS = range(10)  # digits after the point to which a file may round
 _MANY = 100  # readings that distinguish scatter from motion,
 _FEW = 50  # readings, of which three changes of the motion reach a third,
 _SHOWING = 50_000  # and that show it to a third of a per cent
@@ -51,14 +49,14 @@ def _lattice(displacement: Array) -> float:
     sizes = np.sort(sizes[sizes > 1e-9 * span])
     if sizes.size < 2:
         return 0.0
-    if sizes[-1] - sizes[0] < _DIGITS * max(float(sizes[-1]), span):
+    if sizes[-1] - sizes[0] < _LEAST_STEP * max(float(sizes[-1]), span):
         moving = np.abs(changes) > 0.5 * sizes[0]
         alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
         if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):
             return 0.0
     step = float(sizes[0])
     for _ in range(12):
-        rest = np.abs(sizes - np.round(sizes / step) * step)
+        rest = _off_multiples(sizes, step)
         rest = rest[rest > max(0.05 * step, 1e-9 * span)]
         if rest.size == 0:
             counts = np.round(sizes / step)
@@ -84,6 +82,17 @@ def encoder_steps(displacements: Sequence[Array]) -> list[float]:
     return [step * max(mean or typical, 1) for step, mean in zip(steps, means, strict=True)]
 
 
+def _divides(step: float, displacement: Array) -> bool:
+    """Return whether all changes are multiples of a step."""
+    least = max(0.05 * step, 1e-9 * float(np.ptp(displacement)))
+    return bool(np.all(_off_multiples(np.diff(displacement), step) <= least))
+
+
+def _off_multiples(values: Array, step: float) -> Array:
+    """Return how far values (n,) are from multiples of a step."""
+    return np.abs(values - np.round(values / step) * step)
+
+
 def averaged(displacement: Array, step: float) -> int:
     """Return how many rounded readings each reading is the mean of; 1 for one, 0 if unknown."""
     if step == 0.0:
@@ -103,52 +112,33 @@ def averaged(displacement: Array, step: float) -> int:
     return count if whole and count <= _MOST_AVERAGED else 1
 
 
-def _divides(step: float, displacement: Array) -> bool:
-    """Return whether all changes are multiples of a step."""
-    changes = np.abs(np.diff(displacement))
-    rest = np.abs(changes - np.round(changes / step) * step)
-    return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))
-
-
 def clock_error(time: Array) -> float:
     """Return the sd (s) of each time stamp (n,) of a record; 0 where they are exact."""
-    if time.size < 3:
-        return 0.0
     gaps = np.diff(time)
-    if _on_a_lattice(gaps):
+    if gaps.size < 2 or _are_multiples(gaps, float(gaps.min())):
         return 0.0
-    mean = 0.5 * (gaps[1:] + gaps[:-1])
-    change = np.diff(gaps)
+    step = last_decimal(gaps)
+    if step > 0.0 and int(np.gcd.reduce(np.round(gaps / step).astype(np.int64))) > 1:
+        return 0.0
+    mean, change = 0.5 * (gaps[1:] + gaps[:-1]), np.diff(gaps)
     typical = float(np.median(np.abs(change) / mean))
     if typical > _ALIKE:
-        return last_decimal(gaps) / float(np.sqrt(12.0))
+        return step / float(np.sqrt(12.0))
     alike = np.abs(change) < max(_ALIKE, _CLIPPED * typical) * mean
-    dense = mean < _DENSE * float(np.quantile(gaps, 0.25))
-    pairs = (alike & dense)[1:] & (alike & dense)[:-1]
+    alike &= mean < _DENSE * float(np.quantile(gaps, 0.25))
+    pairs = alike[1:] & alike[:-1]
     if not pairs.any():
         return 0.0
-    variance = -float(np.mean((change[1:] * change[:-1])[pairs])) / 4.0
-    error = np.sqrt(max(variance, 0.0))
-    return float(error) if error > _EXACT * float(mean.min()) else 0.0
-
-
-def _on_a_lattice(gaps: Array) -> bool:
-    """Return whether all intervals are multiples of one, or of several last decimals."""
-    if _multiples(gaps, float(gaps.min())):
-        return True
-    step = last_decimal(gaps)
-    return step > 0.0 and int(np.gcd.reduce(np.round(gaps / step).astype(np.int64))) > 1
+    error = float(np.sqrt(max(-float(np.mean((change[1:] * change[:-1])[pairs])) / 4.0, 0.0)))
+    return error if error > _EXACT * float(mean.min()) else 0.0
 
 
 def last_decimal(values: Array) -> float:
     """Return the coarsest of 1, 0.1, ... 1e-9 of which all values are multiples; 0 if none."""
-    for decimals in _DECIMALS:
-        if _multiples(values, 10.0**-decimals):
-            return float(10.0**-decimals)
-    return 0.0
+    return next((10.0**-k for k in range(10) if _are_multiples(values, 10.0**-k)), 0.0)
 
 
-def _multiples(values: Array, step: float) -> bool:
+def _are_multiples(values: Array, step: float) -> bool:
     counts = values / step
     return bool(np.all(np.abs(counts - np.round(counts)) < 1e-3))
 
@@ -222,14 +212,8 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
     spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
     if time.size < _MANY:
         spread = min(spread, 0.05 * span)
-    return Tolerance(
-        sample=max(0.75 * step, 0.5 * step + spread, floor),
-        rest=max(step, 0.5 * step + spread, floor),
-        spread=spread,
-        floor=floor,
-        noise=noise,
-        step=step,
-    )
+    single = max(0.75 * step, 0.5 * step + spread, floor)
+    return Tolerance(single, max(step, 0.5 * step + spread, floor), spread, floor, noise, step)
 
 
 def _scatter(time: Array, displacement: Array, step: float) -> float:

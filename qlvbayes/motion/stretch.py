@@ -14,25 +14,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.bounds import Tolerance
-from qlvbayes.motion.fewreadings import changes, corners, monotone, strays_between, trapezoid
+from qlvbayes.motion.bounds import DwellSpan, Tolerance
+from qlvbayes.motion.fewreadings import corners, monotone, strays_between, trapezoid
 from qlvbayes.motion.freeknots import (
+    DEGREE,
     FEWEST_PER_PIECE,
     insert_until_faithful,
-    pieces,
     simplest,
     with_worthwhile_knots,
     worst_residual,
 )
-from qlvbayes.motion.quintic import smooth
-from qlvbayes.motion.segments import DwellSpan
-from qlvbayes.motion.splines import Joints, Pieces, Stretch, Window
+from qlvbayes.motion.splines import Joints, Stretch, Window, changes, expanded, fit, smooth_curve
 
-FEWEST_OF_A_MOVE = 15
-"""Readings of speeding up, cruising and slowing down, five each: fewer show no acceleration."""
-
+FEWEST_OF_A_MOVE = 15  # readings: five each of speeding up, cruising, slowing down, to show them
 _CUBE = 8.0  # 2^3
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
@@ -53,9 +50,8 @@ def fitted(
 ) -> Stretch:
     """Fit the motion between two dwells (None: the record begins or ends in motion)."""
     stretch = _fitted(t, x, segments, before, after, tol)
-    if (
-        move := _one_move(stretch, x[0] if before is None else before.level, after, tol)
-    ) is not None:
+    left = x[0] if before is None else before.level
+    if (move := _one_move(stretch, left, after, tol)) is not None:
         return move
     first = 0 if before is None else before.stop - 1
     stop = t.size if after is None else after.first + 1
@@ -86,7 +82,7 @@ def _one_move(
 
 def _misfit(stretch: Stretch) -> float:
     """Return the sum of the squared residuals."""
-    time, knots = stretch.window.time, stretch.pieces.knots
+    time, knots = stretch.window.time, stretch.pieces.x
     path = stretch.at(np.clip(time, knots[0], knots[-1]))
     return float(np.sum((path - stretch.window.displacement) ** 2))
 
@@ -117,7 +113,7 @@ def _fitted(
         if worst_residual(plain, window, tol) <= tol.rest:
             return _constant(with_worthwhile_knots(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
-    curve = smooth(ends, window, tol)
+    curve = smooth_curve(ends, window, tol)
     if curve is not None and (
         curve.parameters <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
     ):
@@ -126,16 +122,17 @@ def _fitted(
     faithful = with_worthwhile_knots(insert_until_faithful(plain, window, tol), window, tol)
     constant = _constant(faithful, window)
     price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
-    return (
-        curve if curve is not None and curve.parameters < price * constant.parameters else constant
-    )
+    if curve is not None and curve.parameters < price * constant.parameters:
+        return curve
+    return constant
 
 
 def _constant(joints: Joints, window: Window) -> Stretch:
     """Return pieces of constant acceleration; a free knot counts as a parameter."""
     inner = joints.kinked[1:-1]
     parameters = 2 * inner.size + int(inner.sum()) + 3
-    return Stretch(window, joints, 2, pieces(joints, window), parameters)
+    spline = fit(joints, window.time, window.displacement, DEGREE)
+    return Stretch(window, joints, DEGREE, spline.pieces(), parameters)
 
 
 def _window(
@@ -229,7 +226,7 @@ def lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
     time, x = time[kept], x[kept]
     slopes = np.diff(x) / np.diff(time)
     joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
-    own = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
+    own = PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
     return Stretch(stretch.window, joints, 2, own, 2 * time.size)
 
 
@@ -270,7 +267,7 @@ def _patch(
     stretch: Stretch, time: Array, x: Array, begin: float, end: float, tol: Tolerance
 ) -> Stretch:
     """Replace the pieces, or parts of pieces, that few readings around two of them show."""
-    knots = stretch.pieces.knots
+    knots = stretch.pieces.x
     few = np.diff(np.searchsorted(time, knots)) < FEWEST_PER_PIECE
     low = int(np.searchsorted(knots, begin, side="right")) - 1
     high = int(np.searchsorted(knots, end, side="left")) - 1
@@ -301,30 +298,17 @@ def _up_to(
     return np.append(time, end), np.append(x, 0.0)
 
 
-def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
-    """Replace the pieces between the first knot of others and their last."""
-    old, begin, end = stretch.pieces, made.knots[0], made.knots[-1]
-    rows, new = _coefficients(old), _coefficients(made)
-    before = old.knots[:-1] < begin
-    later = np.unique(np.append(end, old.knots[:-1][old.knots[:-1] > end]))
-    later = later[later < old.knots[-1]]
-    k = np.searchsorted(old.knots, later, side="right") - 1
-    s = later - old.knots[k]
-    d, v, a, h = rows[:, k]
-    after = np.array(
-        [d + s * (v + s * (0.5 * a + s * h)), v + s * (a + 3.0 * s * h), a + 6.0 * s * h, h]
-    )
-    knots = np.concatenate([old.knots[:-1][before], made.knots[:-1], later, old.knots[-1:]])
-    d, v, a, h = np.concatenate([rows[:, before], new, after], axis=1)
+def _spliced(stretch: Stretch, made: PPoly) -> Stretch:
+    """Replace the pieces between the first knot of cubics and their last."""
+    old, begin, end = stretch.pieces, made.x[0], made.x[-1]
+    before = old.x[:-1] < begin
+    later = np.unique(np.append(end, old.x[:-1][old.x[:-1] > end]))
+    later = later[later < old.x[-1]]
+    kept = np.pad(old.c[:, before], ((4 - len(old.c), 0), (0, 0)))
+    knots = np.concatenate([old.x[:-1][before], made.x[:-1], later, old.x[-1:]])
+    pieces = PPoly(np.concatenate([kept, made.c, expanded(old, later, 4)], axis=1), knots)
     joints = stretch.joints
     kinked = np.isin(knots, joints.knots[joints.kinked]) | ((knots >= begin) & (knots <= end))
     kinked[[0, -1]] = joints.kinked[[0, -1]]
     joints = replace(joints, knots=knots, kinked=kinked)
-    pieces = Pieces(knots, d, v, a, h[None])
-    return Stretch(stretch.window, joints, 2, pieces, stretch.parameters + 2 * made.velocity.size)
-
-
-def _coefficients(part: Pieces) -> Array:
-    """Return displacement, velocity, acceleration and cubic coefficient (4, k) of each piece."""
-    cubes = np.zeros((1, part.velocity.size)) if part.higher is None else part.higher
-    return np.array([part.displacement, part.velocity, part.acceleration, *cubes])
+    return Stretch(stretch.window, joints, 2, pieces, stretch.parameters + 2 * made.c.shape[1])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,12 +13,20 @@ from scipy.interpolate import PPoly
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
-from qlvbayes.motion.bounds import Departure, Tolerance, departure_of
+from qlvbayes.motion.bounds import (
+    Departure,
+    DwellSpan,
+    Tolerance,
+    departure_of,
+    find_dwells,
+    greedy_segments,
+)
 from qlvbayes.motion.errors import Errors, Moments, errors, moments
-from qlvbayes.motion.segments import DwellSpan, find_dwells, greedy_segments
 from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
-from qlvbayes.motion.splines import Stretch
+from qlvbayes.motion.splines import Stretch, at_ends
 from qlvbayes.motion.stretch import fitted
+
+_Sds = TypeVar("_Sds", Errors, Moments)
 
 _SPEED_KNOWN = 0.05  # of the top speed: largest median error of a known velocity,
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
@@ -77,13 +86,9 @@ class Trajectory:
     def _jumps(self) -> tuple[Array, Array]:
         """Sizes (k-1,) of the jumps of velocity and acceleration at the inner knots."""
         _, velocity, acceleration = self._path
-        length, inner = np.diff(self.knots)[:-1], slice(0, -1)
         jumps = []
         for poly, most in ((velocity, self.top_speed), (acceleration, self.top_acceleration)):
-            last = np.zeros(length.size)
-            for row in poly.c:
-                last = last * length + row[inner]
-            jump = np.abs(poly.c[-1, 1:] - last)
+            jump = np.abs(poly.c[-1, 1:] - at_ends(poly)[:-1])
             jumps.append(np.where(jump > _SAME * max(most, 1e-300), jump, 0.0))
         return jumps[0], jumps[1]
 
@@ -169,11 +174,18 @@ class Trajectory:
 
 def _largest(poly: PPoly, slope: PPoly) -> float:
     """Return the largest magnitude of a piecewise polynomial whose derivative is given."""
-    ends = [poly.c[-1], sum(c * np.diff(poly.x) ** k for k, c in enumerate(poly.c[::-1]))]
+    ends = [poly.c[-1], at_ends(poly)]
     if poly.c.shape[0] > 2:
         roots = slope.roots(discontinuity=False, extrapolate=False)
         ends.append(poly(roots[np.isfinite(roots)]))
     return float(max(np.max(np.abs(e), initial=0.0) for e in ends))
+
+
+def fields_of(path: PPoly) -> dict[str, Any]:
+    """Return the fields of a motion along polynomials of degree 2 at least."""
+    names = ("start_displacement", "start_velocity", "start_acceleration")
+    starts = zip(names, (path.c[-1], path.c[-2], 2.0 * path.c[-3]), strict=True)
+    return {"knots": path.x, **dict(starts), "higher": path.c[-4::-1] if len(path.c) > 3 else None}
 
 
 def smooth(
@@ -214,31 +226,27 @@ def _stretches(
     t: Array, x: Array, segments: list[tuple[int, int]], dwells: list[DwellSpan], tol: Tolerance
 ) -> list[Stretch]:
     """Fit the motion between the dwells."""
-    parts: list[Stretch] = []
-    for before, after in pairwise([None, *dwells, None]):
-        if before is None and after is not None and after.first == 0:
-            continue
-        if after is None and before is not None and before.stop == t.size:
-            continue
-        parts.append(fitted(t, x, segments, before, after, tol))
-    return parts
+    return [
+        fitted(t, x, segments, before, after, tol)
+        for before, after in pairwise([None, *dwells, None])
+        if before or after is None or after.first > 0
+        if after or before is None or before.stop < t.size
+    ]
 
 
 def _joined(t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance) -> Trajectory:
     """Put moving parts and dwells in order of time."""
-    most = max((_order(p) for p in parts), default=0)
-    starts = [part.pieces.knots[:-1] for part in parts]
-    values = [_rows(part, most) for part in parts]
+    most = max((len(part.pieces.c) for part in parts), default=3)
+    starts = [part.pieces.x[:-1] for part in parts]
+    values = [np.pad(p.pieces.c, ((most - len(p.pieces.c), 0), (0, 0))) for p in parts]
     for dwell in dwells:
-        into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[dwell.stop - 1]]
+        into = [p.pieces.x[-1] for p in parts if p.pieces.x[-1] <= t[dwell.stop - 1]]
         starts.append(np.array([max(into) if into and dwell.first > 0 else t[0]]))
-        values.append(np.array([[dwell.level], *[[0.0]] * (2 + most)]))
+        values.append(np.pad([[dwell.level]], ((most - 1, 0), (0, 0))))
     knots = np.concatenate(starts)
     order = np.argsort(knots, kind="stable")
-    d, v, a, *higher = np.concatenate(values, axis=1)[:, order]
-    return Trajectory(
-        np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
-    )
+    path = PPoly(np.concatenate(values, axis=1)[:, order], np.append(knots[order], t[-1]))
+    return Trajectory(**fields_of(path), resolution=tol.step)
 
 
 def _with_errors(
@@ -278,35 +286,20 @@ def _all_moments(
     t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance, clock: float
 ) -> Moments:
     """Return the errors of all stretches' knots, in order of time."""
-    times, sds = [np.array([t[0], t[-1]])], [np.zeros(2)]
+    every = [Moments(t[[0, -1]], np.zeros(2))]
     for part in parts:
         begin, end = part.joints.knots[[0, -1]]
         before = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.first] < begin]
         after = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.stop - 1] > end]
         levels = (before[-1] if before else 0.0, after[0] if after else 0.0)
-        times.append(part.joints.knots)
-        sds.append(moments(part, tol, levels, clock))
-    time, sd = np.concatenate(times), np.concatenate(sds)
-    order = np.argsort(time, kind="stable")
-    return Moments(time[order], sd[order])
+        every.append(Moments(part.joints.knots, moments(part, tol, levels, clock)))
+    return _in_order(every)
 
 
 def _level_sd(dwell: DwellSpan, tol: Tolerance) -> float:
     """Sd of a dwell's level. At rest the rounding is not averaged out, unless scatter does it."""
     rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
     return float(np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
-
-
-def _order(part: Stretch) -> int:
-    return 0 if part.pieces.higher is None else len(part.pieces.higher)
-
-
-def _rows(part: Stretch, most: int) -> Array:
-    """Return displacement, velocity, acceleration and ``most`` higher coefficients."""
-    p = part.pieces
-    higher = np.zeros((0, p.velocity.size)) if p.higher is None else p.higher
-    missing = np.zeros((most - len(higher), p.velocity.size))
-    return np.concatenate([[p.displacement, p.velocity, p.acceleration], higher, missing])
 
 
 def _all_errors(
@@ -324,15 +317,16 @@ def _all_errors(
         middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
         every.append(Errors(span, np.full(2, _level_sd(dwell, tol)), np.zeros(2), np.zeros(2)))
-    joined = _concatenated(every)
+    joined = _in_order(every)
     least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
     return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))
 
 
-def _concatenated(parts: list[Errors]) -> Errors:
-    order = np.argsort(np.concatenate([p.time for p in parts]), kind="stable")
-    names = ("time", "displacement", "velocity", "acceleration")
-    return Errors(*(np.concatenate([getattr(p, name) for p in parts])[order] for name in names))
+def _in_order(parts: list[_Sds]) -> _Sds:
+    """Return the errors of several parts as one, in order of time."""
+    order = np.argsort(np.concatenate([part.time for part in parts]), kind="stable")
+    columns = (np.concatenate([getattr(p, x.name) for p in parts])[order] for x in fields(parts[0]))
+    return type(parts[0])(*columns)
 
 
 def _unresolved(
@@ -342,7 +336,7 @@ def _unresolved(
     if not parts:
         return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
     doubts = []
-    every = _concatenated(part_errors)
+    every = _in_order(part_errors)
     speed = _share(every.velocity, motion.velocity(every.time))
     if speed > _SPEED_KNOWN:
         doubts.append(("velocity", "the displacement record does not give the speed"))

@@ -31,7 +31,7 @@ from qlvbayes.fitting.summary import (
 )
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.motion.covered import covered
+from qlvbayes.motion.facts import covered
 from qlvbayes.parallel.running import package_digest
 from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.pipeline.steps import FITTED, Watcher, digest_of, is_finished, record_finished

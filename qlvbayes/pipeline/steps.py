@@ -36,7 +36,7 @@ from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.parallel.running import Fault, package_digest
 from qlvbayes.plots.catalogue import pictures_of, save_figures
 from qlvbayes.report.firstlook import FirstLook
@@ -345,7 +345,7 @@ def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) 
     lines = [
         f"pad {experiment.pad}: fitting {tests}",
         f"  noise measured at rest: {plain(floor.total)} {unit} (white {plain(floor.white)}, "
-        f"correlated {plain(floor.ou)} {unit} over {plain(floor.memory, 2)} s)",
+        f"correlated {plain(floor.ou)} {unit} over {plain(floor.tau, 2)} s)",
         f"  priors{'' if sampled else ', from which the starts are drawn'}:",
     ]
     parts = choices.build(experiment.scales)[: 2 if sampled else 1]

@@ -95,7 +95,7 @@ def finish(
     """Mark the phases of a test, its readings left out, and what each panel shows."""
     bad = trial.left_out
     if bad is not None:
-        rows = [k for k, _ in bad.drawn]
+        rows = bad.drawn
         panels[0].set_ylim(*panels[0].get_ylim())  # a cross at the edge would widen it
         mark_left_out(panels[0], time(bad.time[rows]), bad.force[rows])
     for axis, text in zip(panels, quantities, strict=True):

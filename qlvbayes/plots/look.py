@@ -168,11 +168,11 @@ def _left_out(panels: Sequence[Axes], trial: Trial, time: PhaseTime, way: float)
     bad = trial.left_out
     if bad is None:
         return
-    force = [k for k, _ in bad.drawn]
-    displacement = [k for k, run in bad.drawn if run.kind != "excluded"]  # of which it counts
+    force = bad.drawn
+    displacement = force[~bad.excluded[force]]  # of the others it counts
     channels = ((bad.force, force), (way * bad.displacement, displacement))
     for panel, (values, rows) in zip(panels, channels, strict=False):
-        if rows:
+        if rows.size:
             mark_left_out(panel, time(bad.time[rows]), values[rows])
 
 

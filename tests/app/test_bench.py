@@ -155,7 +155,7 @@ def test_noise_alone_hardly_exceeds_a_cells_limit(bench):
     for k, trial in enumerate(samples.trials):
         time = trial.test.time[samples.rows[k]]
         apart = np.abs(time[:, None] - time)
-        root = np.linalg.cholesky(np.exp(-apart / floor.memory) + 1e-9 * np.eye(time.size))
+        root = np.linalg.cholesky(np.exp(-apart / floor.tau) + 1e-9 * np.eye(time.size))
         noise = floor.ou * root @ rng.standard_normal((time.size, beyond.size))
         noise += floor.white * rng.standard_normal(noise.shape)
         for kind in set(samples.phases(k)):

@@ -14,7 +14,7 @@ from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models, pad_alone
 from qlvbayes.model.parameters import fields_of
-from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.facts import Covered
 from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)

@@ -18,8 +18,8 @@ from qlvbayes.io.loading import Answers, pattern_of
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.facts import Covered
 from qlvbayes.motion.pad import cut, refuse_unknown
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others

@@ -31,7 +31,7 @@ def applied(*texts, part=MODEL, fixed=False):
 
 def predictor(model=MODEL, noise=NOISE):
     time, depth = np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.6, 1.6])
-    blocks = Blocks.from_samples(time, depth, np.ones(3))
+    blocks = Blocks.of_means(depth, np.ones(3), time, time)
     motion = Motion(time, depth, np.zeros(3), np.zeros(3))
     nodes = np.stack([np.arange(3)] * 2, axis=1)
     return Predictor.from_model(model, noise, batch([Record(motion, nodes, blocks)]))

@@ -11,8 +11,9 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD
-from qlvbayes.motion.badreadings import left_out_notice, outlying, sound_tests
+from qlvbayes.motion.clean import left_out_notice, sound_tests
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.outliers import outlying
 
 SHARED = Path(__file__).parents[3] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01
@@ -97,15 +98,14 @@ def test_a_reading_that_both_sides_and_the_other_channel_contradict_is_left_out(
         values = getattr(sound, channel)[places[0] - 1]
     (bad,) = found(spoiled(sound, channel, places, values))
     assert np.flatnonzero(bad.mask).tolist() == places
-    assert set(bad.channels) == {channel}
-    assert set(bad.kinds) == {kind}
+    assert set(bad.reason) == {f"{kind} {channel}"}
 
 
 def test_a_lost_row_is_one_in_both_channels():
     row = spoiled(spoiled(pressed(), "displacement", [HOLD], 0.0), "force", [HOLD], 0.0)
     (bad,) = found(row)
     assert np.flatnonzero(bad.mask).tolist() == [HOLD]
-    assert bad.channels == ("both",)
+    assert bad.reason.tolist() == ["lost both"]
 
 
 def test_the_first_reading_of_a_record_that_begins_amid_a_hold():
@@ -138,7 +138,7 @@ def test_a_force_that_is_clipped():
     level = 0.95 * test.force.max()
     clipped = np.minimum(test.force, level)
     (bad,) = found(replace(test, force=clipped))
-    assert set(bad.kinds) == {"clipped"}
+    assert set(bad.reason) == {"clipped force"}
     assert np.array_equal(np.flatnonzero(bad.mask), np.flatnonzero(clipped == level))
 
 
@@ -244,7 +244,7 @@ def test_the_clock_slips_in_single_readings():
     ahead = spoiled(repeated, "time", [1500], 100.0)
     (bad,) = found(spoiled(ahead, "time", [2000], 3.0))
     assert np.flatnonzero(bad.mask).tolist() == [700, 1500, 2000]
-    assert set(bad.kinds) == {"clock"}
+    assert set(bad.reason) == {"clock time"}
     ((test, _),) = sound_tests([ahead])
     assert np.all(np.diff(test.time) > 0.0)
     with pytest.raises(InputError, match=r"clock slips at 6.99 s .* delete its row"):

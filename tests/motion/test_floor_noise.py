@@ -9,14 +9,12 @@ from qlvbayes.diagnosis.checks.adequacy import combined
 from qlvbayes.fitting.prediction import realisations
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.noisefloor.dwells import Dwell
-from qlvbayes.motion.noisefloor.pool import Pool
+from qlvbayes.motion.noisefloor.pool import Dwell, Pool
 from qlvbayes.motion.record import Blocks
 
 
-def correlation(lag, tau, smooth):
-    x = np.abs(lag) / tau
-    return np.exp(-x) * (np.cos(x) + np.sin(x) if smooth else 1.0)
+def correlation(lag, tau):
+    return np.exp(-np.abs(lag) / tau)
 
 
 def rest(rng, n=60):
@@ -33,7 +31,7 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(ratio, tau):
     dense, freedom, power = 0.0, 0, 0.0
     for k, (one, q) in enumerate(zip(dwells, pool.trends, strict=True)):
         lag = one.time[:, None] - one.time
-        matrix = np.eye(one.time.size) + ratio * correlation(lag, tau, smooth=False)
+        matrix = np.eye(one.time.size) + ratio * correlation(lag, tau)
         free = np.linalg.svd(q)[0][:, q.shape[1] :]
         inner = free.T @ matrix @ free
         y = free.T @ pool.y[60 * k : 60 * (k + 1)]
@@ -49,23 +47,21 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(ratio, tau):
 def samples(time, scale=None):
     one = np.ones(time.size)
     scale = one if scale is None else scale
-    return replace(Blocks.from_samples(time, one, one), scale=scale)
+    return replace(Blocks.of_means(one, one, time, time), scale=scale)
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-def test_realisations_have_the_covariance_of_the_floor(smooth):
+def test_realisations_have_the_covariance_of_the_floor():
     time = np.concatenate([[0.0, 1e-3], np.cumsum(np.full(12, 0.1))])
     given = samples(np.sort(time), np.linspace(1.0, 2.0, time.size))
-    floor = NoiseFloor(0.3, 1.0, 0.25, smooth=smooth)
+    floor = NoiseFloor(0.3, 1.0, 0.25)
     drawn = realisations([floor] * 20_000, given, np.random.default_rng(1))
     assert np.allclose(drawn.T @ drawn / 20_000, covariance(floor, given, 0.0), atol=0.2)
 
 
-@pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("tau", [1e-3, 0.02, 0.4, 1e3])
-def test_averages_have_the_covariance_of_their_readings(smooth, tau):
+def test_averages_have_the_covariance_of_their_readings(tau):
     """Few readings far apart, many close together, one alone, and two at nearly one instant."""
-    floor = NoiseFloor(0.0, 1.0, tau, smooth=smooth)
+    floor = NoiseFloor(0.0, 1.0, tau)
     count = np.array([3.0, 400.0, 1.0, 2.0])
     first = np.array([0.0, 1.5, 2.0, 2.5])
     last = np.array([1.0, 1.9, 2.0, 2.5 + 1e-10])
@@ -74,7 +70,7 @@ def test_averages_have_the_covariance_of_their_readings(smooth, tau):
     for row, begin, n in zip(mean, np.cumsum(count) - count, count, strict=True):
         row[int(begin) : int(begin + n)] = 1.0 / n
     every = np.concatenate(times)
-    dense = mean @ correlation(every[:, None] - every, tau, smooth) @ mean.T
+    dense = mean @ correlation(every[:, None] - every, tau) @ mean.T
     blocks = Blocks.of_means(np.ones(4), count, first, last)
     assert np.allclose(covariance(floor, blocks, 0.0), dense, rtol=1e-6, atol=1e-9)
 

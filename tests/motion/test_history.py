@@ -19,9 +19,9 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.motion.carryover import carryovers
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.past import REST, past_of, remembered_tests
+from qlvbayes.motion.specimen import carryovers
 from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.simulate import (
     NOISES,

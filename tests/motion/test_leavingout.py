@@ -23,8 +23,8 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.motion.covered import covered
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.facts import covered
 from qlvbayes.motion.pad import arguments_of, refuse_unknown
 from qlvbayes.plots.look import plot_look
 from qlvbayes.plots.panels import LABEL

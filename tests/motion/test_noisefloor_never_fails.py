@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
 
 from qlvbayes.motion.noisefloor import measure
-from qlvbayes.motion.noisefloor.dwells import Dwell
 from qlvbayes.motion.noisefloor.floor import Dwells
-from qlvbayes.motion.noisefloor.pool import Pool
+from qlvbayes.motion.noisefloor.pool import Dwell, Pool
 from qlvbayes.motion.phases import Phase
 
 

@@ -9,7 +9,7 @@ from blind.study import measured
 
 from qlvbayes.diagnosis.summary.words import _first
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.pulling import pull_notices, pull_of
+from qlvbayes.motion.specimen import pull_notices, pull_of
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qlvbayes.io.data import Test
-from qlvbayes.motion.stiffness import largest_stiffness
+from qlvbayes.motion.falling import largest_stiffness
 
 
 def pressed(force_of, depth=1.6, points=400, back=True):

@@ -9,7 +9,7 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
 from qlvbayes.inference.starts import amplitude_of, shapes
-from qlvbayes.motion.timing import kink_sds, off_kinks, timing_sd
+from qlvbayes.motion.reduction import kink_sds, off_kinks, timing_sd
 from qlvbayes.motion.trajectory import Trajectory
 
 KINK, SPEED = 2.0, 5.0  # s, mm/s

@@ -4,7 +4,7 @@ import numpy as np
 
 from qlvbayes.fitting.results import Saved
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.facts import Covered
 from qlvbayes.simulate import TABLE_1
 
 PAD = TABLE_1["B"]

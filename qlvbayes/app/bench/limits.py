@@ -24,7 +24,7 @@ def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
             here = phases == kind
             if here.any():
                 gaps = np.abs(time[here][:, None] - time[here])
-                covariance = floor.ou**2 * np.exp(-gaps / floor.memory)
+                covariance = floor.ou**2 * np.exp(-gaps / floor.tau)
                 cells[trial.name, kind] = covariance + np.diag(white[here] ** 2)
     level = FALSE_ALARMS / max(len(cells), 1)
     return {cell: _limit(covariance, level) for cell, covariance in cells.items()}

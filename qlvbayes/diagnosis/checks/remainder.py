@@ -163,7 +163,7 @@ def _cells(
 def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the covariance (n, n) of white and correlated noise at rest (N^2)."""
     floor = samples.experiment.floor
-    white, ou, tau = floor.white, floor.ou, floor.memory
+    white, ou, tau = floor.white, floor.ou, floor.tau
     apart = np.abs(time[:, None] - time) / tau
     variance = (white * weights) ** 2 + _RIDGE * (white**2 + ou**2)
     return ou**2 * np.exp(-apart) + np.diag(variance)

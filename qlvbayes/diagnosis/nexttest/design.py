@@ -14,8 +14,8 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.facts import Covered
 from qlvbayes.motion.phases import Kind
 from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.trajectory import Trajectory

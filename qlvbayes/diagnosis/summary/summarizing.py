@@ -38,10 +38,10 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.relaxation.law import unresolved_times
-from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
+from qlvbayes.motion.specimen import carryover_notices, clock_notices
 
 
 def summarize(

@@ -16,7 +16,7 @@ from qlvbayes.effects.catalogue import FORMS
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import capitalized, joined, pad_title, percent, plain, to_noise
 from qlvbayes.motion.phases import NAMES
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.motion.specimen import pull_notices
 
 _MOST_BIASES = 3  # effects hidden in the constants that are reported
 _LINEAR = 0.5  # relative change of a constant up to which slopes predict it

@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.motion.noisefloor.averages import rate, regression, variance
+from qlvbayes.motion.noisefloor.pool import regression, variance
 from qlvbayes.motion.record import Blocks
 
 _LEAST = 1e-6  # smallest sd of a block mean over the largest force, for invertible covariances
@@ -143,7 +143,7 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     )
     white = (floor.white * weight * scale) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
     correlated = floor.ou**2 * np.outer(scale, scale)
-    correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
+    correlation = averaged_correlation(first, last, count, floor.tau)
     moving = (extra > 0.0).astype(float)
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
     common = np.where(group[:, None] == group, 0.5, 0.0)
@@ -161,12 +161,11 @@ def expected_covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> Array
 
 
 def averaged_correlation(
-    first: np.ndarray, last: np.ndarray, count: np.ndarray, tau: float, smooth: bool = False
+    first: np.ndarray, last: np.ndarray, count: np.ndarray, tau: float
 ) -> np.ndarray:
     """Return the correlation (N, N) of means over ``count`` readings of a unit process."""
-    z = rate(tau, smooth)
-    mean = regression(last - first, count, z)
+    mean = regression(last - first, count, tau)
     gap = np.maximum(first[None, :] - last[:, None], 0.0)
-    averaged = np.exp(-z * (gap + gap.T)) * np.outer(mean, mean)
-    np.fill_diagonal(averaged, variance(last - first, count, z))
-    return np.real(z * tau * averaged)
+    averaged = np.exp(-(gap + gap.T) / tau) * np.outer(mean, mean)
+    np.fill_diagonal(averaged, variance(last - first, count, tau))
+    return averaged

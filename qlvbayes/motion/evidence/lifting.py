@@ -9,7 +9,6 @@ import numpy as np
 from qlvbayes.io.arrays import Mask
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.accelerating import speed_changes
 from qlvbayes.motion.evidence.record import (
     CLEAR,
     DirectEvidence,
@@ -26,6 +25,7 @@ from qlvbayes.motion.evidence.record import (
     rows_between,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.falling import speed_changes
 from qlvbayes.motion.phases import Phase
 
 _WIDTH = 5  # readings whose mean is a force

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.noisefloor.pool import Pool
@@ -18,19 +17,11 @@ _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the dwells say little
 _MEDIAN_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
-TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
+_TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 _SPREAD = 40  # draws that show the spread
 _KEPT = 0.95  # probability of the floors that are averaged
 _MOST = 5.0  # a wider prior would say nothing
-
-
-class NoiseConstants(NamedTuple):
-    """White sd, correlated sd and its time (`NoiseFloor`)."""
-
-    white: float
-    ou: float
-    tau: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,48 +39,25 @@ class Dwells:
     # probability)
     correlated: bool
 
-    def log_likelihood(self, white: float, ou: float, tau: float) -> float:
-        """Return the restricted log-likelihood (up to a constant) of some noise."""
-        log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
-        profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)))
-        size = variance / white**2
-        return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
+    def chosen(self, count: int, power: float = 1.0) -> tuple[Array, Array]:
+        """Return noises drawn by a power of their probability, with weights (count,) of sum 1.
 
-    def draw(self, count: int) -> list[NoiseConstants]:
-        """Return equally likely noises, the same at every call."""
-        return self._chosen(count, self._sample[2])[0]
-
-    def weighted(self, count: int) -> tuple[list[NoiseConstants], Array]:
-        """Return noises with weights (count,) of sum 1, so that unlikely ones are included."""
-        weights = self._sample[2]
-        draws, chosen = self._chosen(count, np.sqrt(weights))
-        shares = np.sqrt(weights[chosen])
-        return draws, shares / shares.sum()
-
-    @property
-    def is_sure(self) -> bool:
-        """True if the noise is correlated beyond doubt."""
-        return self.correlated
-
-    def _chosen(self, count: int, weights: Array) -> tuple[list[NoiseConstants], NDArray[np.intp]]:
-        """Return noises at points drawn by their weights, and the indices of those points."""
+        Of each (count, 3) the white sd, the correlated sd and its time, the same at every call. By
+        the power 1 they are equally likely; by a smaller one unlikely ones are included.
+        """
         # here and below, as it takes longer to load than a first look takes
         from scipy.stats import chi2
 
-        points, variances, _ = self._sample
-        shares = (np.arange(count) + 0.5) / count
-        chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
+        points, variances, weights = self._sample
+        drawn, shares = weights**power, (np.arange(count) + 0.5) / count
+        chosen = np.searchsorted(np.cumsum(drawn), shares * drawn.sum())
         chosen = np.clip(chosen, 0, weights.size - 1)
-        mixed = np.random.default_rng(0).permutation(count)
-        freedom = self.pool.freedom
+        freedom, mixed = self.pool.freedom, np.random.default_rng(0).permutation(count)
         scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
-        draws = []
-        for k, scale in zip(chosen, scales, strict=True):
-            white = float(np.sqrt(variances[k]) * scale)
-            ratio, tau = points[k]
-            ou = white * float(np.exp(0.5 * ratio))
-            draws.append(NoiseConstants(white, ou, float(np.exp(tau))))
-        return draws, chosen
+        white, (ratio, tau) = np.sqrt(variances[chosen]) * scales, points[chosen].T
+        left = weights[chosen] ** (1.0 - power)
+        draws = np.stack([white, white * np.exp(0.5 * ratio), np.exp(tau)], axis=1)
+        return draws, left / left.sum()
 
     @cached_property
     def _sample(self) -> tuple[Array, Array, Array]:
@@ -106,7 +74,7 @@ class Dwells:
         logs, variances = np.array(likelihoods).T
         weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
         if not self.correlated:  # and white noise alone, as likely a priori
-            log_white, variance = self.pool.of_white()
+            log_white, variance = self.pool.of_white
             points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
             variances = np.append(variances, variance)
             weights = np.append(weights, count * np.exp(log_white - self.best))
@@ -117,8 +85,8 @@ class Dwells:
         from scipy.stats import qmc, truncnorm
 
         mode, root = np.array([self.ratio, self.tau]), self._spread()
-        near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
-        middle, sds = np.array([0.0, self.prior_log_tau]), np.array([_RATIO_SD, TAU_SD])
+        near = mode + _student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
+        middle, sds = np.array([0.0, self.prior_log_tau]), np.array([_RATIO_SD, _TAU_SD])
         prior = truncnorm(*((self.bounds - middle) / sds), loc=middle, scale=sds)
         drawn = prior.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
         points = np.concatenate([near, np.clip(drawn, *self.bounds)])
@@ -132,10 +100,10 @@ class Dwells:
         """Return the density (n,) of (log ratio, log tau), which are independent normals."""
         ratio, tau = points.T
         exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
-        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
+        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * _TAU_SD))
 
     def _log_prior(self, tau: Array) -> Array:
-        return -0.5 * ((tau - self.prior_log_tau) / TAU_SD) ** 2
+        return -0.5 * ((tau - self.prior_log_tau) / _TAU_SD) ** 2
 
     def loss(self, at: Array) -> float:
         """Return minus the log posterior at (log ratio, log tau), up to a constant."""
@@ -161,7 +129,7 @@ class Dwells:
         return np.asarray(vectors * sds)
 
 
-def student_t(uniform: Array) -> Array:
+def _student_t(uniform: Array) -> Array:
     """Return draws (n, 2) of a bivariate Student-t from uniform ones (n, 3)."""
     from scipy.stats import chi2
     from scipy.stats import t as student
@@ -180,9 +148,8 @@ def prior_log_tau(longest: float) -> float:
 class NoiseFloor:
     r"""White noise of sd ``white`` plus a correlated process of sd ``ou``, both times s(F).
 
-    cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 rho(|t - t'|/tau)}, rho(x) = e^{-x} (an
-    Ornstein-Uhlenbeck process), or e^{-x} (cos x + sin x) where ``smooth`` is stated, which no
-    measurement does; s(F) = (1 + growth |F|)/(1 + growth level).
+    cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 e^{-|t - t'|/tau}} (an Ornstein-Uhlenbeck
+    process), s(F) = (1 + growth |F|)/(1 + growth level).
 
     Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
     noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
@@ -198,7 +165,6 @@ class NoiseFloor:
     growth: float = 0.0
     level: float = 0.0
     step: float = 0.0
-    smooth: bool = False
     weighted_by_sds: bool = False
     testable: bool = True
     notices: tuple[str, ...] = ()
@@ -210,14 +176,9 @@ class NoiseFloor:
         return float(np.hypot(self.white, self.ou))
 
     @property
-    def memory(self) -> float:
-        """Correlation time (s) of the Ornstein-Uhlenbeck process with the same slow part."""
-        return self.tau
-
-    @property
     def is_sure(self) -> bool:
         """True if the dwells show correlated noise beyond doubt."""
-        return self.dwells is None or self.dwells.is_sure
+        return self.dwells is None or self.dwells.correlated
 
     def scale(self, force: ArrayLike) -> Array:
         """Return the sd at a force, of any shape, over the sd at ``level``."""
@@ -233,16 +194,17 @@ class NoiseFloor:
 
     def draws(self, count: int) -> list[NoiseFloor]:
         """Return equally likely noise floors given the dwells (the same at every call)."""
-        if self.dwells is None:
-            return [self] * count
-        return [self._like(one) for one in self.dwells.draw(count)]
+        return [self] * count if self.dwells is None else self._chosen(count, 1.0)[0]
 
     def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
-        """Return noise floors with weights (count,) of sum 1; see ``draws``."""
-        if self.dwells is None:
-            return [self], np.ones(1)
-        draws, weights = self.dwells.weighted(count)
-        return [self._like(one) for one in draws], weights
+        """Return noise floors, unlikely ones too, with weights (count,) of sum 1."""
+        return ([self], np.ones(1)) if self.dwells is None else self._chosen(count, 0.5)
+
+    def _chosen(self, count: int, power: float) -> tuple[list[NoiseFloor], Array]:
+        assert self.dwells is not None
+        draws, weights = self.dwells.chosen(count, power)
+        every = [replace(self, white=sd, ou=ou, tau=tau) for sd, ou, tau in draws.tolist()]
+        return [one.rounded() for one in every], weights
 
     def likely(self) -> tuple[list[NoiseFloor], Array]:
         """Return floors with weights of sum 1, without the twentieth with the most slow noise."""
@@ -251,8 +213,7 @@ class NoiseFloor:
         floors, weights = self.weighted(_SPREAD)
         order = np.argsort([one.ou**2 * one.tau for one in floors])
         below = np.minimum(np.cumsum(weights[order]), _KEPT)
-        kept = np.diff(below, prepend=0.0) / _KEPT
-        return [floors[k] for k in order], kept
+        return [floors[k] for k in order], np.diff(below, prepend=0.0) / _KEPT
 
     def expected(self) -> NoiseFloor:
         """Return the floor whose variances are the means over those of ``likely``."""
@@ -260,15 +221,10 @@ class NoiseFloor:
         white, ou, tau = np.array([(one.white**2, one.ou**2, one.tau) for one in floors]).T
         correlated = float(weights @ ou)
         memory = float(weights @ (ou * tau)) / correlated if correlated > 0.0 else self.tau
-        return replace(
-            self, white=float(np.sqrt(weights @ white)), ou=float(np.sqrt(correlated)), tau=memory,
-            dwells=None,
-        )  # fmt: skip
+        sds = float(np.sqrt(weights @ white)), float(np.sqrt(correlated))
+        return replace(self, white=sds[0], ou=sds[1], tau=memory, dwells=None)
 
     def rounded(self) -> NoiseFloor:
         """Return the floor with at least the variance that rounding to ``step`` makes."""
         least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
         return replace(self, white=max(self.white, float(least)))
-
-    def _like(self, noise: NoiseConstants) -> NoiseFloor:
-        return replace(self, **noise._asdict()).rounded()

@@ -14,7 +14,7 @@ from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
 from qlvbayes.motion.past import remembered_tests
 from qlvbayes.motion.phases import Phase
-from qlvbayes.motion.pulling import pull_notices
+from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.report.firstlook.result import (
     BY_PHASE,
     ContactSeen,
@@ -46,7 +46,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
             floor.total,
             floor.white,
             floor.ou,
-            floor.memory,
+            floor.tau,
             testable=floor.testable,
             by_reading=any(trial.test.force_sd is not None for trial in experiment.trials),
         ),

@@ -25,7 +25,7 @@ from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.stepping import without_inverse
-from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.facts import Covered
 from qlvbayes.use.exports.layers import ExportedLayer, exported_layers, in_spectrum
 
 _LONGEST = 40  # characters of a name in an identifier: C and MATLAB distinguish 63

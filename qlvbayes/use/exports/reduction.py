@@ -22,8 +22,8 @@ from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
-from qlvbayes.motion.covered import Covered
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.facts import Covered
 from qlvbayes.motion.phases import MOVING
 from qlvbayes.motion.record import Record, batch
 from qlvbayes.use.exports.pad import ExportedPad

@@ -23,7 +23,7 @@ from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.covered import Covered, covered
+from qlvbayes.motion.facts import Covered, covered
 
 FILE = "hypotheses.json"
 DRAWS = 400  # of all hypotheses together
