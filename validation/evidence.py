@@ -1,4 +1,4 @@
-"""How often is direct evidence that is beyond doubt wrong, and how often is it there?
+"""Count how often direct evidence that is beyond doubt is wrong, and how often it is there.
 
 Pads of the lifelike and of the wide population are read and prepared; nothing is fitted. An effect
 that the readings show beyond doubt is right if it is hidden, or kin to what is, by the rules of the

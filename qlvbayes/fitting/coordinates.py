@@ -108,8 +108,8 @@ class Coordinates:
     def _expanded(self, theta: Array) -> tuple[float, Array]:
         """Return u at theta (D,), and its derivatives (D,) by finite steps."""
         steps = np.vstack([np.zeros(theta.size), np.eye(theta.size)])
-        at, *beside = self._logs(theta + _STEP * steps)
-        return float(at), (np.array(beside) - at) / _STEP
+        at, *moved = self._logs(theta + _STEP * steps)
+        return float(at), (np.array(moved) - at) / _STEP
 
 
 def best_reading(record: Record) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What a force shows without a model: stiffness, and falls where a specimen tears or yields."""
+"""Falls of the force where a specimen tears or yields, and its stiffness, without a model."""
 
 from __future__ import annotations
 

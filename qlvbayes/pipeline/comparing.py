@@ -1,4 +1,4 @@
-"""What is made of several pads of a folder of results: comparisons, constants, forces at rates.
+"""Comparisons, constants and forces at rates of several pads of a folder of results.
 
 Matplotlib is imported when something is drawn, so that the other steps do not wait for it.
 """

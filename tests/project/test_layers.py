@@ -105,7 +105,7 @@ def test_files_motion_and_simulator_need_no_jax():
         *ROOT.glob("motion/noisefloor/*.py"),
         *(ROOT / "motion" / f"{name}.py" for name in ("trajectory", "phases", "stretch")),
     ]
-    assert len(plain) > 50
+    assert len(plain) > 40
     for path in plain:
         names = [
             getattr(node, "module", None) or alias.name
