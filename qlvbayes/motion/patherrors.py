@@ -136,8 +136,8 @@ def _errors_in(read: _Read, nodes: Array, changes: Array, grid: Array) -> Array:
     left, gains, right = np.linalg.svd(design * sds / errors[:, None])
     narrower = np.ones(sds.size)
     narrower[: gains.size] = 1.0 / np.hypot(1.0, gains)
-    told = left.T @ ((values - design[:, 2] * rate) / errors)
-    shift = gains * narrower[: gains.size] ** 2 * told[: gains.size]
+    seen = left.T @ ((values - design[:, 2] * rate) / errors)
+    shift = gains * narrower[: gains.size] ** 2 * seen[: gains.size]
     mean = sds * (right[: gains.size].T @ shift)
     mean[2] += rate
     inside = (grid >= begin) & (grid <= end)
