@@ -84,7 +84,7 @@ _HOMES = {
     "Test": "io.data.Test",
     "compare": "comparison.compare.compare",
     "displacement_from_force": "model.dual.displacement_from_force",
-    "export": "use.exports.write.export",
+    "export": "use.exports.target.export",
     "load_results": "fitting.results.load",
     "predict_program": "use.prescribed.forecast.predict_program",
     "read_study": "pipeline.specimen.read_study",
