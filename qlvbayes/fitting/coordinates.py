@@ -109,7 +109,8 @@ class Coordinates:
         """Return u at theta (D,), and its derivatives (D,) by finite steps."""
         steps = np.vstack([np.zeros(theta.size), np.eye(theta.size)])
         at, *moved = self._logs(theta + _STEP * steps)
-        return float(at), (np.array(moved) - at) / _STEP
+        with np.errstate(invalid="ignore"):  # of no force: a slope that is not finite is not used
+            return float(at), (np.array(moved) - at) / _STEP
 
 
 def best_reading(record: Record) -> tuple[float, float]:

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.past import ROUNDED, pause, remembered_tests
-from qlvbayes.motion.record import Record, forgetting
+
+if TYPE_CHECKING:
+    from qlvbayes.motion.record import Record
 
 _SEEN = 0.25  # of the noise at rest: the mean of sixteen independent samples shows as much
 _CLEAR = 0.05  # of the peak force below zero; less may be a tare that is off
 _BEYOND = 6.0  # times the noise floor
 
-Predict = Callable[[Record], np.ndarray]
+Predict = Callable[["Record"], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ def carryovers(
     """Return the carryover of each of ``trials``; none where all began at rest."""
     if record.motion.ago is None or experiment.rested:
         return ()
+    from qlvbayes.motion.record import forgetting  # loads JAX, which a first look does not need
+
     change = np.abs(predict(record) - predict(forgetting(record)))
     sizes = np.max(np.where(np.asarray(record.blocks.real), change, 0.0), axis=1)
     every = [trial.whole for trial in experiment.trials]

@@ -85,9 +85,9 @@ def test_a_memory_whose_range_is_next_to_nothing_is_that_point(width):
     bounds = np.array([[-9.0, low], [9.2, high]])
     best = pool.likelihood(1.0, high)[0]
     posterior = Dwells(pool, best, 1.0, high, bounds, np.log(0.01), correlated=True)
-    noises, weights = posterior.weighted(40)
-    drawn = np.array([noise.tau for noise in noises])
-    assert drawn.min() >= 0.3 * (1.0 - 1e-9)
-    assert drawn.max() <= np.exp(high) * (1.0 + 1e-9)
-    assert np.ptp([noise.ou / noise.white for noise in noises]) > 0.1
+    noises, weights = posterior.chosen(40, 0.5)
+    white, correlated, tau = noises.T
+    assert tau.min() >= 0.3 * (1.0 - 1e-9)
+    assert tau.max() <= np.exp(high) * (1.0 + 1e-9)
+    assert np.ptp(correlated / white) > 0.1
     assert weights.sum() == pytest.approx(1.0)
