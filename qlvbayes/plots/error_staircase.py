@@ -107,7 +107,7 @@ def _change(before: Stage, after: Stage, most: int) -> str:
     return "\n".join(lines)
 
 
-_ROW, _FRAME = 4.6, 16.0  # mm, a test and the margins of a panel
+_TEST, _MARGINS = 4.6, 16.0  # mm, a test and the margins of a panel
 
 
 def plot_strengths(diagnosis: DiagnosisResult, *, width: float = SINGLE) -> Axes:
@@ -121,7 +121,7 @@ def plot_strengths(diagnosis: DiagnosisResult, *, width: float = SINGLE) -> Axes
     if not found:
         raise ValueError("no effect is named whose strength differs between tests")
     with style():
-        heights = [_ROW * len(one.parts) + _FRAME for one in found.values()]
+        heights = [_TEST * len(one.parts) + _MARGINS for one in found.values()]
         figure = canvas(width, sum(heights))
         panels = figure.subplots(len(found), squeeze=False, height_ratios=heights)[:, 0]
         for axis, (name, own) in zip(panels, found.items(), strict=True):

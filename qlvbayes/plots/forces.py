@@ -109,7 +109,7 @@ def finish(
 _HEIGHTS = (22.0, 15.0)  # mm: a panel of force and one of residuals
 _HEAD, _HEAD_TIGHT = 13.0, 21.0  # mm: title, of one line or of two, and legend
 _LINE = 4.5  # mm: a further line of the title
-_NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
+_NAME_PAIR, _NAME_PAIR_TIGHT = 40, 24  # characters of a test's name
 _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds on either side that hold 90 %
 
@@ -134,7 +134,7 @@ def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> 
             for axis, floor in zip(panels, (None, _90 * one.floor), strict=True):
                 draw_samples(axis, time(one.time), one.observed, _models(one), floor)
             finish(sheet, panels, one.trial, time, quantities)
-            name = trial_name(one.trial, units, _NAME_TIGHT if tight else _NAME)
+            name = trial_name(one.trial, units, _NAME_PAIR_TIGHT if tight else _NAME_PAIR)
             panels[0].set_title(name, loc="left", pad=10.0)
         _legend(sheet.figure, diagnosis.result, len(_models(shown[0])), tight=tight)
     return [axis for panels in sheet.blocks for axis in panels]
@@ -178,7 +178,7 @@ def _legend(figure: Figure, diagnosis: DiagnosisResult, count: int, *, tight: bo
 
 _PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and the margins
 _ACROSS, _ACROSS_TIGHT = 3, 2  # panels
-_NAME, _NAME_TIGHT = 22, 14  # characters of a test's name
+_NAME_LOOP, _NAME_LOOP_TIGHT = 22, 14  # characters of a test's name
 _BACK = ("unload", "recovery")  # phases that are drawn dashed
 
 
@@ -202,7 +202,7 @@ def plot_hysteresis(
         axes = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
         for axis, prediction in zip(axes.flat, shown, strict=False):
             _draw(axis, prediction)
-            name = trial_name(prediction.trial, units, _NAME_TIGHT if tight else _NAME)
+            name = trial_name(prediction.trial, units, _NAME_LOOP_TIGHT if tight else _NAME_LOOP)
             (role, weight), gap = role_look(prediction.trial.role), "\n" if tight else " "
             axis.set_title(f"{name},{gap}{role}", loc="left", weight=weight)
         for axis in axes.flat[len(shown) :]:

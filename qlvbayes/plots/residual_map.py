@@ -82,8 +82,8 @@ def _text(cell: Cell, noise: float) -> str:
     return f"{short(over_floor(cell.rmse, noise))}\n{text.replace('-', chr(0x2212))}"
 
 
-_ROW, _FRAME = 8.0, 45.0  # mm: a row of cells and the margins
-_NAME = 24  # characters of a test's name
+_PAIR_ROW, _PAIR_FRAME = 8.0, 45.0  # mm: a row of cells and the margins
+_PAIR_NAME = 24  # characters of a test's name
 _TITLE = 40  # characters a line, of a panel's title
 _KEY_WIDE, _KEY_TIGHT = 120, 58  # characters a line, of the key
 _KEY = (
@@ -104,13 +104,13 @@ def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DO
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
     tests = tests_by_rate(stages[0].cells)
     kinds = [kind for kind in KINDS if any(c.phase == kind for c in stages[0].cells)]
-    height = _FRAME + _ROW * max(len(tests), LEAST_ROWS)
-    height += ((height - _FRAME / 2) * (len(stages) - 1) + 12.0) * tight
+    height = _PAIR_FRAME + _PAIR_ROW * max(len(tests), LEAST_ROWS)
+    height += ((height - _PAIR_FRAME / 2) * (len(stages) - 1) + 12.0) * tight
     with style():
         axes, empty = draw_maps(
             [_map(stage, diagnosis) for stage in stages], noise, units, width=width,
             height=height, kinds=kinds,
-            rows=[row_label(test, units, _NAME) for test in tests.values()],
+            rows=[row_label(test, units, _PAIR_NAME) for test in tests.values()],
         )  # fmt: skip
         figure = figure_of(axes)
         figure.suptitle(heading(diagnosis, tight=tight), x=0.01, ha="left")
