@@ -17,6 +17,8 @@ Rows = NDArray[np.intp]
 """Indices of readings."""
 CLEAR = 5.0
 """Errors, from which on a size is beyond doubt where it is seen in two places."""
+WANDERS = 0.02
+"""Of the peak: a smaller change of the force off the specimen may be a tare that wanders."""
 _FEWEST = 3  # readings of a level
 _STILL = 2.0  # encoder steps, within which the platen has not left its start
 

@@ -10,6 +10,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import (
     CLEAR,
+    WANDERS,
     DirectEvidence,
     Place,
     level_before,
@@ -87,6 +88,7 @@ def drift_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     if abs(rate) <= CLEAR * sd:
         return ()
     off = np.abs(force - np.average(force, weights=sds**-2) - rate * since) / sds
+    whole, peak = abs(rate) * float(np.ptp(clock)), experiment.peak
     unit = experiment.units.force
     places = [Place(trial, "before the ramp", rate, sd) for trial, _ in known]
     tests, phases = names_of(places)
@@ -96,7 +98,7 @@ def drift_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
             f"{unit}/s", tests, phases,
             f"before the platen moves the force changes by {plain(rate)} +- {plain(sd, 2)} {unit}/s"
             f" from test to test: the load cell drifts",
-            len(known) > _TESTS and bool(np.max(off) < _ALIKE),
+            len(known) > _TESTS and bool(np.max(off) < _ALIKE) and whole > WANDERS * peak,
         ),
     )  # fmt: skip
 
