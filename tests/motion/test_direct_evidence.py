@@ -116,6 +116,23 @@ def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(lost):
     assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
 
 
+def test_a_guide_that_rubs_on_the_way_in_pulls_on_the_way_back():
+    """0.1 N of Dahl's friction over 0.6 mm of air; the pad relaxes and the platen leaves it."""
+
+    def force(_, depth, speed, __):
+        turned, z = np.empty(depth.size), 0.0
+        for k in range(depth.size):
+            z += 1e-3 * speed[k] / 0.02 * (1.0 - z * np.sign(speed[k]))
+            turned[k] = z
+        return np.where(speed < 0.0, 0.6, 1.0) * spring(depth - 0.6) + 0.1 * turned
+
+    experiment = pressed(force, speeds=(0.5, 1.0, 2.0), stroke=3.0, back=2.0)
+    assert beyond_doubt(experiment) == {"friction"}
+    assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
+    drags = pressed(lambda _, d, v, __: spring(d - 0.6) + 0.05 * v, speeds=(1.0, 4.0), stroke=3.0)
+    assert "friction" not in beyond_doubt(drags)
+
+
 def test_a_frame_that_rings_after_stops_is_heard():
     def force(time, depth, speed, _):
         ends = time[1:][(np.abs(speed[1:]) < 1e-9) & (np.abs(speed[:-1]) > 1e-9)]

@@ -40,7 +40,8 @@ _REACHED = 0.9  # of the mean speed, at which it has begun
 _LASTS = 20  # readings that are one long place
 _SETTLED = 0.2  # of a friction, by which the force may differ before and after the stop
 _AGREE = 1.5  # largest ratio of one friction in two tests
-_END = 0.2  # of a movement, at its end
+_END = 0.2  # of a movement, at its end or its beginning
+_BEGUN = 0.05  # of a movement, after which what rubs has yielded
 
 
 @dataclass(frozen=True)
@@ -58,15 +59,17 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
 
     It counts from the lowest of the file's zero and what the test shows before the contact, on the
     way in and at its end, so that a tare that is off, a drive that ripples or a guide that rubs is
-    none. A drag pulls too, by a power
-    of the speed, and no longer when the platen rests; it is there at once as the platen moves back,
-    as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where it lasts at
-    rest, does not grow with the speed, or comes gradually, in most tests that move back: what is
-    sticky sticks in all of them.
+    none; what any test shows to rub on the way in, rubs on the way back of all. A drag pulls too,
+    by a power of the speed, and no longer when the platen rests; it is there at once as the platen
+    moves back, as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where
+    it lasts at rest, does not grow with the speed, or comes gradually, in most tests that move
+    back: what is sticky sticks in all of them.
     """
     if bonded or experiment.units.dimensionless:
         return ()
-    lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial)]
+    inward = [one for one in _every_inward(experiment) if one.is_clear]
+    rubs = Level(*pooled(inward)) if inward else Level(0.0, 0.0)
+    lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial, rubs)]
     back = {one.moving.trial.name for one in lifts}
     least = WANDERS * experiment.peak
     resting = [
@@ -105,7 +108,7 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
     )  # fmt: skip
 
 
-def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
+def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
@@ -118,7 +121,9 @@ def _lifts(experiment: Experiment, trial: Trial) -> list[Lift]:
         end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
         # a specimen that is still pressed at the end has its own zero in the file's
         flat = _flat(experiment, trial, move, rest)
-        every = (before, inward, end, flat, Level(0.0, experiment.floor.ou))
+        rest_level = before or Level(0.0, experiment.floor.ou)
+        rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
+        every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
         levels = [one for one in every if one is not None]
         rows = rows_between(trial, move.start, move.stop)
         rows = rows[steady[rows]]
@@ -181,11 +186,19 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force that turns with the direction, at any speed.
 
     Where a platen has moved back, the force is flat at the end of the movement, the same after the
-    stop, and lower than before the contact. A drag ends with the motion; a specimen that pulls
+    stop, and lower than before the contact; or it is flat and higher as the platen begins to move
+    in, at speeds that differ by a factor of two. A drag ends with the motion; a specimen that pulls
     lets go, or relaxes. It is beyond doubt where most tests show it, and it is more than a tare
     that wanders.
     """
     every = [place for trial in experiment.trials for place in _rubs(experiment, trial)]
+    if not any(place.is_clear for place in every):
+        every = _every_inward(experiment)
+        speeds = [place.speed for place in every if place.is_clear]
+        every = every if speeds and max(speeds) >= 2.0 * min(speeds) else []
+        way, side = "above", "as the platen moves in"
+    else:
+        way, side = "below", "as the platen moves back and at rest"
     places = [place for place in every if place.is_clear]
     if len(places) < 2:
         return ()
@@ -196,10 +209,10 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     unit = experiment.units.force
     return (
         DirectEvidence(
-            "friction", "force on the way back, and at rest after it", value, sd, unit, tests,
-            phases,
-            f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} below that "
-            "before the contact, as the platen moves back and at rest: something rubs",
+            "friction", "force off the specimen that turns with the direction", value, sd, unit,
+            tests, phases,
+            f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} {way} that "
+            f"before the motion, {side}: something rubs",
             agree
             and value > max(CLEAR * sd, WANDERS * experiment.peak)
             and 2 * len(tests) > len({one.trial.name for one in every}),
@@ -220,6 +233,28 @@ def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
             sd = float(np.hypot(before.sd, level.sd))
             place = Place(trial, move.kind, before.value - level.value, sd, mean_speed(trial, move))
             places.append(place)
+    return places
+
+
+def _every_inward(experiment: Experiment) -> list[Place]:
+    """Return by how much the force is higher as the platen begins to move in, where it is flat."""
+    places = []
+    for trial in experiment.trials:
+        before = level_before(experiment, trial)
+        first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+        if before is None or first is None or first.control != Control.DISPLACEMENT:
+            continue
+        lasts = first.stop - first.start
+        rows = rows_between(trial, first.start + _BEGUN * lasts, first.start + _END * lasts)
+        parts = np.array_split(rows[~speed_changes(trial.test, trial.trajectory, _NEAR)[rows]], 3)
+        levels = [level_of(experiment, trial, part) for part in parts]
+        values = [one.value - before.value for one in levels if one is not None]
+        if len(values) < len(parts):
+            continue
+        sd = float(np.hypot(before.sd, max(one.sd for one in levels if one is not None)))
+        mean = float(np.mean(values))
+        if np.ptp(values) <= _SETTLED * abs(mean) + 3.0 * sd:
+            places.append(Place(trial, first.kind, mean, sd, mean_speed(trial, first)))
     return places
 
 

@@ -83,7 +83,7 @@ def level_before(experiment: Experiment, trial: Trial) -> Level | None:
         return None
     path, test = trial.trajectory, trial.test
     start, depth = path.displacement(np.array([test.time[0], first.stop]))
-    if abs(start) > 0.01 * experiment.depth:
+    if start > 0.01 * experiment.depth:  # pressed already
         return None
     near = np.abs(path.displacement(test.time) - start) <= max(
         _STILL * path.resolution, 1e-3 * abs(depth - start)
