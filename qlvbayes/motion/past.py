@@ -37,6 +37,7 @@ _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from th
 _FINEST = 3e-6  # and the least that very quiet noise asks for
 _CURVED = 10.0  # times that, where the curvature between the points is stored too: on a sine half
 # as many points, and a tenth of the error of the force that straight lines make (2e-6 of its peak)
+_HALVINGS = 40  # of a stretch in which the displacement passes zero: to 1e-12 of it
 _FAITHFUL = 2e-5  # of the stroke: bound of a straight line's error, see above; a fifth of a grid's
 _MOST = 64  # points of an earlier test
 _STEPS = 6  # points of a stroke, as a frame that yields makes the pad's own stroke no straight line
@@ -56,6 +57,7 @@ def grid_times(
 ) -> Array:
     """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs.
 
+    The moments at which the displacement passes zero are among them: there a platen touches.
     begun: whether a record that begins in motion was at zero displacement before.
     """
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
@@ -65,6 +67,7 @@ def grid_times(
     depth, speed = float(trajectory.displacement(first)), float(trajectory.velocity(first))
     approach = [first - depth / speed] if begun and depth * speed > 0.0 else []
     points = np.unique(np.concatenate([approach, [first], points, nodes]))
+    points = np.unique(np.concatenate([points, _crossings(trajectory, points[points >= first])]))
     bend = np.abs(trajectory.acceleration(0.5 * (points[1:] + points[:-1])))
     pieces = np.ceil(np.diff(points) * np.sqrt(bend / (8.0 * tolerance))).astype(int)
     extra = [
@@ -72,6 +75,18 @@ def grid_times(
         for k in np.flatnonzero(pieces > 1)
     ]
     return np.unique(np.concatenate([points, *extra]))
+
+
+def _crossings(trajectory: Trajectory, points: Array) -> Array:
+    """Return the times (s) at which the displacement passes zero between points (N,)."""
+    depth = trajectory.displacement(points)
+    rows = np.flatnonzero(depth[:-1] * depth[1:] < 0.0)
+    low, high, below = points[rows], points[rows + 1], depth[rows]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = trajectory.displacement(middle) * below > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return 0.5 * (low + high)
 
 
 def path_at(trajectory: Trajectory, grid: Array, first: float) -> Array:

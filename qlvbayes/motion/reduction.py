@@ -68,10 +68,12 @@ def reduce_test(
     whole = whole or test
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
+    shortest = 2.0 * float(np.median(np.diff(whole.time)[:200]))
+    edges = block_edges(phases, trajectory.kinks, shortest)
+    # before single samples the motion is as fine as that of the block means
+    lead = edges[(edges > whole.time[0]) & (edges < test.time[0])]
     if blocks:
-        shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
         doubtful = _doubtful(test.time, trajectory, phases)
-        edges = block_edges(phases, trajectory.kinks, shortest)
         edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
         begin = _beginnings(test.time, edges)
         kept = clear_of_kinks(test.time, trajectory, phases)[begin]
@@ -88,7 +90,9 @@ def reduce_test(
     begun = approached and (past is None or not past.stays)
     first = float(trajectory.read_times(whole.time)[0])
     lines, curves = (
-        grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun, curved=curved)
+        grid_times(
+            trajectory, np.union1d(lead, nodes), first, chord=chord, begun=begun, curved=curved
+        )
         for curved in (False, True)
     )
     curved = padded_size(curves.size) < padded_size(lines.size)
