@@ -22,6 +22,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.specimen import pull_notices
 
@@ -48,10 +49,12 @@ def diagnose(
             if progress := SearchProgress.from_search(search, text):
                 watch(progress)
 
+        shown = direct_evidence(experiment, choices.bonded)
+        search.measured = frozenset(one.effect for one in shown if one.beyond_doubt)
         search.report, search.seed = report_and_watch, seed
         with suppress(StopSearch):
             run_search(search)
-        summary = summarize(experiment, search, kinds, choices.bonded, report)
+        summary = summarize(experiment, search, shown, kinds, choices.bonded, report)
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
     result = structs.replace(
         summary.result,

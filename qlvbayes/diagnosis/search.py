@@ -1,7 +1,8 @@
 """A beam search over hypotheses: the most probable ones are expanded to all their neighbours.
 
 A neighbour has another law, one effect more, one effect less, or an effect in another form. Where
-the most probable hypothesis of all leaves structure, its effects are also replaced by others.
+the most probable hypothesis of all leaves structure, its effects are also replaced by others, and
+the effects that the record shows without any model are added in each of their forms.
 Each is optimised from several starts: the constants that it shares with the hypothesis it came from
 are kept. A new effect's force is tried small and large, at several quantiles of its shape's prior,
 and starts where it promises most. An extra mode of the relaxation may have taken the part of one
@@ -45,6 +46,8 @@ class Search:
     # is called with a line of text before each step that takes a while
     report: Report = lambda text: None
     seed: int = 0
+    # effects that the record shows beyond doubt without any model
+    measured: frozenset[str] = frozenset()
     # up to ``settings.breadth.modes`` candidates of each hypothesis, the highest first
     modes: dict[Hypothesis, list[Candidate]] = field(default_factory=dict)
     _tried: set[tuple[Hypothesis, Hypothesis]] = field(default_factory=set)
@@ -139,9 +142,9 @@ class Search:
         while not self.ended_early:
             best = self.best
             leaves = self._leaves_structure(best)
-            if leaves and (new := set(self.added(best)) - self._forms_tried):
+            if leaves and (new := {*self.added(best), *self._lacks(best)} - self._forms_tried):
                 self._forms_tried |= new
-                self._expand_to("other forms of the effects of", best, self.forms(best, new))
+                self._expand_to("forms of the effects of", best, self.forms(best, new))
             elif left := [one for one in self.beam if one not in self._expanded]:
                 self._expanded.add(left[0])
                 self._expand_to("neighbours of", left[0], self.neighbours(left[0]))
@@ -151,6 +154,12 @@ class Search:
                 self._expand_to("other effects instead of those of", best, others)
             else:
                 break
+
+    def _lacks(self, hypothesis: Hypothesis) -> set[str]:
+        """Return the effects that the record shows and a hypothesis has in no form."""
+        if len(self.added(hypothesis)) >= self.breadth.effects:
+            return set()
+        return self.measured.intersection(self.families.addable(hypothesis.effects))
 
     def _expand_to(self, how: str, hypothesis: Hypothesis, some: Sequence[Hypothesis]) -> None:
         """Evaluate some neighbours of a hypothesis, if there are any, and report it."""
@@ -198,7 +207,10 @@ class Search:
     def forms(
         self, hypothesis: Hypothesis, effects: Collection[str] | None = None
     ) -> list[Hypothesis]:
-        """Return the hypotheses with one effect, of some or all of them, in another form."""
+        """Return the hypotheses with one effect, of some or all of them, in another form.
+
+        Some effects that the hypothesis has not are added to it, in every form.
+        """
         some = [
             hypothesis.less(name).plus(own)
             for name in (self.added(hypothesis) if effects is None else sorted(effects))

@@ -17,7 +17,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
-from qlvbayes.effects.catalogue import OUTSIDE
+from qlvbayes.effects.catalogue import OUTSIDE, find
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, Test
@@ -212,3 +212,14 @@ def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbin
     place = best.point.own.names.index("friction.strength")
     assert best.point.constants[place] == pytest.approx(0.09, rel=0.1)
     assert best.loss < plain.mode.loss - 100.0
+
+
+def test_an_effect_that_the_record_shows_is_added_in_each_of_its_forms():
+    search = tabled({BASELINE: -100.0})
+    search.families = Families.from_kinds([find("viscous_drag"), find("guide_drag")])
+    assert search._lacks(BASELINE) == set()
+    search.measured = frozenset({"viscous_drag", "inertia"})  # these tests cannot show the latter
+    assert search._lacks(BASELINE) == {"viscous_drag"}
+    assert search._lacks(BASELINE.plus("guide_drag")) == set()
+    forms = {name for one in search.forms(BASELINE, {"viscous_drag"}) for name in one.effects}
+    assert forms == {"viscous_drag", "guide_drag"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -63,12 +63,10 @@ class SearchOutcome:
     counts, where the search knows one with all of them.
     """
 
-    def __init__(
-        self, experiment: Experiment, search: Search, measured: Collection[str] = ()
-    ) -> None:
+    def __init__(self, experiment: Experiment, search: Search) -> None:
         self.experiment, self.search = experiment, search
         candidates = set(search.families.nameable) - search.baseline.effects
-        self.measured = candidates.intersection(measured)
+        self.measured = candidates.intersection(search.measured)
         self.samples = Samples.from_experiment(experiment, search.density.space)
         self.candidates = list(search.candidates.values())
         known = weights_of(search)

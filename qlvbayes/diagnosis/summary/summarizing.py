@@ -38,7 +38,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent
 from qlvbayes.laws.relaxation.law import unresolved_times
-from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence import DirectEvidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
 from qlvbayes.motion.specimen import carryover_notices, clock_notices
@@ -47,14 +47,13 @@ from qlvbayes.motion.specimen import carryover_notices, clock_notices
 def summarize(
     experiment: Experiment,
     search: Search,
+    shown: tuple[DirectEvidence, ...],
     kinds: Sequence[type[AbstractEffect]],
     bonded: bool,
     report: Report,
 ) -> Diagnosis:
-    """Return the diagnosis that follows from a finished search."""
-    evidence = direct_evidence(experiment, bonded)
-    sure = [one.effect for one in evidence if one.beyond_doubt]
-    outcome = SearchOutcome(experiment, search, sure)
+    """Return the diagnosis that follows from a finished search and what the record shows."""
+    outcome = SearchOutcome(experiment, search)
     report("tests left out, and what is left")
     decision, refused, ranking = final_decision(outcome, supported(outcome))
     selected = outcome.candidates[decision.selected]
@@ -70,7 +69,7 @@ def summarize(
         **_left(outcome, selected, path),
         **_not_shown(outcome, kinds, bonded),
         notices=_notices(outcome, decision, selected),
-        direct_evidence=evidence,
+        direct_evidence=shown,
     )
     adequacies = tuple(outcome.adequacy(one) for one in path)
     law = _law(outcome, decision, selected, bonded, report)

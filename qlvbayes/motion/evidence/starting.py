@@ -248,23 +248,23 @@ def _tone(trial: Trial, rest: Phase) -> Place | None:
     force, step = trial.test.force[rows], float(np.median(np.diff(time)))
     late = np.log1p(time / step)
     smooth = np.stack([late**k for k in range(5)], axis=1)
-    best: tuple[float, float, Array, Array] | None = None
-    plain_left = _left(smooth, force)[0]
-    for tone in np.geomspace(4.0 / time[-1], 0.3 / step, _TONES):
-        for fading in _FADING:
-            fall = np.exp(-fading * tone * time)
-            swing = fall[:, None] * np.stack(
-                [np.cos(2.0 * np.pi * tone * time), np.sin(2.0 * np.pi * tone * time)], axis=1
-            )
-            left, size, sds = _left(np.hstack([smooth, fall[:, None], swing]), force)
-            if best is None or left < best[0]:
-                best = (left, tone, size[-2:], sds[-2:])
-    assert best is not None
-    left, tone, size, sds = best
-    amplitude, sd = float(np.hypot(*size)), float(np.max(sds))
+    tones = np.repeat(np.geomspace(4.0 / time[-1], 0.3 / step, _TONES), len(_FADING))
+    fall = np.exp(-np.tile(_FADING, _TONES) * tones * time[:, None])
+    turned = 2.0 * np.pi * tones * time[:, None]
+    swings = np.stack([fall, fall * np.cos(turned), fall * np.sin(turned)], axis=-1)
+    columns = np.concatenate(
+        [np.broadcast_to(smooth, (tones.size, *smooth.shape)), swings.transpose(1, 0, 2)], axis=-1
+    )
+    basis = np.linalg.qr(columns)[0]
+    shares = np.einsum("tnk,n->tk", basis, force)
+    lefts = np.sum((force - np.einsum("tnk,tk->tn", basis, shares)) ** 2, axis=1)
+    best = int(np.argmin(lefts))
+    left, every, errors = _left(columns[best], force)
+    size, sd, plain_left = every[-2:], float(np.max(errors[-2:])), _left(smooth, force)[0]
+    amplitude = float(np.hypot(*size))
     if amplitude < 2.0 * CLEAR * sd or left > 0.5 * plain_left:
         return None
-    return Place(trial, rest.kind, amplitude, sd, float(tone))
+    return Place(trial, rest.kind, amplitude, sd, float(tones[best]))
 
 
 def _left(columns: Array, values: Array) -> tuple[float, Array, Array]:
