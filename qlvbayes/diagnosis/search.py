@@ -155,10 +155,10 @@ class Search:
             else:
                 break
 
-    def _lacks(self, hypothesis: Hypothesis) -> set[str]:
+    def _lacks(self, hypothesis: Hypothesis) -> frozenset[str]:
         """Return the effects that the record shows and a hypothesis has in no form."""
         if len(self.added(hypothesis)) >= self.breadth.effects:
-            return set()
+            return frozenset()
         return self.measured.intersection(self.families.addable(hypothesis.effects))
 
     def _expand_to(self, how: str, hypothesis: Hypothesis, some: Sequence[Hypothesis]) -> None:

@@ -12,6 +12,7 @@ from qlvbayes.io.arrays import Array as Floats
 _PLAIN = 2.0  # ratio of the force's larger swing to the other one, above which its sign is clear
 _TRAVEL = 0.2  # share of the whole travel that must lie between the start and the peak force
 _REST = 0.2  # share of the largest force up to which a test begins without force
+_STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
 _MOVED = 0.01  # share of the whole travel above which the platen has left its start
 _AWAY = 2.0  # standard errors of contact that an approach is longer
 _NOTHING = 2.0  # in sds of the noise: a smaller change of force is no response
@@ -27,6 +28,10 @@ _FEW = 4  # rows beyond the contact that a rise of two constants needs
 _MOST = 250  # means of rows that the fit uses; more add little
 _GRID = 41  # points tried, then tried again between the neighbours of the best
 _ROUNDS = 4
+_SLIDING = (0.01, 0.02, 0.05, 0.1)  # shares of the travel after which a guide slides, in turn
+_STEP = 5.0  # sds of single readings by which the force of a guide that slides stands out
+_LONG = 2.0  # ways of the step for which a guide slides on at one force, unlike a rise that slows
+_FLAT = 0.1  # share of that force by which it may change until contact
 UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
 
 
@@ -75,13 +80,24 @@ def find_signs(way: Floats, load: Floats) -> Signs:
 def _begins_in_air(way: Floats, load: Floats) -> bool:
     """Return whether the force stays at first while the platen moves, whatever its zero is."""
     contact = find_contact(way, load)
-    return contact is not None and contact.position - float(way[0]) > _AWAY * contact.sd
+    return contact is not None and contact.is_beyond(float(way[0]))
 
 
 def force_at_start(way: Floats, load: Floats) -> float:
     """Return the median force until the platen has moved."""
     moved = int(np.argmax(np.abs(way - way[0]) > _MOVED * float(np.ptp(way))))
     return float(np.median(load[: max(moved, 1)]))
+
+
+def level_at_rest(way: Floats, load: Floats) -> tuple[float, float]:
+    """Return the mean force at the first position, and its standard error."""
+    rest = load[: max(rest_of(way), 1)]
+    return float(rest.mean()), float(rest.std()) / float(np.sqrt(max(_independent(rest), 1.0)))
+
+
+def rest_of(way: Floats) -> int:
+    """Return the number of rows at the first position; 0 where all are."""
+    return int(np.argmax(np.abs(way - way[0]) > _STILL * float(np.ptp(way))))
 
 
 def scatter(values: Floats) -> float:
@@ -123,7 +139,10 @@ class Onset:
 class FirstContact:
     """Point of first contact and the force before it, each with its standard error.
 
-    ``position`` and ``sd`` are displacements; ``rows`` is the number of rows before contact.
+    ``position`` and ``sd`` are displacements; ``rows`` is the number of rows before contact. Where
+    the force of a moving platen is another one than that at rest, ``force`` is the one at rest,
+    ``sliding`` is how much more the platen feels as it moves, and ``slid`` the number of rows until
+    then.
     """
 
     position: float
@@ -134,6 +153,12 @@ class FirstContact:
     level: float  # share of the peak force up to which the rise is fitted
     choice: float = 0.0  # error due to this share
     spacing: float = 0.0  # error due to the rows' distance
+    sliding: float = 0.0
+    slid: int = 0
+
+    def is_beyond(self, start: float) -> bool:
+        """Return whether the platen was moved before contact from a first position."""
+        return self.position - start > _AWAY * self.sd
 
 
 def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstContact | None:
@@ -167,6 +192,32 @@ def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstCo
     spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
     return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
+
+
+def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:
+    """Return the first contact of a platen whose guide rubs, or None.
+
+    As the platen begins to move the force steps to another level, at which it stays for a way at
+    least ``_LONG`` times as long as that of the step, and then begins to rise as at a contact.
+    """
+    travel = float(np.ptp(way))
+    moved = rest_of(way)
+    if moved < _LEAST:
+        return None
+    noise, (rest, sd) = float(np.std(load[:moved])), level_at_rest(way, load)
+    for share in _SLIDING:
+        first = int(np.argmax(way - way[0] > share * travel))
+        found = find_contact(way[first:], load[first:])
+        if found is None or not found.is_beyond(float(way[first])):
+            continue
+        long = found.position - float(way[first]) > _LONG * float(way[first] - way[0])
+        early, late = np.array_split(load[first : first + found.rows], 2)
+        step = float(np.mean(late)) - rest
+        flat = abs(float(np.mean(late) - np.mean(early))) < _FLAT * abs(step)
+        if long and flat and abs(step) > _STEP * max(noise, float(np.std(late))):
+            rows = first + found.rows
+            return replace(found, force=rest, force_sd=sd, rows=rows, sliding=step, slid=first)
+    return None
 
 
 def _fitted(way: Floats, load: Floats, level: float) -> list[FirstContact] | None:

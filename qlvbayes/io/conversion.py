@@ -34,7 +34,7 @@ from qlvbayes.io.recording import Format, Recording, UnsureError
 from qlvbayes.io.table import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import computed, of_lines, prints, visible
-from qlvbayes.io.zero import Zero, zeros
+from qlvbayes.io.zero import Zero, with_sliding, zeros
 
 DEFAULT_PAD = "pad"  # the name in a tidy file without the column
 _LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
@@ -186,7 +186,7 @@ def convert(
                 remedy="give one name for all, one a file, or one a test in this order",
             )
         read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
-    read = without_copies(read)
+    read = with_sliding(without_copies(read))
     pairs = list(zip(read, zeros(read, answers), strict=True))
     for one, zero in pairs:
         if isinstance(zero, UnsureError):
@@ -252,7 +252,10 @@ def _first_row(one: Loaded, zero: Zero) -> int:
     contact = zero.contact
     if contact is None or contact is not one.contact:
         return 0
-    first = int(np.searchsorted(one.time, one.time[contact.rows] - _LEAD))
+    # where the user states an earlier contact, that one; what rubs has its history from rest on
+    until = min(contact.rows, int(np.argmax(one.way > zero.position)))
+    until = min(until, one.moved) if contact.sliding else until
+    first = int(np.searchsorted(one.time, one.time[until] - _LEAD))
     if len(one.time) - first < LEAST_SAMPLES:
         what = f"only {len(one.time) - first} rows are left"
         raise InputError(what, file=one.file, remedy="export the whole test")

@@ -16,10 +16,12 @@ from qlvbayes.io.columns import is_mean
 from qlvbayes.io.contact import (
     FirstContact,
     Signs,
+    contact_after_sliding,
     find_contact,
     find_signs,
     force_at_start,
     is_dead,
+    rest_of,
     scatter,
 )
 from qlvbayes.io.layouts import named_columns
@@ -53,7 +55,6 @@ SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1,
 FILE = "file"  # value of --contact that stands for the file's own zero
 _REST = 0.01  # share of the peak force below which a test begins without force
 _NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
-_STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
 _AGREES = 2.0  # standard errors within which two values agree
 _RISEN = 0.3  # share of the peak force at which the speed of the approach is read
 
@@ -117,7 +118,8 @@ class Loaded:
     """A recording in tidy units and in order: ``time`` (s), ``way`` and ``load`` (n,) in ``units``.
 
     ``signs`` are those that it shows; once it is oriented, they are the factors by which pressing
-    has become positive, and ``contact`` is its first contact, None where it shows none.
+    has become positive, and ``contact`` is its first contact, None where it shows none; ``sliding``
+    is the contact of a platen whose guide rubs before, if that is what the first rise may be.
     """
 
     file: Path
@@ -133,6 +135,7 @@ class Loaded:
     signs: Signs
     findings: tuple[str, ...]
     contact: FirstContact | None = None
+    sliding: FirstContact | None = None
 
     @property
     def named(self) -> str:
@@ -159,8 +162,10 @@ class Loaded:
         """Return whether it moved before the force began to rise, or rests without a force."""
         if self.contact is None:
             return False
-        travelled = self.contact.position - float(self.way[0]) > _AGREES * self.contact.sd
-        return travelled or abs(self.contact.force) <= _REST * self.peak
+        return (
+            self.contact.is_beyond(float(self.way[0]))
+            or abs(self.contact.force) <= _REST * self.peak
+        )
 
     @property
     def speed(self) -> float:
@@ -175,8 +180,12 @@ class Loaded:
     @property
     def force_at_first(self) -> float:
         """Return the force at the first position alone: in a test that moves at once it rises."""
-        moved = np.abs(self.way - self.way[0]) > _STILL * float(np.ptp(self.way))
-        return float(np.median(self.load[: max(int(np.argmax(moved)), 1)]))
+        return float(np.median(self.load[: max(self.moved, 1)]))
+
+    @property
+    def moved(self) -> int:
+        """Return the first row that is not at the first position."""
+        return rest_of(self.way)
 
     @property
     def begins_without_force(self) -> bool:
@@ -411,9 +420,11 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
         remedy = "leave --sign out"
         raise InputError(f"with --sign {answers.sign} {what}", file=one.file, remedy=remedy)
     constant = float(np.ptp(load)) == 0.0
-    contact = None
+    contact = sliding = None
     if not (one.units.dimensionless or constant):
         contact = find_contact(way, load, at_zero=one.begins_at_zero)
+        if contact is None or not contact.is_beyond(float(way[0])):
+            sliding = contact_after_sliding(way, load)
     unused = one.recording.unused
     findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
     findings.append(_sign_finding(one, signs, answers))
@@ -422,7 +433,10 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
             f"the force is {plain(float(one.load[0]))} {one.units.force} in every row: it is taken "
             "as prescribed, and the test as creep (column control)"
         )
-    return replace(one, way=way, load=load, signs=signs, contact=contact, findings=tuple(findings))
+    return replace(
+        one, way=way, load=load, signs=signs, contact=contact, sliding=sliding,
+        findings=tuple(findings),
+    )  # fmt: skip
 
 
 def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:

@@ -27,6 +27,7 @@ from qlvbayes.io.contact import (
     Form,
     Onset,
     force_at_start,
+    level_at_rest,
     mean_over_forms,
     onsets_of,
 )
@@ -140,9 +141,12 @@ def _joint_position(
     for (one, contact), speed in zip(pairs, speeds, strict=True):
         jumps = [drag * peak * speed / speeds.max() for drag in drags]
         forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
-        found.append(onsets_of(one.way, one.load, contact.level, forms))
+        slid = contact.slid
+        found.append(onsets_of(one.way[slid:], one.load[slid:], contact.level, forms))
     if sum(map(bool, found)) < 2:  # without drag each shows its own contact
-        found = [onsets_of(one.way, one.load, c.level, FORMS) for one, c in pairs]
+        found = [
+            onsets_of(one.way[c.slid :], one.load[c.slid :], c.level, FORMS) for one, c in pairs
+        ]
     # A press of few rows may show a contact without drag, and none where drag is likelier.
     telling = [k for k, onsets in enumerate(found) if onsets]
     spacings = np.array([contacts[k].spacing for k in telling])
@@ -187,6 +191,23 @@ class Zero:
     stage: str = ""
 
 
+def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
+    """Return recordings with the contact after sliding, where most of their stage have one.
+
+    A guide rubs in every test, and a drag that relaxes looks alike in one of them.
+    """
+    stages = [one.stage for one in shown]
+    slide = {
+        stage: [one.sliding is not None for one in shown if one.stage == stage]
+        for stage in set(stages)
+    }
+    most = {stage for stage, some in slide.items() if sum(some) > max(1.0, 0.5 * len(some))}
+    return [
+        replace(one, contact=one.sliding) if one.stage in most and one.sliding else one
+        for one in shown
+    ]
+
+
 def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]:
     """Return the zero of each recording, or the question that has to be asked for it."""
     results: list[Zero | UnsureError] = []
@@ -197,8 +218,22 @@ def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]
         zero = _zero(one, k, contacts[one.stage], before.get(key), answers)
         if isinstance(zero, Zero) and zero.contact is not None:
             before[key] = zero
+        if isinstance(zero, Zero) and answers.contact is None:
+            zero = replace(zero, finding=zero.finding + _perhaps_sliding(one))
         results.append(zero)
     return results
+
+
+def _perhaps_sliding(one: Loaded) -> str:
+    """Return the words on a step of the force that may be friction, where one file shows it."""
+    if one.sliding is None or one.sliding is one.contact:
+        return ""
+    position, force = one.written(one.sliding.position), one.units.force
+    return (
+        f"; doubt: the force steps by {plain(one.sliding.sliding)} {force} as the platen begins to "
+        f"move and rises again at {position} {one.units.displacement}: if friction or drag of the "
+        f"rig makes the step, --contact {position}"
+    )
 
 
 def _zero(
@@ -256,7 +291,16 @@ def _stated(one: Loaded, written: float) -> Zero:
             remedy="state it in the unit of the tidy file and with the sign of the file",
         )
     finding = f"contact at {written:.6g} {length}, as stated by the user"
-    return Zero(position, 0.0, finding, contact=one.contact)
+    rest, sd = level_at_rest(one.way, one.load)
+    if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
+        return Zero(position, 0.0, finding, contact=one.contact)
+    finding += f"; {_taken_off(one, rest)}"
+    return Zero(position, rest, finding, contact=one.contact)
+
+
+def _taken_off(one: Loaded, rest: float) -> str:
+    force = one.units.force
+    return f"taken off the force: {plain(one.signs.load * rest)} {force} before contact"
 
 
 def _label(one: Loaded, stage: StageContact) -> str:
@@ -299,7 +343,12 @@ def _at_contact(
         finding += f", in {len(stage.members)} files of one stage (this one alone: {alone})"
     offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
     if offset:
-        finding += f"; taken off the force: {plain(contact.force)} {force} before contact"
+        finding += f"; {_taken_off(one, contact.force)}"
+    if contact.sliding:
+        finding += (
+            f"; as the platen begins to move the force rises by {plain(contact.sliding)} {force}, "
+            "before the specimen is touched: friction or drag of the rig, which is left in"
+        )
     if stage is not most:
         finding += _doubt(one, most)
     apart = abs(contact.position - stage.position) > _APART * float(np.hypot(contact.sd, stage.sd))

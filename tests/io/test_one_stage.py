@@ -124,3 +124,48 @@ def test_the_kept_stages(folder, contact):
         assert "p4_dead" not in known
         # 0.112 N of which 25 mN are the cell's own
         assert known["p3_late"].force[0] == pytest.approx(0.112 - 0.025, abs=0.004)
+
+
+def _rubbing(folder: Path, name: str, speed: float, *, friction: float, tare: float) -> Path:
+    """Write a press at 1 mm of the file by a platen whose guide rubs from its first motion on."""
+    rng = np.random.default_rng(round(10 * speed))
+    ends = np.cumsum([1.0, 3.5 / speed, 10.0, 1.5 / speed, 5.0])
+    time = np.arange(0.0, ends[-1], 0.005)
+    way = np.interp(time, [0.0, *ends], [0.0, 0.0, 3.5, 3.5, 2.0, 2.0])
+    slid = np.zeros(time.size)  # Dahl's law over a way of 0.02 mm
+    for k, step in enumerate(np.diff(way)):
+        slid[k + 1] = np.sign(step) + (slid[k] - np.sign(step)) * np.exp(-abs(step) / 0.02)
+    load = 1.35 * np.maximum(way - 1.0, 0.0) ** 1.5 + friction * slid + tare
+    load += rng.normal(0.0, 0.004, time.size)
+    path = folder / f"{name}.csv"
+    lines = (f"{t:.3f},{d:.3f},{f:.4f}\n" for t, d, f in zip(time, way, load, strict=True))
+    path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + "".join(lines))
+    return path
+
+
+def test_a_guide_that_rubs_from_the_first_motion_on_is_no_contact(tmp_path):
+    files = [
+        _rubbing(tmp_path, f"at_{v:g}", v, friction=0.15, tare=0.031) for v in (0.2, 1.0, 5.0, 20.0)
+    ]
+    for test in convert(files, ONE).tests:
+        assert abs(test.zero - 1.0) < 3.0 * test.zero_sd < 0.1
+        before = test.force[test.displacement < 1e-3 - test.zero]
+        assert abs(before.mean()) < 0.002  # of the platen at rest, the tare is taken off
+        assert "the force rises by 0.1" in " ".join(test.findings)
+        assert test.displacement[0] == pytest.approx(-test.zero)  # what rubs has its history
+    (alone,) = convert(files[1:2], ONE).tests
+    assert "if friction or drag of the rig makes the step, --contact 0.9" in " ".join(
+        alone.findings
+    )
+    without = [
+        _rubbing(tmp_path, f"to_{v:g}", v, friction=0.0, tare=0.031) for v in (0.2, 1.0, 5.0)
+    ]
+    for test in convert(without, ONE).tests:
+        assert not any("friction" in line for line in test.findings)
+
+
+def test_a_stated_contact_leaves_the_zero_of_the_force_to_the_file(tmp_path):
+    file = _rubbing(tmp_path, "stated", 1.0, friction=0.0, tare=0.031)
+    (test,) = convert([file], Answers.from_words(pads=("P",), contact="1.0")).tests
+    assert abs(test.force[test.displacement < -0.2].mean()) < 0.002
+    assert "taken off the force: 0.03" in " ".join(test.findings)
