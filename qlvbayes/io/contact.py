@@ -156,6 +156,11 @@ class FirstContact:
     sliding: float = 0.0
     slid: int = 0
 
+    @property
+    def is_finite(self) -> bool:
+        """Return whether place and force have an error each."""
+        return bool(np.all(np.isfinite([self.position, self.sd, self.force_sd])))
+
     def is_beyond(self, start: float) -> bool:
         """Return whether the platen was moved before contact from a first position."""
         return self.position - start > _AWAY * self.sd
@@ -218,6 +223,14 @@ def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:
             rows = first + found.rows
             return replace(found, force=rest, force_sd=sd, rows=rows, sliding=step, slid=first)
     return None
+
+
+def most_slide(sliding: Sequence[FirstContact | None]) -> bool:
+    """Return whether most tests of a rig, and two at least, show a contact after sliding.
+
+    A guide rubs in every test; in a single one a drag that relaxes looks alike.
+    """
+    return sum(one is not None for one in sliding) > max(1.0, 0.5 * len(sliding))
 
 
 def _fitted(way: Floats, load: Floats, level: float) -> list[FirstContact] | None:

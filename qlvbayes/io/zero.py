@@ -29,6 +29,7 @@ from qlvbayes.io.contact import (
     force_at_start,
     level_at_rest,
     mean_over_forms,
+    most_slide,
     onsets_of,
 )
 from qlvbayes.io.loading import FILE, Answers, Loaded
@@ -192,18 +193,13 @@ class Zero:
 
 
 def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
-    """Return recordings with the contact after sliding, where most of their stage have one.
-
-    A guide rubs in every test, and a drag that relaxes looks alike in one of them.
-    """
-    stages = [one.stage for one in shown]
-    slide = {
-        stage: [one.sliding is not None for one in shown if one.stage == stage]
-        for stage in set(stages)
+    """Return recordings with the contact after sliding, where most of their stage have one."""
+    slides = {
+        stage: most_slide([one.sliding for one in shown if one.stage == stage])
+        for stage in {one.stage for one in shown}
     }
-    most = {stage for stage, some in slide.items() if sum(some) > max(1.0, 0.5 * len(some))}
     return [
-        replace(one, contact=one.sliding) if one.stage in most and one.sliding else one
+        replace(one, contact=one.sliding) if one.sliding and slides[one.stage] else one
         for one in shown
     ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qlvbayes.io.contact import FirstContact, find_contact
+from qlvbayes.io.contact import FirstContact, contact_after_sliding, find_contact, most_slide
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import CLEAR, DirectEvidence, Place, names_of, pooled
@@ -14,17 +14,27 @@ _AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's
 _AGREE = 3.0  # errors, within which tests have one contact
 
 
-def contact_of(experiment: Experiment, trial: Trial) -> FirstContact | None:
-    """Return where the force of a test begins to rise; None if no approach shows it."""
+def contacts_of(experiment: Experiment) -> list[FirstContact | None]:
+    """Return where the force of each test begins to rise; None if no approach shows it."""
+    found = [_contact_of(experiment, trial) for trial in experiment.trials]
+    slides = most_slide([later for _, later in found])
+    return [later if slides and later else first for first, later in found]
+
+
+def _contact_of(
+    experiment: Experiment, trial: Trial
+) -> tuple[FirstContact | None, FirstContact | None]:
+    """Return the first rise of a test's force, and the one after sliding if that may be it."""
     first = next((phase for phase in trial.phases if phase.kind == "ramp"), trial.phases[0])
     if experiment.units.dimensionless or first.control == Control.FORCE:
-        return None
-    way = trial.test.displacement
+        return None, None
+    way, force = trial.test.displacement, trial.test.force
     at_zero = abs(float(way[0])) <= _AT_ZERO * experiment.depth
-    contact = find_contact(way, trial.test.force, at_zero=at_zero)
-    if contact is None or not np.all(np.isfinite([contact.position, contact.sd, contact.force_sd])):
-        return None
-    return contact
+    contact = find_contact(way, force, at_zero=at_zero)
+    if contact is not None and contact.is_beyond(float(way[0])):
+        return contact if contact.is_finite else None, None
+    later = contact_after_sliding(way, force)
+    return contact if contact is not None and contact.is_finite else None, later
 
 
 def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -33,8 +43,7 @@ def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     A soft beginning looks like a late contact, which is therefore not beyond doubt.
     """
     places = []
-    for trial in experiment.trials:
-        contact = contact_of(experiment, trial)
+    for trial, contact in zip(experiment.trials, contacts_of(experiment), strict=True):
         begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
         if contact is not None and not begun and contact.sd > 0.0:
             places.append(Place(trial, "ramp", float(contact.position), float(contact.sd)))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from qlvbayes.io.contact import FirstContact
 from qlvbayes.io.data import Control
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import direct_evidence
-from qlvbayes.motion.evidence.touching import contact_of
+from qlvbayes.motion.evidence.touching import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
 from qlvbayes.motion.past import remembered_tests
@@ -38,7 +39,8 @@ _DEAD = 6.0  # times the noise, below which a test's force has not answered
 def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
     """Describe a pad's tests, and which parts of the model they can show."""
     floor, falls = experiment.floor, experiment.falls
-    tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
+    contacts = contacts_of(experiment)
+    tests = tuple(_test(experiment, k, contact) for k, contact in enumerate(contacts))
     return PadSeen(
         experiment.pad,
         experiment.fluid,
@@ -65,7 +67,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     )
 
 
-def _test(experiment: Experiment, index: int) -> TestSeen:
+def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> TestSeen:
     trial = experiment.trials[index]
     test, whole = trial.test, trial.whole
     tests = [one.whole for one in experiment.trials]
@@ -89,8 +91,8 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
         motion=_motion(trial, experiment.units),
-        contact=None if experiment.units.dimensionless else _contact(experiment, trial),
-        at_rest=_at_rest(experiment, trial),
+        contact=None if experiment.units.dimensionless else _contact(experiment, trial, contact),
+        at_rest=_at_rest(experiment, trial, contact),
         left_out=trial.left_out.count if trial.left_out is not None else 0,
     )
 
@@ -148,9 +150,10 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
     )
 
 
-def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
-    """Return where the force begins to rise; None if no approach shows it."""
-    contact = contact_of(experiment, trial)
+def _contact(
+    experiment: Experiment, trial: Trial, contact: FirstContact | None
+) -> ContactSeen | None:
+    """Return the contact of a test as it is told; None if no approach shows it."""
     if contact is None:
         return None
     begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
@@ -159,9 +162,11 @@ def _contact(experiment: Experiment, trial: Trial) -> ContactSeen | None:
     return ContactSeen(contact.position, contact.sd, contact.force, float(contact.force_sd))
 
 
-def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
+def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None) -> float | None:
     """Return the force before contact if it is clearly not zero; else None."""
     test = trial.test
+    if contact is not None and contact.sliding:  # what rubs as the platen moves is no force at rest
+        return contact.force if abs(contact.force) > _clear(experiment) else None
     first = _first_ramp(trial)
     if experiment.units.dimensionless or _loaded(first or trial.phases[0]):
         return None
