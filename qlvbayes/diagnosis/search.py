@@ -23,7 +23,8 @@ from typing import TypeVar
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
 from qlvbayes.diagnosis.prior import Families, log_prior, scale_amplitudes
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
-from qlvbayes.inference.density import Density
+from qlvbayes.effects.contacts import ContactOffset
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes, redrawn_modes
 from qlvbayes.inference.starts import exchanged_starts, starts, transferred
@@ -48,6 +49,9 @@ class Search:
     seed: int = 0
     # effects that the record shows beyond doubt without any model
     measured: frozenset[str] = frozenset()
+    # returns the density with what errors of measured contacts change about a point; None where no
+    # contact was measured
+    about: Callable[[Density, Point], Density] | None = None
     # up to ``settings.breadth.modes`` candidates of each hypothesis, the highest first
     modes: dict[Hypothesis, list[Candidate]] = field(default_factory=dict)
     _tried: set[tuple[Hypothesis, Hypothesis]] = field(default_factory=set)
@@ -141,6 +145,9 @@ class Search:
         """Evaluate the neighbours of the beam until those of all its hypotheses are known."""
         while not self.ended_early:
             best = self.best
+            if self.about and best.elastic != self.baseline.elastic:
+                self._move_about()
+                continue
             leaves = self._leaves_structure(best)
             if leaves and (new := {*self.added(best), *self._lacks(best)} - self._forms_tried):
                 self._forms_tried |= new
@@ -154,6 +161,29 @@ class Search:
                 self._expand_to("other effects instead of those of", best, others)
             else:
                 break
+
+    def _move_about(self) -> None:
+        """Linearise the errors of contacts about the best hypothesis, and find all modes again.
+
+        Below a law that rises from nothing a contact that is off changes less than below the
+        baseline's. This is done once, when a law is more probable than the baseline's.
+        """
+        assert self.about is not None
+        known, self.modes = self.modes, {}
+        offsets = set(self.families.members(ContactOffset.name))
+        exact = [own[0] for one, own in known.items() if not one.effects & offsets]
+        nearest = max(exact, key=lambda one: one.log_evidence + self.log_prior(one.hypothesis))
+        self.density, self.about = self.about(self.density, nearest.point), None
+
+        def look(hypothesis: Hypothesis) -> list[Candidate]:
+            found: list[Mode] = []
+            for one in known[hypothesis]:
+                theta = one.mode.point.theta
+                found += find_modes(self.density, hypothesis, theta, math.inf, known=found)
+            return self.candidates_from(hypothesis, found)
+
+        for hypothesis, new in zip(known, in_parallel(look, list(known)), strict=True):
+            self.keep(hypothesis, new)
 
     def _lacks(self, hypothesis: Hypothesis) -> frozenset[str]:
         """Return the effects that the record shows and a hypothesis has in no form."""

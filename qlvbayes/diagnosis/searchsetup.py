@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
@@ -17,7 +18,7 @@ from qlvbayes.fitting.marginal_likelihood import (
 )
 from qlvbayes.fitting.optimum import best_model
 from qlvbayes.inference.common_errors import stage_changes, with_common_errors
-from qlvbayes.inference.density import Density
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space, in_natural_amplitude
@@ -63,21 +64,37 @@ def build_search(
     names = {kind.name for kind in kinds}
     kinds = (*kinds, *(one for one in FORMS if one.family() in names), *OUTSIDE)
     space = _space(experiment, choices, model, kinds, settings)
-    discrepancy = Discrepancy.from_blocks(
-        experiment,
-        experiment.trials,
-        space.record.blocks,
-        settings.tolerance,
-        settings.discrepancy,
-        settings.scatter,
-    )
-    shared = stage_changes(experiment.trials, space.record.blocks)
-    discrepancy = with_common_errors(discrepancy, shared)
+    discrepancy = _discrepancy(experiment, space.record, settings)
     own = frozenset(effect.name for effect in model.effects)
     baseline = Hypothesis(choices.elastic, choices.relaxing, own)
     families = Families.from_kinds(type(effect) for effect in space.effects.values())
     density = Density(space, discrepancy.whitener, discrepancy)
-    return Search(density, settings, baseline, families)
+    uncertain = has_uncertain_zeros(model, experiment.trials)
+    about = partial(_about, experiment, settings) if uncertain else None
+    return Search(density, settings, baseline, families, about=about)
+
+
+def _discrepancy(
+    experiment: Experiment, record: Record, settings: DiagnosisSettings
+) -> Discrepancy:
+    """Return the discrepancy of all tests, under a floor with the errors of their contacts."""
+    trials, blocks = experiment.trials, record.blocks
+    discrepancy = Discrepancy.from_blocks(
+        experiment, trials, blocks, settings.tolerance, settings.discrepancy, settings.scatter
+    )
+    return with_common_errors(discrepancy, stage_changes(trials, blocks))
+
+
+def _about(
+    experiment: Experiment, settings: DiagnosisSettings, density: Density, point: Point
+) -> Density:
+    """Return the density with what the errors of contacts change of the force at a point."""
+    record = with_zero_errors(
+        density.space.record, experiment.trials, point.own.model_at(point.constants)
+    )
+    space = replace(density.space, record=record)
+    whitener = _discrepancy(experiment, record, settings).whitener
+    return Density(space, whitener, density.discrepancy.with_whitener(whitener))
 
 
 def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:

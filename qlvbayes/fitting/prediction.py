@@ -1,6 +1,6 @@
 """Predict tests from a posterior, sample by sample, with the errors of a fit at any samples.
 
-These are noise, and the discrepancy given the fitted tests.
+These are noise, and, given the fitted tests, the discrepancy and the error of each contact.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from qlvbayes.model.parameters import filled
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.phases import phase_index
-from qlvbayes.motion.record import Blocks, Record, batch
+from qlvbayes.motion.record import Blocks, Record, batch, held
 from qlvbayes.motion.reduction import clear_of_kinks
 
 DRAWS = 400
@@ -76,16 +76,24 @@ def predict(
     every = np.stack([np.ravel(constants[name]) for name in predictor.names], axis=-1)
     matrix = every[rng.integers(0, len(every), DRAWS)]
     forces = predictor.forces(matrix)
+    noise = np.zeros(forces.shape)
     if isinstance(predictor.noise, Floor):
+        known = replace(experiment, floor=known_floor(experiment.floor, predictor.noise))
         middle = predictor.parameters.model_at(matrix.mean(axis=0))
         predictor = predictor.over(with_zero_errors(predictor.record, trials, middle))
-    noise = _noise(predictor, matrix, rng)
+        fitted = experiment.with_role("fit")
+        of_fit = with_zero_errors(experiment.record(fitted), fitted, middle)
+        places, inside = _places(known, trials, chosen, forces.mean(axis=0))
+        contacts = Contacts.from_trials(trials, fitted)
+        noise[:, inside], zeros = errors_given_fit(
+            known, predictor.over(of_fit), fitted, matrix, places, contacts, rng
+        )
+        moved, rest = contacts.moved(predictor.record, zeros)
+        forces, predictor = forces + moved, predictor.over(rest)
+    noise += _noise(predictor, matrix, rng)
     blocks, floors = predictor.record.blocks, experiment.floor.draws(DRAWS)
     tests = [jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(trials))]
     floor = [realisations(floors, test, rng) for test in tests]
-    if isinstance(predictor.noise, Floor):
-        known = replace(experiment, floor=known_floor(experiment.floor, predictor.noise))
-        noise += _discrepancy(known, predictor, matrix, trials, chosen, forces.mean(axis=0), rng)
     predictions = []
     for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
         time, force = trial.test.time[rows], forces[:, k, : rows.size]
@@ -137,68 +145,111 @@ def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -
     return errors
 
 
-def _discrepancy(
+def _places(
     experiment: Experiment,
-    predictor: Predictor,
-    matrix: np.ndarray,
     trials: Sequence[Trial],
     chosen: Sequence[np.ndarray],
     forces: np.ndarray,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Return draws (DRAWS, T, B) of the discrepancy at the samples, where the force is (T, B)."""
+) -> tuple[Locations, np.ndarray]:
+    """Return the locations of all samples, where the force is (T, B), and which of those are."""
     names = [trial.name for trial in experiment.trials]
     locations, inside = [], np.zeros(forces.shape, dtype=bool)
     for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
         where = names.index(trial.name), trial.test.time[rows], forces[k, : rows.size]
         locations.append(Locations.from_trial(experiment, trial, *where))
         inside[k, : rows.size] = True
-    fitted = experiment.with_role("fit")
-    of_fit, joined = predictor.over(experiment.record(fitted)), Locations.joined(locations)
-    drawn = np.zeros((len(matrix), *forces.shape))
-    drawn[:, inside] = discrepancy_draws(experiment, of_fit, fitted, matrix, joined, rng)
-    return drawn
+    return Locations.joined(locations), inside
 
 
-def discrepancy_draws(
+@dataclass(frozen=True)
+class Contacts:
+    """The C measured contacts of fitted tests: of a stage, or of one test alone.
+
+    ``predicted`` (T,) and ``fitted`` (T',) name the contact of each test, C where it has another.
+    """
+
+    count: int
+    predicted: np.ndarray
+    fitted: np.ndarray
+
+    @classmethod
+    def from_trials(cls, trials: Sequence[Trial], fitted: Sequence[Trial]) -> Contacts:
+        """Return the contacts of fitted tests, and which of them each test has."""
+        names = list(dict.fromkeys(map(_contact_name, fitted)))
+
+        def number(trial: Trial) -> int:
+            name = _contact_name(trial)
+            return names.index(name) if name in names else len(names)
+
+        return cls(
+            len(names), *(np.array([number(one) for one in some]) for some in (trials, fitted))
+        )
+
+    def changes(self, blocks: Blocks) -> np.ndarray:
+        """Return what one standard error of each contact changes of the fitted tests (C, T', B)."""
+        own = np.asarray(blocks.zero) + np.asarray(blocks.stage)
+        return np.where((self.fitted == np.arange(self.count)[:, None])[..., None], own, 0.0)
+
+    def moved(self, record: Record, zeros: np.ndarray) -> tuple[np.ndarray, Record]:
+        """Return the change (R, T, B) in N by errors (R, C), and the record without them."""
+        blocks, known = record.blocks, (self.predicted < self.count)[:, None]
+        own = np.where(known, np.asarray(blocks.zero) + np.asarray(blocks.stage), 0.0)
+        every = np.concatenate([zeros, np.zeros((len(zeros), 1))], axis=1)
+        rest = [np.where(known, 0.0, np.asarray(one)) for one in (blocks.zero, blocks.stage)]
+        left = replace(blocks, zero=held(rest[0]), stage=held(rest[1]))
+        return every[:, self.predicted, None] * own, replace(record, blocks=left)
+
+
+def _contact_name(trial: Trial) -> str:
+    return f"stage {trial.test.contact_stage}" if trial.test.contact_stage else trial.name
+
+
+def errors_given_fit(
     experiment: Experiment,
     predictor: Predictor,
     fitted: Sequence[Trial],
     constants: Array,
     locations: Locations,
+    contacts: Contacts,
     rng: np.random.Generator,
-) -> Array:
-    r"""Return draws (R, N) in N of the discrepancy at N locations, one for each row of constants.
+) -> tuple[Array, Array]:
+    r"""Return draws of the discrepancy (R, N) in N, and of C contacts' errors (R, C) in their sds.
 
-    Given a discrepancy of size s and a floor of scale phi, the coefficients w of its smooth
-    functions are normal given the fitted tests' whitened residuals r
-    (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
+    There is one for each row of constants. Given a discrepancy of size s and a floor of scale phi,
+    the coefficients w of its smooth functions are normal given the fitted tests' whitened residuals
+    r (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
     leave out a part of the smooth functions (namely the function of the sample's own test, if that
     was not fitted). Together with the rough part it has the variance
 
     .. math:: s^2 \left(g^2 - \phi(x)^T \phi(x) + \rho\right).
 
+    The errors e of the contacts, of whitened changes U (C, n), are normal given what w leaves,
+
+    .. math:: e \sim N\left(U (r - B^T w),\ \phi^2 (1 - U U^T)\right).
+
     Realisations of the noise floor at single readings are drawn separately.
     """
     sizes, scales = constants[:, -1], constants[:, -2]
-    draws = np.zeros((len(constants), locations.size.size))
-    rows = np.flatnonzero(sizes > 0.0)
-    if not rows.size:
-        return draws
     blocks = predictor.record.blocks
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
     discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
-    residuals = discrepancy.whitener(predictor.residuals(constants[rows]))
+    left = discrepancy.whitener(predictor.residuals(constants))
+    draws = np.zeros((len(constants), locations.size.size))
+    rows = np.flatnonzero(sizes > 0.0)
     features = Features.from_locations(Locations.from_blocks(experiment, fitted, blocks))(locations)
-    ratios = sizes[rows] / scales[rows]
+    ratios = sizes / scales
     left_out = np.maximum(locations.size**2 - np.sum(features**2, axis=0), 0.0) + discrepancy.rough
-    for ratio in np.unique(ratios):
-        same = ratios == ratio
-        mean, root = discrepancy.weights(residuals[same], float(ratio))
-        coefficients = mean + scales[rows[same], None] * (rng.standard_normal(mean.shape) @ root)
+    for ratio in np.unique(ratios[rows]):
+        same = rows[ratios[rows] == ratio]
+        mean, root = discrepancy.weights(left[same], float(ratio))
+        coefficients = mean + scales[same, None] * (rng.standard_normal(mean.shape) @ root)
         noise = rng.standard_normal((len(coefficients), left_out.size)) * np.sqrt(left_out)
-        draws[rows[same]] = coefficients @ features + sizes[rows[same], None] * noise
-    return draws
+        draws[same] = coefficients @ features + sizes[same, None] * noise
+        left[same] -= coefficients @ discrepancy.shapes
+    changes = discrepancy.whitener(contacts.changes(blocks))
+    open_part = np.linalg.cholesky(np.eye(contacts.count) - changes @ changes.T)
+    spread = scales[:, None] * (rng.standard_normal((len(constants), contacts.count)) @ open_part.T)
+    return draws, left @ changes.T + spread
 
 
 def realisations(

@@ -82,6 +82,34 @@ def test_a_known_error_of_the_zeros_explains_what_they_leave():
     assert not any(scatter)
 
 
+def test_errors_of_contacts_are_those_of_the_law_that_is_found():
+    """A spring with the force 2 d^1.5 (N), whose one contact for all tests is off by an error."""
+    rng, tests = np.random.default_rng(2), []
+    for speed in (0.1, 0.3, 1.0):
+        time = np.arange(0.0, 4.0 / speed + 5.0, 0.01)
+        way = np.interp(time, [0.0, 1.0, 1.0 + 3.0 / speed], [-1.0, -1.0, 2.0])
+        force = 2.0 * np.maximum(way, 0.0) ** 1.5 + 0.01 * rng.standard_normal(time.size)
+        tests.append(
+            Test(
+                name=f"{speed:g}", pad="p", time=time, displacement=np.round(way + 0.05, 4),
+                force=force, role="validate", contact_sd=0.05, contact_stage="one",
+            )
+        )  # fmt: skip
+    search = build_search(prepare(Pad("p", tuple(tests), PAD)), kinds=())
+    search.begin()
+    hertz = Hypothesis("hertz", "prony:2")
+    search.evaluate(hertz, search.baseline)
+    before = search.candidates[hertz]
+    search._move_about()
+    after = search.candidates[hertz]
+    assert search.about is None
+    assert set(search.candidates) == {search.baseline, hertz}
+    assert after.mode.loss < before.mode.loss - 10.0
+    power = after.point.own.names.index("n")
+    assert abs(after.point.constants[power] - 1.5) < 0.005
+    assert abs(before.point.constants[power] - 1.5) > 0.02
+
+
 RATES = (5.0, 10.0, 20.0, 40.0)  # mm/s
 DRAG = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
 

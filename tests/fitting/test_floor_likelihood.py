@@ -22,7 +22,7 @@ from qlvbayes.fitting.marginal_likelihood import (
 )
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
-from qlvbayes.fitting.prediction import discrepancy_draws
+from qlvbayes.fitting.prediction import Contacts, errors_given_fit
 from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations
@@ -257,7 +257,8 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     count = 3000
     constants = np.concatenate([CONSTANTS, np.asarray(own.constants)[0]])
     rows = np.repeat(constants[None], count, axis=0)
-    draws = discrepancy_draws(e, posterior, trials, rows, places, np.random.default_rng(1))
+    contacts, rng = Contacts.from_trials(trials, trials), np.random.default_rng(1)
+    draws, _ = errors_given_fit(e, posterior, trials, rows, places, contacts, rng)
     flat = posterior.residuals(rows[:1])[0][_real()]
     here = Locations.from_blocks(e, trials, blocks)
     features = Features.from_locations(here)
@@ -271,6 +272,42 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
     sds = np.sqrt(variance)
     assert sds[times.size :].min() > sds[: times.size].max()  # an unseen test is known less
+
+
+def test_a_contact_of_the_fit_is_off_as_the_normal_given_its_residuals_says():
+    """Both tests have one contact, and one that was not fitted has it, too."""
+    known, blocks = two_tests()
+    e = experiment()
+    other = next(t for t in e.trials if t not in known)
+
+    def staged(trial):
+        return replace(trial, test=replace(trial.test, contact_sd=0.02, contact_stage="one"))
+
+    trials = tuple(map(staged, known))
+    real = _real()
+    changes = np.where(np.asarray(blocks.real), 0.05 + 0.02 * np.asarray(blocks.force), 0.0)
+    posterior = posterior_of(likelihood("noise.remainder=0", "noise.factor=1.2"))
+    record = posterior.record
+    posterior = posterior.over(replace(record, blocks=replace(record.blocks, stage=changes)))
+    count, rng = 4000, np.random.default_rng(3)
+    rows = np.repeat(
+        np.concatenate([CONSTANTS, [0.006, 0.008, 0.5, 1.2, 0.0]])[None], count, axis=0
+    )
+    places = Locations.from_trial(e, other, 0, np.ones(1), np.ones(1))
+    contacts = Contacts.from_trials([staged(other), other], trials)
+    assert contacts.predicted.tolist() == [0, 1]
+    draws, errors = errors_given_fit(e, posterior, trials, rows, places, contacts, rng)
+    assert not draws.any()
+    flat, u = posterior.residuals(rows[:1])[0][real], changes[real]
+    gain = u @ np.linalg.inv(dense()[0] + np.outer(u, u))
+    z = (errors[:, 0] - gain @ flat) / (1.2 * np.sqrt(1.0 - gain @ u))
+    assert abs(z.mean()) < 5.0 / np.sqrt(count)
+    assert abs((z**2).mean() - 1.0) < 5.0 * np.sqrt(2.0 / count)
+    moved, rest = contacts.moved(posterior.record, errors)
+    np.testing.assert_allclose(moved[:, 0], errors * changes[0])
+    assert not moved[:, 1].any()
+    assert not np.asarray(rest.blocks.stage)[0].any()
+    np.testing.assert_allclose(np.asarray(rest.blocks.stage)[1], changes[1])
 
 
 def test_constants_have_the_posterior_that_importance_sampling_finds():
