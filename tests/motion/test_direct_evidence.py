@@ -148,6 +148,13 @@ def test_a_frame_that_rings_after_stops_is_heard():
     assert seen(experiment)["frame_ringing"].value == pytest.approx(0.05, rel=0.3)
 
 
+def test_a_hum_that_goes_on_is_no_ringing():
+    def force(time, depth, speed, _):
+        return spring(depth) + 0.05 * np.sin(2.0 * np.pi * 8.0 * time)
+
+    assert "frame_ringing" not in seen(pressed(force))
+
+
 def late(force_of, delay):
     """A channel of force that is late by a time (s)."""
     return lambda time, *motion: np.interp(time - delay, time, force_of(time, *motion))

@@ -31,6 +31,7 @@ _COARSE = 0.5  # of an impulse, that its sum over one reading is off by
 _READINGS = 200  # after a stop, in which a ringing is looked for,
 _FEWEST = 40  # and at least so many
 _TONES = 60  # frequencies that are tried
+_HUMS = 2.0  # times the swing that is left as it fades, beyond which it is a hum
 _FADING = (0.1, 0.25, 0.6)  # decays over a period, in frequencies: all of them ring
 _SMALLEST = 1e-3  # of the peak, below which a swing may be a bend of the specimen's own
 _SAME = 0.1  # of a frequency, within which stops ring alike
@@ -241,7 +242,8 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
 
 def _tone(trial: Trial, rest: Phase) -> Place | None:
     """Return the amplitude of a decaying sine after a stop; ``speed`` is its frequency (Hz)."""
-    rows = rows_between(trial, rest.start, rest.stop)[1 : _READINGS + 1]
+    resting = rows_between(trial, rest.start, rest.stop)[1:]
+    rows = resting[:_READINGS]
     if rows.size < _FEWEST:
         return None
     time = trial.test.time[rows] - trial.test.time[rows[0]]
@@ -264,6 +266,15 @@ def _tone(trial: Trial, rest: Phase) -> Place | None:
     amplitude = float(np.hypot(*size))
     if amplitude < 2.0 * CLEAR * sd or left > 0.5 * plain_left:
         return None
+    later = resting[rows.size :][-rows.size :]
+    if later.size >= _FEWEST:  # a hum of the mains goes on
+        since = trial.test.time[later] - trial.test.time[rows[0]]
+        turned = 2.0 * np.pi * tones[best] * since
+        columns = [np.ones(later.size), since, np.cos(turned), np.sin(turned)]
+        hum = np.hypot(*_left(np.column_stack(columns), trial.test.force[later])[1][2:])
+        rate = np.tile(_FADING, _TONES)[best] * tones[best]
+        if hum > _HUMS * amplitude * np.exp(-rate * np.mean(since)) + CLEAR * sd:
+            return None
     return Place(trial, rest.kind, amplitude, sd, float(tones[best]))
 
 
