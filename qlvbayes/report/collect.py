@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
 from qlvbayes.fitting.residuals import CheckResult, Curves
 from qlvbayes.fitting.results import Run, RunLog, load
-from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
+from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Result
 from qlvbayes.io.wording import as_typed, pad_title
@@ -244,6 +244,7 @@ def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
         sampler=saved.method,
         converged=not troubles,
         troubles=troubles,
+        never_relaxes=lasting_of(saved.choices, saved.names, saved.constants),
         parameters={
             name: constant_of(saved.constants[..., k], saved.units.of(kinds[name]), k, judged)
             for k, name in enumerate(saved.names)

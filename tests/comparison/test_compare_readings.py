@@ -18,7 +18,7 @@ from qlvbayes.motion.facts import Covered
 from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)
-DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 30.0
+DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 31.0
 SETTINGS = ReadingSettings(DEPTH, RATES, FREQUENCIES, HOLD, REACH, known=True)
 PADS = {
     **TABLE_1,
