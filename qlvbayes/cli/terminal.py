@@ -25,10 +25,12 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.wording import pad_title
 from qlvbayes.parallel.running import Shard
 from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import Watcher
+from qlvbayes.report.errors import ErrorTable
 from qlvbayes.report.firstlook import FirstLook
 
 _TABLES = 12  # pads; where there are more, each has one line instead of tables
@@ -122,11 +124,12 @@ class Terminal(Watcher):
     def checked(self, check: CheckResult) -> None:
         """Print the errors by test and phase."""
         self._begin()
-        if self._brief and not self.quiet:
-            fails = f"{len(check.failing)} of {len(check.cells)} phases of its tests"
-            out.print(f"pad {check.pad}: the fit fails in {fails}", soft_wrap=True)
-        elif not self.quiet:
+        if self.quiet:
+            return
+        if not self._brief:
             out.print(check_table(check, check.units.force, check.units.speed))
+        words = ErrorTable.of_check(check).in_words(check.units.force)
+        out.print(f"{pad_title(check.pad)}: {words}", soft_wrap=True)
 
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]

@@ -57,8 +57,8 @@ class FitSummary(Result, frozen=True, kw_only=True):
     true; notices: Sentences on the tests and their noise, such as what the tests cannot determine;
     settings: Settings of the sampler, of which least squares use the seed alone; None where not
     stated; never_relaxes: Share of the force that never relaxes, of the whole model with its
-    effects; None where it depends on depth, or is not stated; parameters: Posterior of each constant by its name, as ``m`` or ``v[1]``, in the
-    constant's own unit.
+    effects; None where it depends on depth, or is not stated; parameters: Posterior of
+    each constant by its name, as ``m`` or ``v[1]``, in the constant's own unit.
     """
 
     pad: str

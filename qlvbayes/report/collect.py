@@ -79,22 +79,12 @@ class PadResults:
 
     @property
     def errors(self) -> list[ErrorTable]:
-        """Errors of the last model, after those of the baseline where effects were added.
-
-        Both are of tests fitted, or both of tests predicted: where the two fits used different
-        tests, the errors are those of the diagnosis, which fits both models to all tests.
-        """
-        final, plain, d = self.final, self.baseline, self.diagnosis
-        if final.check is None:
-            return []
-        last = ErrorTable.of_check(final.check)
-        if plain is None or plain.check is None or plain.effects == final.effects:
-            return [last]
-        unlike = plain.facts.get("all_tests") != final.facts.get("all_tests")
-        ends = [d.stages[0], d.stages[-1]] if d else []
-        if unlike and d and all(stage.cells for stage in ends):
-            return [ErrorTable.of_stage(stage, d.noise) for stage in ends]
-        return [ErrorTable.of_check(plain.check), last]
+        """Errors of the last model, after those of the baseline where effects were added."""
+        final, plain = self.final, self.baseline
+        checks = [final.check]
+        if plain is not None and plain.effects != final.effects:
+            checks.insert(0, plain.check)
+        return [ErrorTable.of_check(one) for one in checks if final.check and one]
 
     @property
     def force_unit(self) -> str:

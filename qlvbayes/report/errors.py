@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import inf, log
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.diagnosis.result import Stage, StructuredPhase
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.wording import capitalized, joined, number, with_unit
 from qlvbayes.motion.phases import NAMES
@@ -18,7 +17,7 @@ _DARKEST = 10.0  # times the noise, from where on a cell is as dark as can be
 class ErrorTable:
     """The errors of one model by test, the slowest first, and phase, against the noise.
 
-    ``basis`` says which tests were fitted; it is the same for models that are compared.
+    ``basis`` says which tests were fitted. A cell fails by the one rule of `CheckResult`.
     """
 
     effects: tuple[str, ...]
@@ -35,18 +34,6 @@ class ErrorTable:
         if fitted and rest:
             basis = f"fitted to {joined(sorted(fitted))}, the other tests predicted"
         return cls(tuple(check.effects), check.noise, check.cells, basis)
-
-    @classmethod
-    def of_stage(cls, stage: Stage, noise: float) -> ErrorTable:
-        """Return the errors of a model that the diagnosis fitted to all tests."""
-        cells = tuple(
-            Cell(
-                c.test, "fit", c.rate, c.phase, c.n, c.rmse, c.bias, 0.0,
-                fails=StructuredPhase(c.test, c.phase) in stage.failing,
-            )
-            for c in stage.cells
-        )  # fmt: skip
-        return cls(stage.effects, noise, cells, "all tests fitted")
 
     @property
     def name(self) -> str:
@@ -92,9 +79,14 @@ class ErrorTable:
         worst = self.worst
         if worst is None:
             largest = max(self.cells, key=lambda cell: cell.rmse)
+            limit = largest.limit
+            above = "" if limit is None else (
+                f"; it would fail above {with_unit(number(limit, 2, zeros=True), unit)}"
+            )  # fmt: skip
             return (
-                f"{head} no single phase has an error beyond what noise can do there. The largest "
-                f"is in {where(largest, self.noise, unit)}."
+                f"{head} fails in none of {len(self.cells)} phases of tests: no error is beyond "
+                "what noise and all that the fit leaves open (constants, zeros) can do there. The "
+                f"largest is in {where(largest, self.noise, unit)}{above}."
             )
         bias = with_unit(number(abs(worst.bias), 2, zeros=True), unit)
         side = "above" if worst.bias > 0.0 else "below"

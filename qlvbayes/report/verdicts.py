@@ -12,7 +12,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.errors import where
+from qlvbayes.report.errors import ErrorTable, where
 from qlvbayes.report.questions import constants_words, in_a_line, seen
 
 
@@ -91,12 +91,10 @@ def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
     words = []
     for table in reversed(tables):
         worst = table.worst
-        fails = f"fails in {len(table.failing)} of {len(table.cells)} phases, worst in "
-        outcome = f"{fails}{where(worst, table.noise, pad.force_unit)}" if worst else (
-            "fails in no phase: each error is what noise can do"
-        )  # fmt: skip
-        name = model_name(table.effects)
-        words.append(f"the model {name} {outcome}" if table.effects else f"the {name} {outcome}")
+        count = f"fails in {len(table.failing) or 'none'} of {len(table.cells)} phases"
+        most = f", worst in {where(worst, table.noise, pad.force_unit)}" if worst else ""
+        name = f"the {'model ' if table.effects else ''}{model_name(table.effects)}"
+        words.append(f"{table.basis}, {name} {count}{most}")
     return f"{'; '.join(words)}."
 
 
@@ -104,12 +102,7 @@ def _undiagnosed(pad: PadResults) -> str:
     check = pad.final.check
     if check is None:
         return "Fitted, but neither checked nor diagnosed."
-    if not check.failing:
-        return "Not diagnosed. The fit is off by more than noise in no phase of any test."
-    return (
-        f"Not diagnosed. The fit fails in {len(check.failing)} of {len(check.cells)} phases of "
-        "its tests."
-    )
+    return f"Not diagnosed. {ErrorTable.of_check(check).in_words(pad.force_unit)}"
 
 
 def _heldout(d: DiagnosisResult) -> list[float] | None:

@@ -228,6 +228,17 @@ def test_what_is_beyond_the_tests_is_called_an_extrapolation(asked, far):
     assert {reading.quantity for reading in found if reading.extrapolated} == far
 
 
+@pytest.mark.parametrize(
+    ("hold", "fastest", "both"), [(30.0, 30.0, False), (35.0, 30.0, True), (30.0, 0.1, True)]
+)
+def test_a_force_that_is_another_by_another_name_is_told_once(hold, fastest, both):
+    """After a step and 30 s, and after the quickest ramp and 30 s, which is a step beside them."""
+    held = ReadingSettings(DEPTH, (0.1, fastest), (1.0,), hold, REACH, known=True)
+    names = [reading.quantity for reading in readings(held, PAD)]
+    assert "force after 30 s of a hold at 1.5 mm" in names
+    assert ("relaxed force at 1.5 mm" in names) == both
+
+
 def test_strain_and_stress_have_their_own_units():
     found = {r.quantity: r.unit for r in readings(SETTINGS, STRAIN)}
     assert found["relaxed stress at strain 1.5"] == "kPa"
