@@ -45,6 +45,7 @@ class Terminal(Watcher):
         self._prefix = ""  # text before the label of a step, where there are several pads
         self._brief = False
         self._grouping = ""  # which tests are of which pad, until it is printed
+        self._began = time.monotonic()
 
     def reading(self, inputs: InputOptions, part: Shard) -> Source:
         """Return the pads of some files, and print notices on them.
@@ -86,6 +87,11 @@ class Terminal(Watcher):
             update(0, size)
         yield update
         self._prefix = ""
+
+    def took(self) -> None:
+        """Print how long the command took, where progress is told: in a pipe too."""
+        if not self.quiet:
+            err.print(f"took {_duration(time.monotonic() - self._began)}")
 
     def notice(self, text: str) -> None:
         """Print a notice once: several steps may give the same."""

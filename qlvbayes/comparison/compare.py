@@ -182,7 +182,8 @@ def _table(
 ) -> np.ndarray:
     """Return draws (n, Q) of the shared constants and of the derived quantities."""
     constants = [side.constants[reading.quantity] for reading in shared]
-    return np.column_stack([*constants, *([side.lasting] if shares else []), side.read(settings)])
+    lasting = [] if not shares or side.lasting is None else [side.lasting]
+    return np.column_stack([*constants, *lasting, side.read(settings)])
 
 
 def _omnibus(
