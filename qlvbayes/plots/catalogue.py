@@ -53,7 +53,7 @@ FIGURES = (
         "Force against time of every test of {of}, by phase, measured and predicted.",
         "Dots are measured, the line is the model, the band holds 90 % of predicted samples. "
         "Correlated noise may carry all dots of a short phase out of the band; where the error is "
-        "more than that, the map above has a cross.",
+        "more than noise and the fit's uncertainty can do, the map above has a cross.",
         lambda checked: (checked.predictions, checked.experiment.units),
     ),
     Figure(

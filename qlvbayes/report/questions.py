@@ -53,7 +53,7 @@ def seen(name: str) -> str:
 
 def constant_names(pads: Sequence[PadResults]) -> list[str]:
     """Return every constant that any of the pads has: the material's, the effects', the noise's."""
-    return sorted({name for pad in pads for name in pad.parameters}, key=_rank)
+    return sorted(dict.fromkeys(name for pad in pads for name in pad.parameters), key=_rank)
 
 
 def meanings(pads: Sequence[PadResults]) -> dict[str, str]:

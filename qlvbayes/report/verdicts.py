@@ -136,7 +136,8 @@ def _warnings(pad: PadResults) -> Iterator[str]:
     left = d.remainder if d else None
     if d and left and left.sure and d.verdict not in ("unexplained", "partly_explained"):
         yield (
-            "A systematic error is left that is certain but small: "
+            "In the diagnosis's fit to all tests a systematic error is left that is certain but "
+            "small: "
             f"{percent_unbroken(left.share_of_peak)} of the peak force "
             f"({with_unit(number(left.rms, 2), pad.force_unit)}) in the {left.phase} of "
             f"{left.test}."
