@@ -134,7 +134,7 @@ class Terminal(Watcher):
             return
         if not self._brief:
             out.print(check_table(check, check.units.force, check.units.speed))
-        words = ErrorTable.of_check(check).in_words(check.units.force)
+        words = ErrorTable(check).in_words(check.units.force)
         out.print(f"{pad_title(check.pad)}: {words}", soft_wrap=True)
 
     def diagnosed(

@@ -84,7 +84,7 @@ class PadResults:
         checks = [final.check]
         if plain is not None and plain.effects != final.effects:
             checks.insert(0, plain.check)
-        return [ErrorTable.of_check(one) for one in checks if final.check and one]
+        return [ErrorTable(one) for one in checks if final.check and one]
 
     @property
     def force_unit(self) -> str:

@@ -90,10 +90,10 @@ def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
         return f"not checked yet: {remedies['check']}"
     words = []
     for table in reversed(tables):
-        worst = table.worst
-        count = f"fails in {len(table.failing) or 'none'} of {len(table.cells)} phases"
-        most = f", worst in {where(worst, table.noise, pad.force_unit)}" if worst else ""
-        name = f"the {'model ' if table.effects else ''}{model_name(table.effects)}"
+        check, worst = table.check, table.check.worst
+        count = f"fails in {len(check.failing) or 'none'} of {len(check.cells)} phases"
+        most = f", worst in {where(worst, check.noise, pad.force_unit)}" if worst else ""
+        name = f"the {'model ' if check.effects else ''}{model_name(check.effects)}"
         words.append(f"{table.basis}, {name} {count}{most}")
     return f"{'; '.join(words)}."
 
@@ -102,7 +102,7 @@ def _undiagnosed(pad: PadResults) -> str:
     check = pad.final.check
     if check is None:
         return "Fitted, but neither checked nor diagnosed."
-    return f"Not diagnosed. {ErrorTable.of_check(check).in_words(pad.force_unit)}"
+    return f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
 
 
 def _heldout(d: DiagnosisResult) -> list[float] | None:

@@ -242,7 +242,7 @@ def _structure(d: DiagnosisResult, work: DiagnosisWork) -> str:
             f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
         )
     worst = last.worst
-    cells = list(dict.fromkeys(f"the {NAMES[at.phase]} of {at.test}" for at in last.failing))
+    cells = [f"the {NAMES[at.phase]} of {at.test}" for at in last.failing]
     if (more := len(cells) - _MOST_CELLS) > 0:
         cells = [*cells[:_MOST_CELLS], f"{more} more"]
     where = f", in {joined(cells)}" if cells else ""
