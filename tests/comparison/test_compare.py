@@ -176,8 +176,9 @@ def test_shares_of_models_with_different_effects_on_relaxation_are_those_of_the_
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert "different effects on the relaxation: c and v are not compared" in found.notices
     share = found["share that never relaxes"]
-    assert share.first.median == pytest.approx(np.median(first["c[0]"]))
-    assert share.second.median == pytest.approx(0.75 * np.median(second["c[0]"]))
+    # of 300 draws some are paired once more than others
+    assert share.first.median == pytest.approx(np.median(first["c[0]"]), rel=1e-3)
+    assert share.second.median == pytest.approx(0.75 * np.median(second["c[0]"]), rel=1e-3)
     alike = compare(second, second, names=("B", "C"), **PLACES)
     assert "c[0]" in [c.quantity for c in alike.of_group("constants")]
     assert "share that never relaxes" not in [c.quantity for c in alike.contrasts]
