@@ -113,6 +113,12 @@ class Side:
         """Share (n,) of the force that never relaxes, effects that change it included."""
         return lasting_share(self.choices, self.names, self.draws)
 
+    def stated(self, quantity: str) -> np.ndarray:
+        """Return draws (n,) of a constant, or of the share that never relaxes."""
+        draws = self.constants[quantity] if quantity in self.names else self.lasting
+        assert draws is not None
+        return draws
+
     def read(self, settings: ReadingSettings) -> np.ndarray:
         """Return the derived quantities (n, Q) of each draw."""
         return read(pad_alone(self.models), settings)
