@@ -17,6 +17,7 @@ from support.written_results import (
     FIGURES,
     NOISE,
     check,
+    comparison,
     curves,
     diagnosis,
     facts,
@@ -167,6 +168,15 @@ def test_terminal_and_page_count_the_phases_that_the_check_marks(tmp_path, capsy
     assert sentence in said
     assert sentence in words
     assert "it would fail above 0.37 N" in said
+
+
+def test_a_pad_that_was_compared_with_one_of_another_folder_is_not_alone(tmp_path):
+    write_pad(tmp_path, "B")
+    assert "There is only one pad here" in Page(write_report(tmp_path)).words
+    write(tmp_path / "compare" / "B-vs-C" / "compare.json", comparison("B", "C"))
+    words = Page(write_report(tmp_path)).words
+    assert "B and C differ" in words
+    assert "There is only one pad here" not in words
 
 
 def test_methods_and_commands_say_how_to_repeat_and_use_it(page, out):
