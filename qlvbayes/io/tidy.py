@@ -9,7 +9,7 @@ from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
-from qlvbayes.io.checks import InputError, closest
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import LABELS, split_name
 from qlvbayes.io.files import stem_of
 from qlvbayes.io.table import (
@@ -240,7 +240,7 @@ def _rename(quantity: str, names: Sequence[str]) -> str | None:
     words = (quantity, *_OTHER_WORDS[quantity])
     for name in names:
         first, *rest = re.findall(r"[A-Za-zµμ]+|$", name)
-        if closest(first, words):
+        if first.lower() in words:
             units = [re.sub("[µμ]", "u", unit) for unit in rest]
             known = [unit for unit in units if unit and unit in SUFFIXES[quantity]]
             new = column_name(quantity, known[-1]) if known else _spellings(quantity)

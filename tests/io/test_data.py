@@ -176,12 +176,6 @@ def test_the_line_of_a_fault_counts_remarks_and_blank_lines(tmp_path):
         read_measurements(back)
 
 
-def test_a_column_whose_name_is_mistyped_is_the_one_to_rename(tmp_path):
-    path = write(tmp_path, "time_s,displacement_mm,froce_N\n0,0,0\n0.1,1,1\n")
-    with pytest.raises(InputError, match="rename 'froce_N' to force_N"):
-        read_measurements(path)
-
-
 MEASURE = """
 import resource, sys
 from qlvbayes.io.data import read_measurements
