@@ -49,4 +49,5 @@ def diagnose_command(
         run_settings = {"thresholds": settings}
         record_run(output, "diagnose", command_line(), source.whole, choices, seed, run_settings)
     show_done(output, done, "diagnosis.json", as_json=as_json)
+    watcher.took()
     raise_failed([done])

@@ -63,4 +63,5 @@ def fit(
             with waiting("figures of all pads"):
                 draw_constants(output, reference_file)
     show_done(output, done, "summary.json", as_json=as_json)
+    watcher.took()
     raise_failed([done])

@@ -149,6 +149,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
             print(json.dumps(tests))
         else:
             out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
+            _print_next([_study_of(str(output), _of_specimen(inputs.chosen))])
         return
     conversion = converted(files, inputs.chosen, pads)
     write_tidy(conversion, output)
@@ -159,6 +160,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     else:
         out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
         out.print(f"wrote {output}, picture {picture}")
+        _print_next([_study_of(str(output), _of_specimen(inputs.chosen))])
     if conversion.faults:
         sys.stdout.flush()
         _stop_without(conversion, files, inputs.pad_words)
@@ -233,9 +235,7 @@ def _next(
 ) -> tuple[str, ...]:
     """Return the commands to go on with, as they are typed."""
     if source.conversion is None:
-        name = Path(study.source).name.partition(".")[0]
-        words = ["qlvbayes", "study", study.source, "-o", f"{name}_results"]
-        return (as_typed(*words, *arguments),)
+        return (_study_of(study.source, arguments),)
     files = _files(study, inputs.paths, source)
     pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
     reading = [*files, *pads, *inputs.chosen.arguments()]
@@ -243,6 +243,17 @@ def _next(
         as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
     )
+
+
+def _study_of(file: str, arguments: Sequence[str]) -> str:
+    """Return the command that studies a tidy file, as it is typed."""
+    name = Path(file).name.partition(".")[0]
+    return as_typed("qlvbayes", "study", file, "-o", f"{name}_results", *arguments)
+
+
+def _print_next(commands: Sequence[str]) -> None:
+    if commands:
+        out.print("next:", *(f"  {command}" for command in commands), sep="\n", soft_wrap=True)
 
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
@@ -267,8 +278,7 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     cautions = [caution for pad in look.pads for caution in pad.cautions]
     if cautions:
         out.print("before a fit:", *(f"  {text}" for text in cautions), sep="\n", soft_wrap=True)
-    if look.next:
-        out.print("next:", *(f"  {command}" for command in look.next), sep="\n", soft_wrap=True)
+    _print_next(look.next)
 
 
 def _tests(pad: PadSeen, units: UnitSystem) -> Table:

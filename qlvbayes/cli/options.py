@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.settings import Settings
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, meant
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
 from qlvbayes.parallel.engines import Engine, opened_engine
@@ -171,9 +171,8 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
     """
     for name in (selected := among(names, known)):
         if name not in known:
-            raise InputError(
-                f"no {what} of pad '{name}'", file=folder, remedy=f"name of {listed(known)}"
-            )
+            remedy = f"{meant(name, known)}name of {listed(known)}"
+            raise InputError(f"no {what} of pad '{name}'", file=folder, remedy=remedy)
     return selected
 
 

@@ -60,5 +60,6 @@ def study_command(
         out.print(f"results in {output}; all parts together: qlvbayes report {output} --gather")
     elif verdicts:
         out.print(f"results in {output}; open {output / REPORT} in a browser")
+    watcher.took()
     if failed is not None:
         raise failed

@@ -160,7 +160,6 @@ def steps_table(result: DiagnosisResult, unit: str) -> Table:
         "log evidence",
     ):
         table.add_column(name, justify="right")
-    table.add_column("phases that fail", justify="right")
     for stage in result.stages:
         table.add_row(
             stage_name(stage, result.stages[0].base),
@@ -170,7 +169,6 @@ def steps_table(result: DiagnosisResult, unit: str) -> Table:
             else to_noise(stage.heldout_rmse, result.noise),
             "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / result.noise:.2f}",
             _one_digit(stage.log_evidence),
-            str(len(stage.failing)),
         )
     return table
 

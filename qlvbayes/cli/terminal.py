@@ -25,10 +25,12 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.wording import pad_title
 from qlvbayes.parallel.running import Shard
 from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import Watcher
+from qlvbayes.report.errors import ErrorTable
 from qlvbayes.report.firstlook import FirstLook
 
 _TABLES = 12  # pads; where there are more, each has one line instead of tables
@@ -43,6 +45,7 @@ class Terminal(Watcher):
         self._prefix = ""  # text before the label of a step, where there are several pads
         self._brief = False
         self._grouping = ""  # which tests are of which pad, until it is printed
+        self._began = time.monotonic()
 
     def reading(self, inputs: InputOptions, part: Shard) -> Source:
         """Return the pads of some files, and print notices on them.
@@ -85,6 +88,11 @@ class Terminal(Watcher):
         yield update
         self._prefix = ""
 
+    def took(self) -> None:
+        """Print how long the command took, where progress is told: in a pipe too."""
+        if not self.quiet:
+            err.print(f"took {_duration(time.monotonic() - self._began)}")
+
     def notice(self, text: str) -> None:
         """Print a notice once: several steps may give the same."""
         if text not in self._noticed:
@@ -122,11 +130,12 @@ class Terminal(Watcher):
     def checked(self, check: CheckResult) -> None:
         """Print the errors by test and phase."""
         self._begin()
-        if self._brief and not self.quiet:
-            fails = f"{len(check.failing)} of {len(check.cells)} phases of its tests"
-            out.print(f"pad {check.pad}: the fit fails in {fails}", soft_wrap=True)
-        elif not self.quiet:
+        if self.quiet:
+            return
+        if not self._brief:
             out.print(check_table(check, check.units.force, check.units.speed))
+        words = ErrorTable(check).in_words(check.units.force)
+        out.print(f"{pad_title(check.pad)}: {words}", soft_wrap=True)
 
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]

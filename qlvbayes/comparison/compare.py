@@ -21,7 +21,14 @@ from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
 from qlvbayes.comparison.readings import Reading, readings
 from qlvbayes.comparison.settings import ReadingSettings, choose
-from qlvbayes.comparison.side import Side, Source, shared_constants, side_of, unheld_times
+from qlvbayes.comparison.side import (
+    Side,
+    Source,
+    lasting_shares,
+    shared_constants,
+    side_of,
+    unheld_times,
+)
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
@@ -77,7 +84,8 @@ def compare(
     rng = np.random.default_rng(seed)
     apart = unheld_times(sides)
     shared = [] if apart else shared_constants(sides)
-    contrasts, lost = _contrasts(groups, shared, settings, region, between, rng, apart)
+    stated = [*shared, *([] if apart else lasting_shares(sides, shared))]
+    contrasts, lost = _contrasts(groups, stated, settings, region, between, rng, apart)
     tested = contrasts[: len(shared)]
     if apart:
         observed = {one.quantity for one in readings(settings, units) if one.shown}
@@ -139,7 +147,7 @@ def _label(group: Sequence[Side]) -> str:
 
 def _contrasts(
     groups: tuple[list[Side], list[Side]],
-    shared: Sequence[Reading],
+    stated: Sequence[Reading],
     settings: ReadingSettings,
     region: float,
     between: str,
@@ -148,8 +156,8 @@ def _contrasts(
 ) -> tuple[list[Contrast], list[str]]:
     """Return every contrast, constants first, and the quantities that no model could give."""
     units = groups[0][0].units
-    every = [*shared, *readings(settings, units)]
-    tables = [[_table(side, shared, settings) for side in group] for group in groups]
+    every = [*stated, *readings(settings, units)]
+    tables = [[_table(side, stated, settings) for side in group] for group in groups]
     pairs = [[rng.permutation(_PAIRS) % len(t) for t in group] for group in tables]
     contrasts, lost = [], []
     for k, reading in enumerate(every):
@@ -168,10 +176,10 @@ def _contrasts(
     return contrasts, lost
 
 
-def _table(side: Side, shared: Sequence[Reading], settings: ReadingSettings) -> np.ndarray:
-    """Return draws (n, Q) of the shared constants and of the derived quantities."""
-    constants = [side.constants[reading.quantity] for reading in shared]
-    return np.column_stack([*constants, side.read(settings)])
+def _table(side: Side, stated: Sequence[Reading], settings: ReadingSettings) -> np.ndarray:
+    """Return draws (n, Q) of what the models' constants state, and of the derived quantities."""
+    columns = [side.stated(reading.quantity) for reading in stated]
+    return np.column_stack([*columns, side.read(settings)])
 
 
 def _omnibus(

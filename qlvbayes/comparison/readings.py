@@ -38,7 +38,8 @@ def readings(settings: ReadingSettings, units: UnitSystem) -> list[Reading]:
     """Return the quantities, in the order of `read`.
 
     instantaneous stiffness: slope of the force just after steps to about the depth; relaxed: after
-    the hold; peak force: largest in a ramp to the depth; relaxed force: after a step and the hold;
+    the hold; peak force: largest in a ramp to the depth; relaxed force: after a step and the hold,
+    unless this is the force after a time (below);
     half-relaxation time: in a hold after the fastest ramp, until half of what the force loses in it
     is lost; force after, share lost: in a time of such a hold for which every pad was held, of the
     force when it began; lost energy: the loop of force over depth, to the depth and back at one
@@ -59,7 +60,8 @@ def readings(settings: ReadingSettings, units: UnitSystem) -> list[Reading]:
         quantities.append(
             Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far)
         )
-    quantities.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
+    if settings.relaxes_further:
+        quantities.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
     held = f"{settings.after:g} s of a hold at {depth}"
     far = deep or settings.outside_rates(max(settings.rates))
     quantities.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
@@ -92,7 +94,7 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
         instant,
         relaxed,
         *(loop[:, : programmes.RAMP_POINTS].max(axis=1) for _, loop in loops),
-        force,
+        *([force] if settings.relaxes_further else []),
         after,
         _half_time(held, clock),
         1.0 - after / held[:, 0],

@@ -12,6 +12,7 @@ from qlvbayes.motion.facts import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _UNKNOWN = Covered(depth=1.0, slowest=0.1, fastest=10.0, quickest=0.1, hold=30.0, tests=0)
+_STEP = 0.1  # of the hold: a ramp that takes less is over when the hold is
 _NEAR = 1.05  # of a range, that still counts as inside it
 
 
@@ -30,6 +31,15 @@ class ReadingSettings:
     def after(self) -> float:
         """Round time (s) within which every pad was held."""
         return _round_below(self.hold)
+
+    @property
+    def relaxes_further(self) -> bool:
+        """True if a step and the whole hold leave another force than the fastest ramp and `after`.
+
+        One number would be told twice where both times are one and the ramp is a step beside them.
+        """
+        ramp = self.depth / max(self.rates)
+        return self.hold > self.after or ramp > _STEP * self.hold
 
     @property
     def deeper(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import permutations
 
 import jax
@@ -18,7 +19,14 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.laws.catalogue import find_elastic
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.drawn import described_model, drawn_models, factors, pad_alone, rig_effects
+from qlvbayes.model.drawn import (
+    described_model,
+    drawn_models,
+    factors,
+    lasting_share,
+    pad_alone,
+    rig_effects,
+)
 from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
@@ -59,6 +67,12 @@ class Side:
         return {name: field.unit for field in fields_of(alone) for name in field.names}
 
     @property
+    def relaxation(self) -> tuple[str, ...]:
+        """The relaxation and the effects that change it, without which c and v are not its own."""
+        reshaping = described_model(self.choices).reshaping
+        return (self.choices.relaxing, *(effect.name for effect in reshaping))
+
+    @property
     def left_out(self) -> tuple[str, ...]:
         """Effects of the rig, which are not compared."""
         return rig_effects(described_model(self.choices))
@@ -93,6 +107,17 @@ class Side:
             return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
         indices = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
         return replace(self, draws=self.draws[indices.astype(int)])
+
+    @cached_property
+    def lasting(self) -> np.ndarray | None:
+        """Share (n,) of the force that never relaxes, effects that change it included."""
+        return lasting_share(self.choices, self.names, self.draws)
+
+    def stated(self, quantity: str) -> np.ndarray:
+        """Return draws (n,) of a constant, or of the share that never relaxes."""
+        draws = self.constants[quantity] if quantity in self.names else self.lasting
+        assert draws is not None
+        return draws
 
     def read(self, settings: ReadingSettings) -> np.ndarray:
         """Return the derived quantities (n, Q) of each draw."""
@@ -195,8 +220,16 @@ def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
         return (name,)
     first = sides[0].choices
     of_elastic = stem in find_elastic(first.elastic, first.laws).units
-    described = {s.choices.elastic if of_elastic else s.choices.relaxing for s in sides}
+    described = {s.choices.elastic if of_elastic else s.relaxation for s in sides}
     return (name,) if len(described) == 1 else ()
+
+
+def lasting_shares(sides: Sequence[Side], shared: Sequence[Reading]) -> list[Reading]:
+    """Return the share that never relaxes where all models have one, but no constant states it."""
+    stated = {"c[0]", "c0"}.intersection(reading.quantity for reading in shared)
+    if stated or any(side.lasting is None for side in sides):
+        return []
+    return [Reading("share that never relaxes", "1", "relaxation", False)]
 
 
 def fixed_constants(sides: Sequence[Side]) -> list[str]:

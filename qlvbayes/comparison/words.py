@@ -198,6 +198,8 @@ def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
         yield "different relaxations: their constants are not compared"
     elif len({side.choices.relaxing for side in sides}) > 1:
         yield "different numbers of relaxation modes: c and v are not compared"
+    elif len({side.relaxation for side in sides}) > 1:
+        yield "different effects on the relaxation: c and v are not compared"
     if len({side.choices.elastic for side in sides}) > 1:
         yield "different elastic laws: their constants are not compared"
     if len({side.choices.bonded for side in sides}) > 1:

@@ -115,7 +115,7 @@ class Stage(
     log_evidence: float | None  # log of the marginal likelihood; None where it is not finite
     p_value: float  # p-value of the adequacy test
     testable: bool  # whether the dwells show if noise is correlated
-    failing: tuple[StructuredPhase, ...]  # phases that hold structure
+    failing: tuple[StructuredPhase, ...]  # kinds of phase that hold structure, each once a test
     cells: tuple[CellError, ...]
     parameters: dict[str, Estimate]  # estimates of its constants
 

@@ -39,7 +39,7 @@ from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.results import SCHEMA
-from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.fitting.summary import FitSummary, constant_of, lasting_of
 from qlvbayes.io import catalogue
 from qlvbayes.io.checks import check_known
 from qlvbayes.io.runtime import one_blas_thread
@@ -139,6 +139,7 @@ class Fit:
             pad=self.pad, units=self.experiment.units, effects=self.choices.effects,
             sampler=self.method, converged=not troubles, troubles=tuple(troubles),
             notices=tuple(_notices(self)), settings=self.settings, parameters=constants,
+            never_relaxes=lasting_of(self.choices, self.names, self.every),
         )  # fmt: skip
 
     @property

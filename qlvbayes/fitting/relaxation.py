@@ -15,7 +15,7 @@ from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.data import Control
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.io.wording import visible
+from qlvbayes.io.wording import plain, visible
 from qlvbayes.motion.experiment import Experiment, Trial
 
 TIMES = (1.0, 10.0, 100.0, 1000.0)  # s since the end of loading, a decade apart
@@ -67,11 +67,11 @@ class RelaxationReport(Result, frozen=True, kw_only=True):
         ]
         length = "" if units.dimensionless else f" {units.displacement}"
         for one in self.tests:
-            rate = "" if one.rate is None else f" at {one.rate:.3g} {units.speed}"
+            rate = "" if one.rate is None else f" at {plain(one.rate)} {units.speed}"
             shares = (f"{t:g} s: {x:.1%}" for t, x in zip(one.at, one.left, strict=True))
             lines += [
                 f"Test {one.test}: {units.displacement_name} {one.deformation:.4g}{length}"
-                f"{rate}, in {one.loading:.3g} s; held {one.hold:.4g} s; {one.history}",
+                f"{rate}, in {plain(one.loading)} s; held {one.hold:.4g} s; {one.history}",
                 f"  initial {units.force_name} {one.initial:.4g} {units.force}; left after "
                 + (", ".join(shares) or f"{TIMES[0]:g} s: not held so long"),
             ]
@@ -133,4 +133,4 @@ def _history(experiment: Experiment, trial: Trial) -> str:
     if not test.start_known:
         return f"after {tests}, at a time that the file does not state"
     rest = test.start_s + float(test.time[0]) - last.start_s - float(last.time[-1])
-    return f"after {tests}, {rest:.3g} s after the last one's end"
+    return f"after {tests}, {plain(rest)} s after the last one's end"

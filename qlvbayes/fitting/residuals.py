@@ -181,13 +181,29 @@ def _judged(
     """
     error = (prediction.forces - prediction.mean + prediction.floor)[:, selected]
     mean, variance, third = _cumulants(error)
+    limit = error_limit((mean, variance, third), level)
     if variance <= 0.0:
-        return float(rmse**2 <= mean), float(np.sqrt(mean))
+        return float(rmse**2 <= mean), limit
+    freedom, scale = _gamma(variance, third)
+    return float(chi2.sf(freedom + (rmse**2 - mean) / scale, freedom)), limit
+
+
+def error_limit(cumulants: tuple[float, float, float], level: float) -> float:
+    """Return the root mean square error that is exceeded with probability ``level``.
+
+    The three cumulants are those of its square.
+    """
+    mean, variance, third = cumulants
+    if variance <= 0.0:
+        return float(np.sqrt(mean))
+    freedom, scale = _gamma(variance, third)
+    return float(np.sqrt(max(mean + scale * (chi2.isf(level, freedom) - freedom), 0.0)))
+
+
+def _gamma(variance: float, third: float) -> tuple[float, float]:
+    """Return degrees of freedom and scale of the chi-square with this variance and skewness."""
     freedom = 8.0 * variance**3 / max(third, 1e-3 * variance**1.5) ** 2
-    scale = np.sqrt(variance / (2.0 * freedom))
-    limit = mean + scale * (chi2.isf(level, freedom) - freedom)
-    p_value = chi2.sf(freedom + (rmse**2 - mean) / scale, freedom)
-    return float(p_value), float(np.sqrt(max(limit, 0.0)))
+    return freedom, float(np.sqrt(variance / (2.0 * freedom)))
 
 
 def _cumulants(error: np.ndarray) -> tuple[float, float, float]:

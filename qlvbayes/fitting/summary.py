@@ -18,6 +18,8 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Part, Result, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import as_cells, tex
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import lasting_share
 
 _COLUMNS = ["pad", "parameter", "value", "unit"]
 _HEADS = "pad,parameter,unit,median,low90,high90,reference"
@@ -54,8 +56,9 @@ class FitSummary(Result, frozen=True, kw_only=True):
     the same optimum; troubles: Messages on what speaks against it; empty where ``converged`` is
     true; notices: Sentences on the tests and their noise, such as what the tests cannot determine;
     settings: Settings of the sampler, of which least squares use the seed alone; None where not
-    stated; parameters: Posterior of each constant by its name, as ``m`` or ``v[1]``, in the
-    constant's own unit.
+    stated; never_relaxes: Share of the force that never relaxes, of the whole model with its
+    effects; None where it depends on depth, or is not stated; parameters: Posterior of
+    each constant by its name, as ``m`` or ``v[1]``, in the constant's own unit.
     """
 
     pad: str
@@ -66,6 +69,7 @@ class FitSummary(Result, frozen=True, kw_only=True):
     troubles: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
     settings: Settings | None = None
+    never_relaxes: Constant | None = None
     parameters: dict[str, Constant]
 
     def __getitem__(self, name: str) -> Constant:
@@ -94,6 +98,12 @@ def constant_of(
     ess = finite_or_none(diagnostics.ess_bulk[index]) if diagnostics else None
     median, interval = float(np.median(values)), highest_density(values)
     return Constant(unit, float(mean), float(sd), median, interval, r_hat, ess)
+
+
+def lasting_of(choices: Choices, names: Sequence[str], draws: np.ndarray) -> Constant | None:
+    """Return the share of the force that never relaxes, of draws (chains, draws, P), in summary."""
+    share = lasting_share(choices, names, draws.reshape(-1, len(names)))
+    return None if share is None else constant_of(share[None], "1", 0, None)
 
 
 @dataclass(frozen=True)

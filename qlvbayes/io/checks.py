@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 from qlvbayes.io.wording import visible
+
+_CLOSE = 0.75  # share of the letters that two names share, in order, of which one is mistyped
 
 
 class InputError(Exception):
@@ -42,10 +45,24 @@ class InputError(Exception):
         super().__init__(visible(" ".join(text.split())))
 
 
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that a mistyped one is closest to; None where none is close."""
+    by_lower = {one.lower(): one for one in known}
+    found = get_close_matches(name.lower(), by_lower, n=1, cutoff=_CLOSE)
+    return by_lower[found[0]] if found else None
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return 'did you mean friction? If not, ' for friktion; empty where no name is close."""
+    near = closest(name, known)
+    return f"did you mean {near}? If not, " if near else ""
+
+
 def check_known(what: str, name: str, known: Iterable[str]) -> None:
     """Raise InputError where a name is none of the known ones; the error lists them."""
     if name not in (every := tuple(known)):
-        raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(every)}")
+        remedy = f"{meant(name, every)}use one of {', '.join(every)}"
+        raise InputError(f"no {what} {name!r}", remedy=remedy)
 
 
 class NoFiniteForceError(InputError):

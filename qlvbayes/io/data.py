@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, meant
 from qlvbayes.io.conversion import Conversion, convert
 from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats import known_formats, matching, refuse_by_content
@@ -147,8 +147,9 @@ class Measurements:
         for pad in self.pads:
             if pad.name == name:
                 return pad
-        known = listed([pad.name for pad in self.pads])
-        raise InputError(f"no pad '{name}'", file=self.source, remedy=f"name one of: {known}")
+        names = [pad.name for pad in self.pads]
+        remedy = f"{meant(name, names)}name one of: {listed(names)}"
+        raise InputError(f"no pad '{name}'", file=self.source, remedy=remedy)
 
 
 def read_measurements(path: str | Path) -> Measurements:

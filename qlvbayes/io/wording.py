@@ -98,7 +98,7 @@ def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
         return text.replace("-", "−")
     base, _, power = text.partition("e")
     if 0 <= int(power) < 7:
-        return f"{value:.0f}".replace("-", "−")
+        return f"{round(value, digits - 1 - int(power)):.0f}".replace("-", "−")
     return f"{base} × 10{str(int(power)).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 

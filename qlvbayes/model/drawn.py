@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -58,6 +59,20 @@ def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model
         for names, leaf in zip(wanted, leaves, strict=True)
     ]
     return jax.tree.unflatten(shape, values)
+
+
+def lasting_share(choices: Choices, names: Sequence[str], draws: np.ndarray) -> np.ndarray | None:
+    r"""Return the share (n,) of a step's force that never relaxes, of draws (n, P) of constants.
+
+    It is the first fraction :math:`c_0` of the relaxation, after the effects that change it: an
+    extra mode of share c leaves :math:`(1 - c) c_0`. None where an effect makes it depend on depth.
+    """
+    drawn = drawn_models(described_model(choices), names, draws)
+    one = jax.tree.map(lambda leaf: leaf[0], drawn)
+    spectrum = one.relaxation.spectrum()
+    if any(effect.spectrum(*spectrum) is None for effect in one.reshaping):
+        return None
+    return np.asarray(eqx.filter_vmap(Model.spectrum)(drawn)[0][:, 0])
 
 
 def factors(

@@ -54,6 +54,21 @@ class Model(Pytree):
         return self.law.force(motion)
 
     @property
+    def reshaping(self) -> tuple[AbstractEffect, ...]:
+        """Return the effects that change the relaxation: its constants alone are not the model's.
+
+        They act on the material itself.
+        """
+        return tuple(effect for effect in self.effects if effect.level == Level.MATERIAL)
+
+    def spectrum(self) -> tuple[Array, Array]:
+        """Return the relaxation's fractions and rates, after the effects that change only these."""
+        spectrum = self.relaxation.spectrum()
+        for effect in self.effects:
+            spectrum = effect.spectrum(*spectrum) or spectrum
+        return spectrum
+
+    @property
     def law(self) -> Law:
         """Return the force law: the material and its layers."""
         return Law(self.elastic, self.relaxation, self._layers())

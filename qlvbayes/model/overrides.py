@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, meant
 from qlvbayes.model.parameters import Field, fields_of
 from qlvbayes.priors import (
     AbstractPositivePrior,
@@ -66,7 +66,8 @@ def parse_prior(text: str) -> AbstractPrior:
             raise InputError(f"{text.strip()!r} needs two or more positive numbers")
         return Dirichlet(arguments)
     if word not in WORDS:
-        raise InputError(f"no prior is called {word!r}", remedy=f"use one of {known}")
+        remedy = f"{meant(word, WORDS)}use one of {known}"
+        raise InputError(f"no prior is called {word!r}", remedy=remedy)
     kind = WORDS[word]
     wanted = [field.name for field in fields(kind)]
     if len(arguments) != len(wanted):
@@ -113,8 +114,9 @@ def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) 
         stem, index = (match[1], match[2]) if match else (name, None)
         field = known.get(stem)
         if field is None or (index is not None and not field.shape):
-            names = ", ".join(n for field in known.values() for n in field.names)
-            raise InputError(f"no constant is called {name!r}", remedy=f"use one of {names}")
+            names = [n for field in known.values() for n in field.names]
+            remedy = f"{meant(name, names)}use one of {', '.join(names)}"
+            raise InputError(f"no constant is called {name!r}", remedy=remedy)
         new = _replacement(field, None if index is None else int(index), value)
         part = _put(part, field.name, new)
     return part

@@ -32,7 +32,7 @@ from qlvbayes.fitting.results import load, save
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import DESCRIBED, results_folder, write_json, write_whole
-from qlvbayes.io.wording import plain
+from qlvbayes.io.wording import as_typed, plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
@@ -316,13 +316,14 @@ class DiagnoseStep:
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
-            if law := diagnosis.work.law.text:
-                write_whole(folder / DESCRIBED, law.encode())
+            if law := diagnosis.law_file:
+                write_whole(folder / DESCRIBED, as_pasted(law, folder, study.source).encode())
             else:  # that of an earlier diagnosis
                 (folder / DESCRIBED).unlink(missing_ok=True)
             diagnosis.result.write(folder / "diagnosis.json")
             drawn_hypotheses(diagnosis, self.choices, seed=self.seed).write(folder / HYPOTHESES)
-            write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
+            text = as_pasted(diagnosis.text(), folder, study.source)
+            write_whole(folder / "diagnosis.txt", f"{text}\n".encode())
             save_figures("diagnose", folder, diagnosis)
 
     def report(self, folder: Path, watcher: Watcher) -> None:
@@ -333,6 +334,21 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
+
+
+def as_pasted(text: str, folder: Path, source: str) -> str:
+    """Return a diagnosis whose commands name the user's files, not FILE, OUT and a file in it.
+
+    ``folder`` is that of the pad's results. Paths are as they were typed.
+    """
+    out = str(folder.parent)
+    for words, real in (
+        ("FILE -o OUT", (source, "-o", out)),
+        ("design OUT", ("design", out)),
+        (f"--effects-file {DESCRIBED}", ("--effects-file", str(folder / DESCRIBED))),
+    ):
+        text = text.replace(words, as_typed(*real))
+    return text
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:

@@ -53,7 +53,7 @@ FIGURES = (
         "Force against time of every test of {of}, by phase, measured and predicted.",
         "Dots are measured, the line is the model, the band holds 90 % of predicted samples. "
         "Correlated noise may carry all dots of a short phase out of the band; where the error is "
-        "more than that, the map above has a cross.",
+        "more than noise and the fit's uncertainty can do, the map above has a cross.",
         lambda checked: (checked.predictions, checked.experiment.units),
     ),
     Figure(
@@ -79,8 +79,8 @@ FIGURES = (
         "diagnose",
         "Error over noise floor of {of} by test and phase, for the plain model and for the last.",
         "Both models are fitted to all tests. Cells near 1 are noise, in short ramps those of 2 or "
-        "3 too unless they have a frame. What is dark on the left and light on the right was "
-        "explained by what was added.",
+        "3 may be too. What is dark on the left and light on the right was explained by what was "
+        "added.",
         lambda diagnosis: (diagnosis.result,),
         file="residual_map",
     ),

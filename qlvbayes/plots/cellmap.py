@@ -63,7 +63,7 @@ class ErrorMap:
     title: str
     cells: Sequence[Any]  # each a `Cell` or a `CellError`
     text: Callable[[Any], str]
-    fails: Callable[[Any], bool]
+    fails: Callable[[Any], bool] = lambda cell: False
 
 
 def draw_maps(

@@ -17,6 +17,8 @@ from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, sty
 
 _ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, a panel's margins, the figure's margins
 _COLUMNS, _COLUMNS_TIGHT = 4, 2
+_SHORT = 5  # characters of a number of which four stand under a panel; of longer ones, fewer
+_LETTER = 1.35  # mm, of the numbers in a panel
 _DOWN = 0.15  # share of a row by which its bar is below its middle
 _NAME = 12  # characters of a pad's name
 
@@ -44,7 +46,8 @@ def plot_constants(
         axes = list(grid[: len(names)])
         for axis, name in zip(axes, names, strict=True):
             own = [entry for entry in shown if entry.parameter == name]
-            _draw(axis, own, pads, shortened(reference, 36))
+            wide = max(len(_values_text(entry)) for entry in own) > (width / columns - 8) / _LETTER
+            _draw(axis, own, pads, shortened(reference, 36), gap="\n" if wide else " ")
         for axis in axes:
             axis.set_ylim(len(pads) - 0.45, -0.75)
             axis.set_yticks(range(len(pads)), [pad_title(shortened(pad, _NAME)) for pad in pads])
@@ -54,12 +57,16 @@ def plot_constants(
     return axes
 
 
-def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str], reference: str) -> None:
+def _draw(
+    axis: Axes, entries: Sequence[Entry], pads: Sequence[str], reference: str, *, gap: str
+) -> None:
     ink = colours()
     for entry in entries:
         row = pads.index(entry.pad)
-        axis.text(0.02, row - 0.2, _values_text(entry), transform=axis.get_yaxis_transform(),
-                  va="bottom", fontsize="small")  # fmt: skip
+        values = _values_text(entry).replace(" ", gap, 1)
+        axis.text(0.02, row - 0.2 + 0.15 * values.count("\n"), values, va="bottom",
+                  transform=axis.get_yaxis_transform(), fontsize="small",
+                  linespacing=1.0).set_in_layout(False)  # fmt: skip
         look: dict[str, Any] = {"color": ink[0], "markersize": 3.6, "linewidth": 1.6}
         axis.plot([entry.low, entry.high], [row + _DOWN] * 2, gid="interval", **look)
         label = "median (bar: 90 % interval)"
@@ -73,7 +80,8 @@ def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str], reference: 
     for row in range(len(pads)):
         axis.axhline(row + _DOWN, color="0.92", linewidth=0.4, zorder=0)
     axis.margins(x=0.12)
-    axis.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
+    long = max(len(text) for entry in entries for text in rounded(entry)) > _SHORT
+    axis.xaxis.set_major_locator(MaxNLocator(2 if long else 3, min_n_ticks=1 if long else 2))
     first = entries[0]
     axis.set_xlabel(parameter_label(first.parameter, first.unit))
     if np.ptp([x for e in entries for x in (e.low, e.high, e.median)]) == 0.0:

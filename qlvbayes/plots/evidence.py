@@ -89,7 +89,7 @@ def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
     """Scale the axis: linear, or logarithmic beyond 10 where small values would vanish."""
-    low, high = min(values, default=0.0), max(values, default=0.0)
+    low, high = min([0.0, *values]), max([0.0, *values])
     gap = "\n" if tight else " "
     name = f"log Bayes factor for being in the model{gap}(natural logarithm, no unit)"
     if max(high, -low) > _MUCH:

@@ -51,8 +51,12 @@ def save_figure(
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once, not for each file, which takes longer than the drawing."""
-    engine = figure.get_layout_engine()
+    """Lay the figure out once, not for each file, which takes longer than the drawing.
+
+    It is laid out in the resolution of the files: letters are some per cent wider in another.
+    """
+    engine, dpi = figure.get_layout_engine(), figure.get_dpi()
+    figure.set_dpi(float(matplotlib.rcParams["savefig.dpi"]))
     if engine is not None:
         engine.execute(figure)
         with matplotlib.rc_context(_NO_ENGINE):
@@ -62,6 +66,7 @@ def _laid_out(figure: Figure) -> Iterator[None]:
     finally:
         if engine is not None:
             figure.set_layout_engine(engine)
+        figure.set_dpi(dpi)
 
 
 def _write(figure: Figure, path: Path, suffix: str) -> None:

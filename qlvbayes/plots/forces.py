@@ -153,7 +153,7 @@ def _legend(figure: Figure, diagnosis: DiagnosisResult, count: int, *, tight: bo
         Line2D([], [], color=BLACK, marker=".", linestyle="None", markeredgewidth=0, markersize=5),
         Patch(color="0.88", linewidth=0),
     ]
-    labels = ["measured", "90 % of the noise floor"]
+    labels = ["measured", "90 % of the noise"]
     models: list[tuple[str, Any, Sequence[str], Sequence[str]]] = [
         (PLAIN, "--", (), ()),
         (colours()[0], "-", diagnosis.tried, diagnosis.changed),

@@ -18,9 +18,9 @@ from qlvbayes.plots.naming import parameter_label, parameter_lines
 from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
 
 _RIGHT, _TOP, _TOP_TIGHT = 2.0, 13.0, 22.0  # mm around the panels
-_TICK, _LINE = 2.0, 3.2  # mm: from an axis to its numbers, and a line of a label
+_TICK, _LINE = 3.4, 3.2  # mm: before and behind an axis's numbers, and a line of a label
 _GAP = 0.08  # gap between two panels, over a panel's width
-_LETTER, _DIGIT, _ROOM = 1.5, 1.45, 4.5  # mm: of a label, of a number, and between two numbers
+_LETTER, _DIGIT, _ROOM = 1.5, 1.65, 4.5  # mm: of a label, of a number, and between two numbers
 _NUMBER = StrMethodFormatter("{x:.6g}")
 _INSIDE = 0.12  # share of an axis at either end that has no numbers
 _UPRIGHT = 16.0  # mm of a panel below which its label is written upright

@@ -7,7 +7,7 @@ from textwrap import fill
 from matplotlib.axes import Axes
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.diagnosis.result import DiagnosisResult, Stage, StructuredPhase
+from qlvbayes.diagnosis.result import DiagnosisResult, Stage
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import decimals_of, pad_title
@@ -62,8 +62,8 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
         lines = [
             "upper number: RMSE / noise floor",
             f"lower number: {quantity('bias, measured − predicted', units.force)}",
-            f"frame and cross: fails,{chr(10) if tight else ' '}error beyond noise and the spread "
-            "of the posterior",
+            f"frame and cross: fails,{chr(10) if tight else ' '}error beyond noise, zero and "
+            "the spread of the posterior",
         ]
         if any(cell.fails and over_floor(cell.rmse, check.noise) < 1.0 for cell in check.cells):
             lines.append(
@@ -86,19 +86,16 @@ _PAIR_ROW, _PAIR_FRAME = 8.0, 45.0  # mm: a row of cells and the margins
 _PAIR_NAME = 24  # characters of a test's name
 _TITLE = 40  # characters a line, of a panel's title
 _KEY_WIDE, _KEY_TIGHT = 120, 58  # characters a line, of the key
-_KEY = (
-    "frame and cross: systematic error beyond noise, which a small RMSE may hide; a ramp shorter "
-    "than the noise stays correlated may reach 2 or 3 by noise alone, and has no frame then",
-    "adequacy p: probability that noise alone would look as systematic",
-)
+_KEY = "adequacy p: probability that noise alone would look as systematic"
 
 
 def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the error of each test in each phase, by the baseline model and by the last model.
 
     Both models are fitted to all tests. Colour and number are the root mean square of measured
-    minus fitted force over the noise floor, on one scale for both. Where no effect was added there
-    is one panel. ``diagnosis`` is the diagnosis's result, ``width`` in mm; returns the maps' axes.
+    minus fitted force over the noise floor, on one scale for both; which phases fail is said by the
+    check of a fit. Where no effect was added there is one panel. ``diagnosis`` is the diagnosis's
+    result, ``width`` in mm; returns the maps' axes.
     """
     tight, noise, units = narrow(width), diagnosis.noise, diagnosis.units
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
@@ -116,7 +113,7 @@ def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DO
         figure.suptitle(heading(diagnosis, tight=tight), x=0.01, ha="left")
         first = "number: RMSE of measured − fitted / noise floor" + "; hatched: no samples" * empty
         most = _KEY_TIGHT if tight else _KEY_WIDE
-        text = "\n".join(fill(line, most) for line in (first, *_KEY))
+        text = "\n".join(fill(line, most) for line in (first, _KEY))
         figure.supxlabel(text, x=0.01, ha="left")
     return axes
 
@@ -126,7 +123,6 @@ def _map(stage: Stage, diagnosis: DiagnosisResult) -> ErrorMap:
     return ErrorMap(
         f"{fill(name, _TITLE)}\n{_p_value(stage.p_value)}", stage.cells,
         lambda cell: short(over_floor(cell.rmse, diagnosis.noise)),
-        lambda cell: StructuredPhase(cell.test, cell.phase) in stage.failing,
     )  # fmt: skip
 
 

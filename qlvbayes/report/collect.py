@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
 from qlvbayes.fitting.residuals import CheckResult, Curves
 from qlvbayes.fitting.results import Run, RunLog, load
-from qlvbayes.fitting.summary import Constant, FitSummary, constant_of
+from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Result
 from qlvbayes.io.wording import as_typed, pad_title
@@ -79,22 +79,12 @@ class PadResults:
 
     @property
     def errors(self) -> list[ErrorTable]:
-        """Errors of the last model, after those of the baseline where effects were added.
-
-        Both are of tests fitted, or both of tests predicted: where the two fits used different
-        tests, the errors are those of the diagnosis, which fits both models to all tests.
-        """
-        final, plain, d = self.final, self.baseline, self.diagnosis
-        if final.check is None:
-            return []
-        last = ErrorTable.of_check(final.check)
-        if plain is None or plain.check is None or plain.effects == final.effects:
-            return [last]
-        unlike = plain.facts.get("all_tests") != final.facts.get("all_tests")
-        ends = [d.stages[0], d.stages[-1]] if d else []
-        if unlike and d and all(stage.cells for stage in ends):
-            return [ErrorTable.of_stage(stage, d.noise) for stage in ends]
-        return [ErrorTable.of_check(plain.check), last]
+        """Errors of the last model, after those of the baseline where effects were added."""
+        final, plain = self.final, self.baseline
+        checks = [final.check]
+        if plain is not None and plain.effects != final.effects:
+            checks.insert(0, plain.check)
+        return [ErrorTable(one) for one in checks if final.check and one]
 
     @property
     def force_unit(self) -> str:
@@ -244,6 +234,7 @@ def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
         sampler=saved.method,
         converged=not troubles,
         troubles=troubles,
+        never_relaxes=lasting_of(saved.choices, saved.names, saved.constants),
         parameters={
             name: constant_of(saved.constants[..., k], saved.units.of(kinds[name]), k, judged)
             for k, name in enumerate(saved.names)

@@ -9,7 +9,7 @@ from pathlib import Path
 from qlvbayes.comparison.contrast import DECIDED, EQUAL
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import DASH, as_typed, number, percent_unbroken, with_unit
+from qlvbayes.io.wording import DASH, as_typed, number, percent_unbroken, plain, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
@@ -222,7 +222,7 @@ def _program(pad: PadResults) -> str:
         depth, speed = float(covered["depth"]), float(covered["fastest"])
     except (ValueError, KeyError, TypeError):
         return f"ramp 1 {unit} in 0.1 s, hold 30 s"
-    return f"ramp {depth:.3g} {unit} in {depth / speed:.3g} s, hold 30 s"
+    return f"ramp {plain(depth)} {unit} in {plain(depth / speed)} s, hold 30 s"
 
 
 def exports_of(results: Results) -> list[tuple[str, Path, list[str]]]:

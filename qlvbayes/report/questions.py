@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.effects.catalogue import find
-from qlvbayes.fitting.summary import Constant
+from qlvbayes.effects.effect import Level
+from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import (
     NBSP,
@@ -52,7 +53,7 @@ def seen(name: str) -> str:
 
 def constant_names(pads: Sequence[PadResults]) -> list[str]:
     """Return every constant that any of the pads has: the material's, the effects', the noise's."""
-    return sorted({name for pad in pads for name in pad.parameters}, key=_rank)
+    return sorted(dict.fromkeys(name for pad in pads for name in pad.parameters), key=_rank)
 
 
 def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
@@ -62,7 +63,9 @@ def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     }
     for pad in pads:
         known |= _of_laws(pad)
-    return {name: _meaning(name, known) for name in constant_names(pads)}
+    added = sorted({effect for pad in pads for effect in pad.final.effects if _reshapes(effect)})
+    before = f", before {joined(added)} acts" if added else ""
+    return {name: _meaning(name, known, before) for name in constant_names(pads)}
 
 
 def constants_words(pad: PadResults) -> str | None:
@@ -70,8 +73,11 @@ def constants_words(pad: PadResults) -> str | None:
     summary = pad.final.summary
     if summary is None:
         return None
-    shown = ("m", "c[0]", "c0", "v[1]")
-    constants = [_in_words(name, summary.parameters) for name in shown]
+    constants = [
+        _in_words("m", summary.parameters),
+        _lasting(summary),
+        _in_words("v[1]", summary.parameters),
+    ]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     doubt = " But the model fails (question 3): these are constants of a wrong model."
     wrong = bool(pad.final.check and pad.final.check.failing)
@@ -82,9 +88,10 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     """Return how the constants moved when the named effects came in."""
     if pad.baseline is None or pad.baseline.effects == pad.final.effects:
         return None
-    before = pad.baseline.summary.parameters if pad.baseline.summary else {}
-    after = pad.parameters
-    names = [n for n in sorted(before, key=_rank) if n in after and not n.startswith("noise.")]
+    came = [e for e in pad.final.effects if e not in pad.baseline.effects]
+    reshaped = any(map(_reshapes, came))
+    before, after = (_alike(one.summary, reshaped) for one in (pad.baseline, pad.final))
+    names = [n for n in sorted(before, key=_rank) if n in after]
     if not names:
         return None
     changes = {n: before[n].median / after[n].median - 1.0 for n in names}
@@ -92,7 +99,7 @@ def shifts_of(pad: PadResults) -> Shifts | None:
         (n, before[n], after[n], f"{100.0 * changes[n]:+.1f}{NBSP}%".replace("-", "−"))
         for n in names
     ]
-    added = joined([e for e in pad.final.effects if e not in pad.baseline.effects])
+    added = joined(came)
     top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
     changed = [
         f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% {'higher' if changes[n] > 0 else 'lower'}"
@@ -105,19 +112,50 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     return Shifts(added, rows, f"{words}{few * fewer}." if words else "")
 
 
+def _alike(summary: FitSummary | None, reshaped: bool) -> dict[str, Constant]:
+    """Return a fit's constants without those of the noise.
+
+    Where the relaxation was ``reshaped``, the share of the whole model that never relaxes is among
+    them instead of the law's own shares, which mean something else in the other model.
+    """
+    if summary is None:
+        return {}
+    own = {n: c for n, c in summary.parameters.items() if not n.startswith("noise.")}
+    if reshaped:
+        own = {n: c for n, c in own.items() if n != "c0" and not n.startswith("c[")}
+        own |= {"never relaxes": summary.never_relaxes} if summary.never_relaxes else {}
+    return own
+
+
 def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     c = parameters.get(name)
     if c is None:
         return ""
-    if name in ("c[0]", "c0"):
-        middle, low, high = (f"{100.0 * x:.1f}" for x in (c.median, *c.hdi90))
-        return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
     low, high = (to_sd(x, c.sd) for x in c.hdi90)
     text = with_unit(to_sd(c.median, c.sd), c.unit)
     return f"{name} = {text} (with 90 % probability {low} to {high})"
+
+
+def _lasting(summary: FitSummary) -> str:
+    """Return which share of the force never relaxes, effects that change it included."""
+    c = summary.never_relaxes
+    if c is None and not any(map(_reshapes, summary.effects)):  # a file that does not state it
+        c = summary.parameters.get("c[0]", summary.parameters.get("c0"))
+    if c is None:
+        return ""
+    middle, low, high = (f"{100.0 * x:.1f}" for x in (c.median, *c.hdi90))
+    return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
+
+
+def _reshapes(effect: str) -> bool:
+    """Return whether an effect changes the relaxation; false for a user's own, not known here."""
+    try:
+        return find(effect).level == Level.MATERIAL
+    except InputError:
+        return False
 
 
 def _of_laws(pad: PadResults) -> dict[str, str]:
@@ -130,12 +168,13 @@ def _of_laws(pad: PadResults) -> dict[str, str]:
         return {}
 
 
-def _meaning(name: str, known: dict[str, str]) -> str:
-    """Return the meaning of a constant in words."""
+def _meaning(name: str, known: dict[str, str], before: str) -> str:
+    """Return the meaning of a constant in words; shares are those ``before`` effects act."""
     match = _INDEXED.fullmatch(name)
     if match and match[1] == "c":
         index = int(match[2])
-        return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
+        what = f"relaxes at v[{index}]" if index else "never relaxes"
+        return f"share that {what}{before}"
     if match:
         return f"rate at which c[{match[2]}] relaxes"
     effect = name.partition(".")[0]

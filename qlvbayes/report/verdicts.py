@@ -12,7 +12,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
 from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.errors import where
+from qlvbayes.report.errors import ErrorTable, where
 from qlvbayes.report.questions import constants_words, in_a_line, seen
 
 
@@ -53,7 +53,7 @@ def answers(results: Results, remedies: dict[str, str]) -> list[tuple[str, str, 
     """Return question, section and answers; a step that was not done names its command."""
     pads = [(capitalized(pad.title), pad) for pad in results.pads]
     differ = [in_a_line(one.comparison) for one in results.comparisons]
-    if len(pads) < 2:
+    if len(pads) < 2 and not differ:  # one may be compared with a pad of another folder
         differ = ["There is only one pad here."]
     return [
         (
@@ -90,13 +90,11 @@ def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
         return f"not checked yet: {remedies['check']}"
     words = []
     for table in reversed(tables):
-        worst = table.worst
-        fails = f"fails in {len(table.failing)} of {len(table.cells)} phases, worst in "
-        outcome = f"{fails}{where(worst, table.noise, pad.force_unit)}" if worst else (
-            "fails in no phase: each error is what noise can do"
-        )  # fmt: skip
-        name = model_name(table.effects)
-        words.append(f"the model {name} {outcome}" if table.effects else f"the {name} {outcome}")
+        check, worst = table.check, table.check.worst
+        count = f"fails in {len(check.failing) or 'none'} of {len(check.cells)} phases"
+        most = f", worst in {where(worst, check.noise, pad.force_unit)}" if worst else ""
+        name = f"the {'model ' if check.effects else ''}{model_name(check.effects)}"
+        words.append(f"{table.basis}, {name} {count}{most}")
     return f"{'; '.join(words)}."
 
 
@@ -104,12 +102,7 @@ def _undiagnosed(pad: PadResults) -> str:
     check = pad.final.check
     if check is None:
         return "Fitted, but neither checked nor diagnosed."
-    if not check.failing:
-        return "Not diagnosed. The fit is off by more than noise in no phase of any test."
-    return (
-        f"Not diagnosed. The fit fails in {len(check.failing)} of {len(check.cells)} phases of "
-        "its tests."
-    )
+    return f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
 
 
 def _heldout(d: DiagnosisResult) -> list[float] | None:
@@ -143,7 +136,8 @@ def _warnings(pad: PadResults) -> Iterator[str]:
     left = d.remainder if d else None
     if d and left and left.sure and d.verdict not in ("unexplained", "partly_explained"):
         yield (
-            "A systematic error is left that is certain but small: "
+            "In the diagnosis's fit to all tests a systematic error is left that is certain but "
+            "small: "
             f"{percent_unbroken(left.share_of_peak)} of the peak force "
             f"({with_unit(number(left.rms, 2), pad.force_unit)}) in the {left.phase} of "
             f"{left.test}."

@@ -18,6 +18,7 @@ from support.endtoend import (
     true_value,
 )
 
+from qlvbayes.cli.terminal import Terminal
 from qlvbayes.plots.catalogue import figures_of
 
 BRIEF = ("--pads", "B", "--max-steps", "40")
@@ -148,3 +149,10 @@ def test_simulated_data_can_be_fitted(tmp_path):
     found = read_json(tmp_path / "B" / "summary.json")["parameters"]
     for name in CONSTANTS:
         assert found[name]["mean"] == pytest.approx(true_value(name), rel=0.01), name
+
+
+def test_in_a_pipe_too_a_command_says_how_long_it_took_and_not_where_machines_read(capsys):
+    Terminal().took()
+    assert capsys.readouterr() == ("", "took 0 s\n")
+    Terminal(quiet=True).took()
+    assert capsys.readouterr() == ("", "")

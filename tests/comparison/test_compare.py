@@ -166,6 +166,24 @@ def test_what_both_do_not_share_is_left_out_and_told():
     assert found.omnibus.freedom == 5
 
 
+def test_shares_of_models_with_different_effects_on_relaxation_are_those_of_the_whole_model():
+    """A mode of share c leaves the others (1 - c) of the force; their c[0] is of another law."""
+    rng = np.random.default_rng(11)
+    first, second = posterior(table_1("B"), rng), posterior(table_1("B"), rng)
+    mode = {"c": np.full(300, 0.25), "v": np.full(300, 0.02)}
+    second |= {f"extra_relaxation_mode.{name}": values for name, values in mode.items()}
+    found = compare(first, second, names=("B", "C"), **PLACES)
+    assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
+    assert "different effects on the relaxation: c and v are not compared" in found.notices
+    share = found["share that never relaxes"]
+    # of 300 draws some are paired once more than others
+    assert share.first.median == pytest.approx(np.median(first["c[0]"]), rel=1e-3)
+    assert share.second.median == pytest.approx(0.75 * np.median(second["c[0]"]), rel=1e-3)
+    alike = compare(second, second, names=("B", "C"), **PLACES)
+    assert "c[0]" in [c.quantity for c in alike.of_group("constants")]
+    assert "share that never relaxes" not in [c.quantity for c in alike.contrasts]
+
+
 @pytest.mark.slow
 def test_fits_are_compared_at_places_that_their_tests_reach():
     """A fit against itself, nothing said of depth, rates and frequencies."""

@@ -18,7 +18,7 @@ from qlvbayes.motion.facts import Covered
 from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)
-DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 30.0
+DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 31.0
 SETTINGS = ReadingSettings(DEPTH, RATES, FREQUENCIES, HOLD, REACH, known=True)
 PADS = {
     **TABLE_1,
@@ -226,6 +226,17 @@ def test_settings_lie_inside_what_both_pads_cover():
 def test_what_is_beyond_the_tests_is_called_an_extrapolation(asked, far):
     found = readings(choose([REACH], **asked), PAD)
     assert {reading.quantity for reading in found if reading.extrapolated} == far
+
+
+@pytest.mark.parametrize(
+    ("hold", "fastest", "both"), [(30.0, 30.0, False), (35.0, 30.0, True), (30.0, 0.1, True)]
+)
+def test_a_force_that_is_another_by_another_name_is_told_once(hold, fastest, both):
+    """After a step and 30 s, and after the quickest ramp and 30 s, which is a step beside them."""
+    held = ReadingSettings(DEPTH, (0.1, fastest), (1.0,), hold, REACH, known=True)
+    names = [reading.quantity for reading in readings(held, PAD)]
+    assert "force after 30 s of a hold at 1.5 mm" in names
+    assert ("relaxed force at 1.5 mm" in names) == both
 
 
 def test_strain_and_stress_have_their_own_units():

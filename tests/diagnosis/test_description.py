@@ -3,7 +3,10 @@ described so that fresh tests are predicted better."""
 
 from __future__ import annotations
 
+import shlex
 from itertools import combinations
+from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +16,16 @@ from support.exported_pad import described, exported, reference
 from support.lawmotions import retracting
 
 from qlvbayes.diagnosis.description.grammar import grammar
-from qlvbayes.diagnosis.description.source import References, formula_of, load, name_of, source_of
+from qlvbayes.diagnosis.description.source import (
+    ADDED_BY,
+    References,
+    formula_of,
+    load,
+    name_of,
+    source_of,
+)
+from qlvbayes.diagnosis.result import LawPair
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN
@@ -21,6 +33,7 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.pipeline.steps import as_pasted
 from qlvbayes.use.exports.code import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
@@ -82,6 +95,26 @@ def test_a_file_is_read_as_a_users_own_effect(tmp_path) -> None:
     (kind,) = own_effects(path)
     assert kind.name == name_of([TERMS[name] for name in PAIRS[0]])
     assert set(kind.null) == {"k1", "k2"}
+
+
+def test_the_command_in_a_laws_file_is_that_of_the_diagnosis_and_names_the_users_files():
+    """The law was found beside effects and on laws that the command therefore names too."""
+    law = SimpleNamespace(base=LawPair("hertz", "prony:2"), effects=("friction",), effect="drag")
+    result = SimpleNamespace(
+        description=law, stages=[SimpleNamespace(effects=())], forms={}, units=PAD
+    )
+    space = SimpleNamespace(bonded=False)
+    search = SimpleNamespace(density=SimpleNamespace(space=space))
+    text = f"Add it with\n\n    {ADDED_BY}\n"
+    work = SimpleNamespace(search=search, law=SimpleNamespace(text=text))
+    written = as_pasted(Diagnosis(result, work).law_file, Path("my results/B"), "pads.csv")
+    assert shlex.split(written)[3:] == [
+        *("qlvbayes", "fit", "pads.csv", "-o", "my results", "--all-tests"),
+        *("--effects-file", "my results/B/described_effect.py", "--elastic", "hertz"),
+        *("--add", "friction", "--add", "drag"),
+    ]
+    said = as_pasted("qlvbayes design OUT --for cause proposes one.", Path("r/B"), "pads.csv")
+    assert said == "qlvbayes design r --for cause proposes one."
 
 
 def test_forces_on_many_sets_are_those_of_each() -> None:

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
-from qlvbayes.diagnosis.summary.words import _runner_up
+from qlvbayes.diagnosis.summary.words import _runner_up, _unnamed
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, PAPER_RATES
 
@@ -77,6 +77,18 @@ def test_the_error_of_a_hypothesis_with_more_effects_is_not_that_of_one(clipped)
     found = structs.replace(clipped.result, ranking=ranking, stages=(*before, last), group=())
     said = "; ".join(_runner_up(found))
     assert "to add it with 2 more effects, as in its likeliest hypothesis, would" in said
+
+
+def test_what_names_nothing_and_is_in_the_prediction_is_told(clipped):
+    """Predictions are averaged over the alternatives, whatever these hold."""
+    (first, *others), work = clipped.result.alternatives, clipped.work
+    name = min(work.search.families.unmodelled)
+    for share, told in ((0.6, 1), (0.001, 0)):
+        held = structs.replace(first, effects=(*first.effects, name), probability=share)
+        rest = [structs.replace(one, effects=()) for one in others]
+        said = _unnamed(structs.replace(clipped.result, alternatives=(held, *rest)), work)
+        assert len(said) == told
+        assert all(name in text and "60 %" in text and "check --program" in text for text in said)
 
 
 def test_the_discrepancy_is_what_is_left_within_the_noise(clipped):

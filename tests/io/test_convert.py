@@ -52,6 +52,7 @@ def test_what_was_found_is_told_and_drawn_and_the_study_can_be_read(instron, tmp
         "+- 0.00",
         "0.005 s a row",
         f"wrote {out}",
+        f"next:\n  qlvbayes study {out} -o tidy_results\n",
     ):
         assert words in said
     assert (tmp_path / "tidy.png").stat().st_size > 10_000

@@ -12,7 +12,7 @@ from support.pages import collisions, keeps_the_page, lines, points, texts
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
 from qlvbayes.fitting.results import Saved
-from qlvbayes.fitting.summary import Constant, FitSummary, Reference, constants_table
+from qlvbayes.fitting.summary import Constant, Entry, FitSummary, Reference, constants_table
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.model.choices import Choices
 from qlvbayes.plots import (
@@ -117,6 +117,16 @@ def comparison(*more, region=0.1):
     )
 
 
+# a stiffness in N/um, and tight intervals
+MANY_DIGITS = [
+    ("m", "N/um", 8.259e-4, 8.236e-4, 8.28e-4),
+    ("c[0]", "1", 0.54545, 0.54476, 0.54609),
+    ("c[1]", "1", 0.28442, 0.28353, 0.28534),
+    ("c[2]", "1", 0.17013, 0.16939, 0.17083),
+    ("v[2]", "1/s", 1.2025, 1.1939, 1.2106),
+]  # fmt: skip
+
+
 DRAWN = {
     "programme": lambda width: plot_programme(experiment(), width=width),
     "rates": lambda width: plot_forces_at_rates(
@@ -126,6 +136,9 @@ DRAWN = {
         {pad: pressed(pad) for pad in "ABC"}, PAD, width=width
     ),
     "constants": lambda width: plot_constants(table(), reference="Table 1", width=width),
+    "constants of many digits": lambda width: plot_constants(
+        [Entry("B", *one) for one in MANY_DIGITS], width=width
+    ),
     "pairs": lambda width: plot_pairs(posterior(), width=width),
     "pairs of three modes": lambda width: plot_pairs(posterior(3), width=width),
     "pairs of a linear law": lambda width: plot_pairs(posterior(2, "linear"), width=width),

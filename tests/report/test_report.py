@@ -16,9 +16,12 @@ from support.endtoend import Listener, call
 from support.written_results import (
     FIGURES,
     NOISE,
+    check,
+    comparison,
     curves,
     diagnosis,
     facts,
+    parameter,
     picture,
     summary,
     write,
@@ -26,7 +29,8 @@ from support.written_results import (
     write_study,
 )
 
-from qlvbayes import InputError, write_report
+from qlvbayes import CheckResult, InputError, write_report
+from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.results import RunLog, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import number, percent_unbroken
@@ -37,6 +41,7 @@ from qlvbayes.pipeline.comparing import compare_pairs
 from qlvbayes.report.collect import collect
 from qlvbayes.report.figures import chart_of
 from qlvbayes.report.methods import methods_of
+from qlvbayes.report.questions import shifts_of
 from qlvbayes.report.verdicts import verdict_box
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
@@ -128,6 +133,50 @@ def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law
     warned = " ".join(verdict_box(collect(tmp_path).pads[0]).warnings)
     again = "fit again with --elastic hertz --relaxation prony:2 --add friction."
     assert (again in warned) == said
+
+
+def test_the_share_that_never_relaxes_is_that_of_the_whole_model(tmp_path):
+    """0.4 of what an extra mode of a quarter leaves is 0.3; c[0] alone is no share of the force."""
+    mode = ("extra_relaxation_mode",)
+    fit = summary("B", mode) | {"never_relaxes": parameter(0.3)}
+    write(tmp_path / "B" / "summary.json", fit)
+    words = Page(write_report(tmp_path)).words.replace("\u00a0", " ")
+    assert "30.0 % of the force never relaxes" in words
+    assert "share that never relaxes, before extra_relaxation_mode acts" in words
+    write(tmp_path / "B" / "summary.json", fit | {"never_relaxes": None})
+    assert "of the force never relaxes" not in Page(write_report(tmp_path)).words
+    write(tmp_path / "B" / "plain" / "summary.json", summary("B"))
+    assert "c[0]" not in [name for name, *_ in shifts_of(collect(tmp_path).pads[0]).rows]
+
+
+def test_terminal_and_page_count_the_phases_that_the_check_marks(tmp_path, capsys):
+    """The diagnosis finds structure in a fit to all tests; a check marks what is large there."""
+    write_pad(tmp_path, "B")
+    found = diagnosis("B")
+    found["steps"][-1]["failing"] = [{"test": "B-slow", "phase": "hold"}]
+    write(tmp_path / "B" / "diagnosis.json", found)
+    last = check("B", ("viscous_drag",), 12.7)
+    cells = [c | {"role": "fit", "fails": False, "limit_N": 37 * NOISE} for c in last["cells"]]
+    write(tmp_path / "B" / "check.json", last | {"cells": cells})
+    words = Page(write_report(tmp_path)).words.replace("\u00a0", " ")
+    assert "all tests fitted, the model with viscous_drag fails in none of 8 phases" in words
+    assert "fitted to B-slow, the other tests predicted, the plain model fails in 1 of 8" in words
+    assert words.count("✗") == 1 + 3  # the plain model's, and the legends' that explain it
+    Terminal().checked(CheckResult.read(tmp_path / "B" / "check.json"))
+    said = " ".join(capsys.readouterr().out.split())
+    sentence = "fails in none of 8 phases of tests: no error is beyond what noise"
+    assert sentence in said
+    assert sentence in words
+    assert "it would fail above 0.37 N" in said
+
+
+def test_a_pad_that_was_compared_with_one_of_another_folder_is_not_alone(tmp_path):
+    write_pad(tmp_path, "B")
+    assert "There is only one pad here" in Page(write_report(tmp_path)).words
+    write(tmp_path / "compare" / "B-vs-C" / "compare.json", comparison("B", "C"))
+    words = Page(write_report(tmp_path)).words
+    assert "B and C differ" in words
+    assert "There is only one pad here" not in words
 
 
 def test_methods_and_commands_say_how_to_repeat_and_use_it(page, out):

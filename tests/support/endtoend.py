@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import re
 import sys
 from pathlib import Path
 from unittest import mock
@@ -69,6 +70,8 @@ def environment():
 def call(*words, drawn=False):
     """Run the command in this process: its exit status, stdout and stderr.
 
+    The line that says how long it took, which no other run repeats, is left out.
+
     drawn: whether its figures are, or the names of those that are; to draw them takes four fifths
     of a short fit. Without, files of their names hold nothing to look at.
     """
@@ -85,7 +88,11 @@ def call(*words, drawn=False):
             run()
         except SystemExit as stop:
             status = stop.code or 0
-    return status, out.getvalue(), err.getvalue()
+    return (
+        status,
+        out.getvalue(),
+        re.sub(r"^took [\d.]+ (s|min|h)\n", "", err.getvalue(), flags=re.M),
+    )
 
 
 @contextlib.contextmanager

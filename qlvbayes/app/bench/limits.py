@@ -1,47 +1,51 @@
-"""Compute the error that noise alone makes in a cell of test and phase."""
+"""Compute the error that noise and the motion's errors alone make in a cell of test and phase."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
 
 from qlvbayes.diagnosis.checks.samples import Samples
-from qlvbayes.fitting.residuals import FALSE_ALARMS
+from qlvbayes.fitting.residuals import FALSE_ALARMS, error_limit
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.phases import KINDS
 
-_LEAST_SKEW = 1e-3  # skewness of a mean square below which it is taken for normal
-
 
 def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
-    """Return the root mean square, by test and phase, that noise exceeds in 1 % of pads."""
-    floor = samples.experiment.floor
+    """Return the root mean square, by test and phase, beyond which a model set by hand fails.
+
+    It is the limit of the check of a fit (`qlvbayes.fitting.residuals`), for constants that are
+    known exactly: noise, and errors of the motion and of the zero of displacement, exceed it in
+    1 % of pads.
+    """
     cells = {}
     for k, trial in enumerate(samples.trials):
-        time, phases = trial.test.time[samples.rows[k]], samples.phases(k)
-        white = floor.white * samples.weights[k]
+        covariance, phases = _covariance(samples, k), samples.phases(k)
         for kind in KINDS:
-            here = phases == kind
-            if here.any():
-                gaps = np.abs(time[here][:, None] - time[here])
-                covariance = floor.ou**2 * np.exp(-gaps / floor.tau)
-                cells[trial.name, kind] = covariance + np.diag(white[here] ** 2)
+            here = np.flatnonzero(phases == kind)
+            if here.size:
+                cells[trial.name, kind] = _cumulants(covariance[np.ix_(here, here)])
     level = FALSE_ALARMS / max(len(cells), 1)
-    return {cell: _limit(covariance, level) for cell, covariance in cells.items()}
+    return {cell: error_limit(cumulants, level) for cell, cumulants in cells.items()}
 
 
-def _limit(covariance: Array, level: float) -> float:
-    """Return the root of the upper quantile of the mean square of a normal of this covariance.
+def _covariance(samples: Samples, k: int) -> Array:
+    """Return the covariance (n, n) of the errors of the samples of test k (N^2)."""
+    floor, time = samples.experiment.floor, samples.trials[k].test.time[samples.rows[k]]
+    scale, weight, extra, timing = (
+        samples.of_blocks(k, name) for name in ("scale", "weight", "extra", "timing")
+    )
+    blocks, real = samples.space.record.blocks, samples.space.real[k]
+    middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[k, real]
+    contact = np.interp(time, middle, np.asarray(blocks.contact)[k, real])
+    correlated = floor.ou**2 * np.exp(-np.abs(time[:, None] - time) / floor.tau)
+    noise = np.outer(scale, scale) * (correlated + np.diag((floor.white * weight) ** 2))
+    common = np.outer(extra, extra) + np.outer(contact, contact)
+    return np.asarray(noise + np.diag(timing**2) + common)
 
-    The mean square is approximated by a chi-square with the same mean, variance and skewness
-    (Pearson; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
-    """
+
+def _cumulants(covariance: Array) -> tuple[float, float, float]:
+    """Return the first three cumulants of the mean square of a normal of this covariance."""
     scaled = covariance / len(covariance)
-    twice = scaled @ scaled
-    mean, variance = float(np.trace(scaled)), 2.0 * float(np.sum(scaled**2))
-    third = 8.0 * float(np.sum(twice * scaled))
-    if variance <= 0.0:
-        return float(np.sqrt(mean))
-    freedom = 8.0 * variance**3 / max(third, _LEAST_SKEW * variance**1.5) ** 2
-    deviate = (float(chi2.isf(level, freedom)) - freedom) / np.sqrt(2.0 * freedom)
-    return float(np.sqrt(max(mean + np.sqrt(variance) * deviate, 0.0)))
+    squared = scaled @ scaled
+    third = 8.0 * float(np.sum(squared * scaled))
+    return float(np.trace(scaled)), 2.0 * float(np.trace(squared)), third

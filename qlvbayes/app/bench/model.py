@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
 from qlvbayes.inference.forward.space import Space, median
 from qlvbayes.io.arrays import Array
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.priors.joint import Dirichlet, Ordered
@@ -48,11 +48,11 @@ class ByHand:
 
 def checked(model: ByHand, space: Space) -> None:
     """Raise InputError where a law or effect is unknown, or two effects are forms of one."""
-    _known("elastic law", model.elastic, space.elastic)
-    _known("relaxation", model.relaxation, space.relaxation)
+    check_known("elastic law", model.elastic, space.elastic)
+    check_known("relaxation", model.relaxation, space.relaxation)
     families: dict[str, str] = {}
     for name in model.effects:
-        _known("effect", name, space.effects)
+        check_known("effect", name, space.effects)
         other = families.setdefault(space.effects[name].family(), name)
         if other != name:
             text = f"{other} and {name} are forms of one effect"
@@ -60,11 +60,6 @@ def checked(model: ByHand, space: Space) -> None:
     for name, value in model.values.items():
         if not np.isfinite(value):
             raise InputError(f"{name} is no number", remedy="give a finite number")
-
-
-def _known(what: str, name: str, known: Mapping[str, object]) -> None:
-    if name not in known:
-        raise InputError(f"no {what} {name!r} here", remedy=f"use one of {', '.join(known)}")
 
 
 def constants_of(model: ByHand, space: Space) -> Array:

@@ -174,7 +174,9 @@ class SearchOutcome:
             p_value=tested.p_value,
             testable=tested.testable,
             failing=tuple(
-                StructuredPhase(c.test, c.phase) for c in tested.cells if c.p_value < level
+                dict.fromkeys(
+                    StructuredPhase(c.test, c.phase) for c in tested.cells if c.p_value < level
+                )
             ),
             cells=tuple(cell_errors(self.samples, residuals)),
             parameters=self.estimates(candidate, lambda name: not name.startswith("noise.")),

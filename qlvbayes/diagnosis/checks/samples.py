@@ -103,6 +103,13 @@ class Samples:
         """Return the kind of phase (n,) of the samples of test k."""
         return self.trials[k].phase_of(self.trials[k].test.time[self.rows[k]])
 
+    def of_blocks(self, k: int, name: str) -> Array:
+        """Return a quantity (n,) of `Blocks` at the samples of test k, each its own block."""
+        values = np.zeros(self.rows[k].size)
+        for record, indices in zip(self.parts, self.indices, strict=True):
+            values[indices[k]] = np.asarray(getattr(record.blocks, name))[k, : indices[k].size]
+        return values
+
     def floor(self, k: int) -> Array:
         """Return the sd (n,) of the noise at rest of the samples of test k (N)."""
         floor = self.experiment.floor

@@ -20,7 +20,7 @@ from qlvbayes.diagnosis.checks.outcome import SearchOutcome
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.description.grammar import Term, grammar
 from qlvbayes.diagnosis.description.proposals import Proposal, columns_of, proposals
-from qlvbayes.diagnosis.description.source import References, load, name_of, source_of
+from qlvbayes.diagnosis.description.source import ADDED_BY, References, load, source_of
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -113,8 +113,7 @@ class LawFits:
         """Return the text of the file of a law."""
         about = (
             f"This law describes the tests of pad {self.experiment.pad}; it names no cause. Add it "
-            "with\n\n    qlvbayes fit FILE --all-tests -o OUT --effects-file described_effect.py "
-            f"--add {name_of(terms)}"
+            f"with\n\n    {ADDED_BY}"
         )
         return source_of(terms, self.references, self.experiment.units, about)
 

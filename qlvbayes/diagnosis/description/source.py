@@ -112,6 +112,10 @@ def _numbered(formula: str, number: int) -> str:
     return re.sub(r"(?<![a-zA-Z_])(k|n|a|q|dq|tau)(?![a-zA-Z_ce])", rf"\g<1>{number}", formula)
 
 
+ADDED_BY = "COMMAND"
+"""What stands in a law's file for the command that adds it, which the whole diagnosis knows."""
+
+
 def source_of(terms: Sequence[Term], references: References, units: UnitSystem, about: str) -> str:
     """Return the text of a file that holds the law as one effect; ``about`` ends its docstring."""
     writer = _Writer(tuple(terms), references, units)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.diagnosis.description.source import ADDED_BY
 from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.diagnosis.summary.law import fit_command
 from qlvbayes.diagnosis.summary.words import paragraphs
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 
@@ -27,3 +29,10 @@ class Diagnosis:
     def text(self) -> str:
         """Return the paragraphs with an empty line between them: ``diagnosis.txt``."""
         return "\n\n".join(self.paragraphs())
+
+    @property
+    def law_file(self) -> str:
+        """Text of the file of the described law, with the command that adds it, or empty."""
+        law = self.result.description
+        command = fit_command(self.result, self.work, law) if law else ""
+        return self.work.law.text.replace(ADDED_BY, command)

@@ -51,8 +51,9 @@ def _found(d: DiagnosisResult, law: Description) -> str:
         )
     return (
         f"{lead}{others} is described by {law.formula}, with {constants} ({count} "
-        f"constant{'s' if count > 1 else ''}). The error on tests left out falls from {before} to "
-        f"{after} {unit}.{differs} This law describes the tests and does not name a cause."
+        f"constant{'s' if count > 1 else ''}). By least squares the error on tests left out falls "
+        f"from {before} to {after} {unit}.{differs} This law describes the tests and does not name "
+        "a cause."
     )
 
 

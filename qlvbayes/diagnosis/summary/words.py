@@ -54,6 +54,7 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         *_base(d),
         *_few_readings(d),
         *_not_ruled_out(d),
+        *_unnamed(d, work),
         *_refused(d),
         *_discrepancy(d),
         *_unseen(d),
@@ -241,7 +242,7 @@ def _structure(d: DiagnosisResult, work: DiagnosisWork) -> str:
             f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
         )
     worst = last.worst
-    cells = list(dict.fromkeys(f"the {NAMES[at.phase]} of {at.test}" for at in last.failing))
+    cells = [f"the {NAMES[at.phase]} of {at.test}" for at in last.failing]
     if (more := len(cells) - _MOST_CELLS) > 0:
         cells = [*cells[:_MOST_CELLS], f"{more} more"]
     where = f", in {joined(cells)}" if cells else ""
@@ -289,7 +290,7 @@ def _left(d: DiagnosisResult, work: DiagnosisWork, joint: str) -> str:
     """Return the end of a sentence: what the selected model leaves is noise, or how large it is."""
     last = d.stages[-1]
     if _is_sound(d, work):
-        return f"{joint}no phase of any test is off by more than noise ({_p(last.p_value)})."
+        return f"{joint}no phase of any test holds a systematic error ({_p(last.p_value)})."
     if not last.testable and not (d.remainder and d.remainder.small):
         return (
             f". What is left is largest, {_measure(d, work)}; it may be correlated noise, which no "
@@ -357,12 +358,12 @@ def _offset(d: DiagnosisResult, bias: float) -> str:
 
 
 def _where(d: DiagnosisResult) -> str:
-    """Return where the baseline model fails worst."""
+    """Return where the baseline model has its largest error."""
     worst = d.stages[0].worst
     return (
-        f"The plain model fails worst in the {NAMES[worst.phase]} of {worst.test} "
-        f"({_rate(worst.rate, d.units)}): {_error(d, worst.rmse)} root mean square, where the "
-        f"measured force lies {_offset(d, worst.bias)} the model on average."
+        f"Fitted to all tests, the plain model is worst in the {NAMES[worst.phase]} of "
+        f"{worst.test} ({_rate(worst.rate, d.units)}): {_error(d, worst.rmse)} root mean square, "
+        f"where the measured force lies {_offset(d, worst.bias)} the model on average."
     )
 
 
@@ -446,6 +447,20 @@ def _not_ruled_out(d: DiagnosisResult) -> list[str]:
         f"The tests do not rule out other explanations: {joined(listed)}. The constants in "
         "diagnosis.json are averaged over all of these."
     ]
+
+
+def _unnamed(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
+    """Return what names nothing and is in the hypotheses over which predictions are averaged."""
+    text = []
+    for name in sorted(work.search.families.unmodelled):
+        share = sum(one.probability for one in d.alternatives if name in one.effects)
+        if share >= _LITTLE:
+            text.append(
+                f"Hypotheses with a probability of {percent(min(share, 1.0))} also hold {name} "
+                f"({_seen(d, work, name)}), which stands for something unlisted and is not named. "
+                "Predictions that are averaged over the hypotheses (check --program) hold it too."
+            )
+    return text
 
 
 def _discrepancy(d: DiagnosisResult) -> list[str]:

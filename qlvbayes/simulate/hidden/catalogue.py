@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.io.checks import InputError
+from qlvbayes.io.checks import check_known
 
 from . import contact_effects, pad_effects, sensor_effects
 from .effect import Effect
@@ -45,6 +45,5 @@ HIDDEN = by_name(
 
 def effect_class(name: str) -> type[Effect]:
     """Return the class of the effect with this name."""
-    if name not in HIDDEN:
-        raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(HIDDEN)}")
+    check_known("effect", name, HIDDEN)
     return HIDDEN[name]

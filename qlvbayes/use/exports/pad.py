@@ -222,23 +222,15 @@ def _going_along(model: Model, left_out: Mapping[str, str]) -> Model:
     alone = [effect for effect in model.effects if in_spectrum(effect, model)]
     if not alone:
         return model
-    relaxation = Spectrum(*_spectrum(model))
+    relaxation = Spectrum(*model.spectrum())
     for effect in alone:
         model = model.without(effect.name)
     return Model(model.elastic, relaxation, model.bonded, model.effects)
 
 
-def _spectrum(model: Model) -> tuple[jax.Array, jax.Array]:
-    """Return fractions and rates, after the effects that change them."""
-    spectrum = model.relaxation.spectrum()
-    for effect in model.effects:
-        spectrum = effect.spectrum(*spectrum) or spectrum
-    return spectrum
-
-
 def _constants_of(drawn: Model, own: np.ndarray) -> Draws:
     """Return the constants of a model with draws on its leading axis; own: (n, M) of the layers."""
-    fractions, rates = eqx.filter_vmap(_spectrum)(drawn)
+    fractions, rates = eqx.filter_vmap(Model.spectrum)(drawn)
     elastic = [getattr(drawn.elastic, key) for key in type(drawn.elastic).units]
     return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates), own)
 
