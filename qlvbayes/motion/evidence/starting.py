@@ -270,8 +270,8 @@ def _tone(trial: Trial, rest: Phase) -> Place | None:
     if later.size >= _FEWEST:  # a hum of the mains goes on
         since = trial.test.time[later] - trial.test.time[rows[0]]
         turned = 2.0 * np.pi * tones[best] * since
-        columns = [np.ones(later.size), since, np.cos(turned), np.sin(turned)]
-        hum = np.hypot(*_left(np.column_stack(columns), trial.test.force[later])[1][2:])
+        waves = np.column_stack([np.ones(later.size), since, np.cos(turned), np.sin(turned)])
+        hum = np.hypot(*_left(waves, trial.test.force[later])[1][2:])
         rate = np.tile(_FADING, _TONES)[best] * tones[best]
         if hum > _HUMS * amplitude * np.exp(-rate * np.mean(since)) + CLEAR * sd:
             return None
