@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeVar
 
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
 from qlvbayes.diagnosis.prior import Families, log_prior, scale_amplitudes
@@ -29,10 +27,9 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes, redrawn_modes
 from qlvbayes.inference.starts import exchanged_starts, starts, transferred
 from qlvbayes.io.checks import NoFiniteForceError
-from qlvbayes.io.runtime import cores
+from qlvbayes.io.runtime import in_threads
 
 Report = Callable[[str], None]
-Item = TypeVar("Item")
 
 
 @dataclass(eq=False)
@@ -182,7 +179,7 @@ class Search:
                 found += find_modes(self.density, hypothesis, theta, math.inf, known=found)
             return self.candidates_from(hypothesis, found)
 
-        for hypothesis, new in zip(known, in_parallel(look, list(known)), strict=True):
+        for hypothesis, new in zip(known, in_threads(look, list(known)), strict=True):
             self.keep(hypothesis, new)
 
     def _lacks(self, hypothesis: Hypothesis) -> frozenset[str]:
@@ -302,7 +299,7 @@ class Search:
         some = [one for one in some if one != base and (base, one) not in self._tried]
         self._tried.update((base, one) for one in some)
         look = partial(self._candidates_from_base, base, self.lowest_loss)
-        for hypothesis, new in zip(some, in_parallel(look, some), strict=True):
+        for hypothesis, new in zip(some, in_threads(look, some), strict=True):
             self.keep(hypothesis, new)
 
     def _candidates_from_base(
@@ -344,7 +341,7 @@ class Search:
             new = redrawn_modes(self.density, hypothesis, known, self.seed, draws)
             return self.candidates_from(hypothesis, [mode for mode in new if mode not in known])
 
-        for hypothesis, new in zip(some, in_parallel(look, some), strict=True):
+        for hypothesis, new in zip(some, in_threads(look, some), strict=True):
             self.keep(hypothesis, new)
 
     def candidates_from(self, hypothesis: Hypothesis, some: Iterable[Mode]) -> list[Candidate]:
@@ -361,11 +358,3 @@ class Search:
         kept = sorted([*known, *new], key=lambda one: -one.log_evidence)[: self.breadth.modes]
         if kept:
             self.modes[hypothesis] = kept
-
-
-def in_parallel(
-    look: Callable[[Item], list[Candidate]], some: Sequence[Item]
-) -> list[list[Candidate]]:
-    """Return what ``look`` gives for each item, with as many threads as there are cores."""
-    with ThreadPoolExecutor(cores()) as threads:
-        return list(threads.map(look, some))

@@ -1,16 +1,23 @@
-"""Configure JAX: double precision, and compiled functions kept between processes."""
+"""Configure JAX (double precision, compiled functions kept between processes), and use threads."""
 
 from __future__ import annotations
 
 import os
+import threading
 import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
 
 THREADS = "QLVBAYES_THREADS"  # environment variable: how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
+_inside = threading.local()  # whether a thread works on a part already
+Part = TypeVar("Part")
+Result = TypeVar("Result")
 _MANY = 20_000  # mappings, of the 65 530 that Linux allows a process; LLVM fails beyond
 
 
@@ -52,6 +59,23 @@ def cores() -> int:
     if asked.isdecimal() and int(asked) > 0:
         return int(asked)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_threads(work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
+    """Return what ``work`` gives for each part, with as many threads as there are cores.
+
+    Within a thread of this function all parts are done one after another. The results do not depend
+    on the number of threads.
+    """
+    if len(parts) < 2 or cores() < 2 or getattr(_inside, "thread", False):
+        return [work(part) for part in parts]
+
+    def marked(part: Part) -> Result:
+        _inside.thread = True
+        return work(part)
+
+    with ThreadPoolExecutor(min(cores(), len(parts))) as threads:
+        return list(threads.map(marked, parts))
 
 
 def one_blas_thread() -> AbstractContextManager[object]:

@@ -3,12 +3,14 @@
 import os
 import subprocess
 import sys
+import threading
 
 import jax
 import jax.numpy as jnp
 import pytest
 
 from qlvbayes.io import runtime
+from qlvbayes.io.runtime import THREADS, in_threads
 
 MAPS = "00400000-00452000 r-xp 00000000 08:02 173521 /usr/bin/python\n"
 
@@ -54,3 +56,20 @@ def test_a_damaged_or_useless_cache_costs_nothing_but_time(tmp_path):
     taken.write_text("mine")
     assert computed(taken) == ("[1. 2. 3.]\n", "", 0)
     assert taken.read_text() == "mine"
+
+
+def test_parts_are_done_in_threads_and_parts_of_those_one_after_another(monkeypatch):
+    monkeypatch.setenv(THREADS, "2")
+
+    def name(_):
+        return threading.current_thread().name
+
+    def within(_):
+        return name(0), in_threads(name, [0, 1, 2])
+
+    assert in_threads(str, range(5)) == ["0", "1", "2", "3", "4"]
+    for own, nested in in_threads(within, [0, 1]):
+        assert own != threading.main_thread().name
+        assert nested == [own] * 3
+    monkeypatch.setenv(THREADS, "1")
+    assert in_threads(name, [0, 1]) == [threading.main_thread().name] * 2

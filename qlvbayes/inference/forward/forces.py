@@ -17,6 +17,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.runtime import in_threads
 from qlvbayes.laws.layered import Law, Layer
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
@@ -80,12 +81,11 @@ class Forces:
         if count <= together:
             return self._by_numpy(model, count, record)
         parts = [slice(k, min(k + together, count)) for k in range(0, count, together)]
-        sizes = [part.stop - part.start for part in parts]
-        some = [
-            self._by_numpy(_selected(model, part), n, record)
-            for part, n in zip(parts, sizes, strict=True)
-        ]
-        return np.concatenate(some)
+
+        def means(part: slice) -> Array:
+            return self._by_numpy(_selected(model, part), part.stop - part.start, record)
+
+        return np.concatenate(in_threads(means, parts))
 
     def _by_numpy(self, model: Model, count: int, record: Record) -> Array:
         means = np.empty((count, *np.shape(record.nodes)[:2]))
