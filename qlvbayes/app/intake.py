@@ -91,7 +91,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
         conversion = convert(files, Answers.from_words(**said, pads=pads))
     except UnsureError as error:
         return {"questions": _asked(error, files, answers)}
-    if conversion.undivided:
+    if conversion.remarks:
         return {"questions": _asked_for_pads(conversion)}
     write_tidy(conversion, folder / DATA)
     options = {name: str(value) for name, value in said.items()}

@@ -14,7 +14,7 @@ from qlvbayes.io.apart import ApartError, Named, read_apart
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import NamedColumn, chosen, is_mean, quantities, recording, split_header
 from qlvbayes.io.layouts import LEAST, TABLE, TESTXPERT, Layout, columns_in
-from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
+from qlvbayes.io.recording import Channel, Recording, Sight, Stated, unsure_of_columns
 from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
 
 _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
@@ -224,7 +224,8 @@ def of_topics(parts: Named, path: Path) -> list[Recording]:
     unused = tuple(name for name, *_ in fields if name not in (way.name, load.name))
     began = origin * 1e-9
     dated = began if began > _DATED else None
-    return [Recording(way_time, way, load, "", dated, load_time, unused=unused)]
+    stated = Stated(began=dated)
+    return [Recording(way_time, way, load, stated=stated, load_time=load_time, unused=unused)]
 
 
 def _most_changing(

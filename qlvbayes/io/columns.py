@@ -292,7 +292,6 @@ def recording(
     values: Sequence[Floats],
     dropped: dict[str, int],
     name: str = "",
-    began: float | None = None,
 ) -> Recording:
     """Return a recording of the picked columns, their values in the same order."""
     channels = [
@@ -305,7 +304,7 @@ def recording(
     pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load)) or any(
         _SHEAR.search(plain_name(one.name)) for one in (way, load)
     )
-    return Recording(time, way, load, name, began, None, dropped, unused, pressing)
+    return Recording(time, way, load, name, dropped=dropped, unused=unused, pressing=pressing)
 
 
 def split_name(name: str) -> tuple[str, str] | None:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.binary import WORKBOOK, of_sheets
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import FirstContact, Signs
-from qlvbayes.io.files import folder_fault, same_folder, write_whole
+from qlvbayes.io.files import folder_fault, same_folder, stem_of, write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
 from qlvbayes.io.loading import (
@@ -33,7 +34,7 @@ from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
 from qlvbayes.io.recording import Format, Recording, UnsureError
 from qlvbayes.io.table import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
-from qlvbayes.io.wording import computed, of_lines, prints, visible
+from qlvbayes.io.wording import as_typed, computed, of_lines, prints, visible
 from qlvbayes.io.zero import Zero, zeros
 
 DEFAULT_PAD = "pad"  # the name in a tidy file without the column
@@ -106,26 +107,14 @@ class Tidied:
 class Conversion:
     """All tests of some files, converted to one system of units.
 
-    ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
-    one file are taken as those of one pad, although nobody has stated it.
+    ``faults`` are the errors of files that could not be used. ``remarks`` say why tests that are
+    taken as those of one pad may be of several, where nobody has stated it.
     """
 
     tests: tuple[Tidied, ...]
     units: UnitSystem
     faults: tuple[InputError, ...] = ()
-    undivided: bool = False
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Return what concerns all tests together: several of one file may be several specimens."""
-        if not self.undivided:
-            return ()
-        names = ", ".join(test.test for test in _together(self.tests)[:6])
-        return (
-            f"the tests of one file are taken as those of one pad ({names}): if they are several "
-            "specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
-            "names the pad of each test",
-        )
+    remarks: tuple[str, ...] = ()
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -136,7 +125,7 @@ class Conversion:
             first = source if test.file.stem == test.test else f"{test.file.name} {source}"
             lost = [f"dropped: {of_lines(rows, why)}" for why, rows in test.dropped.items()]
             lines += [f"{test.test}: {line}" for line in (first, *test.findings, *lost)]
-        return (*lines, *self.remarks)
+        return (*self.remarks, *lines)
 
 
 def in_short(notices: Sequence[str]) -> list[str]:
@@ -186,6 +175,9 @@ def convert(
                 remedy="give one name for all, one a file, or one a test in this order",
             )
         read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
+    stated = bool(answers.pads) or answers.pad_from is not None
+    if not stated:
+        read = _named_above(read)
     read = without_copies(read)
     pairs = list(zip(read, zeros(read, answers), strict=True))
     for one, zero in pairs:
@@ -200,21 +192,27 @@ def convert(
     firsts = [_first_row(one, zero) for one, zero in used]
     names = _names_of([one for one, _ in used], answers.tests)
     units = used[0][0].units
-    tests_found = [
-        _tidied(one, zero, first, name, units, clock)
-        for (one, zero), first, name, clock in zip(
-            used, firsts, names, _clocks([one for one, _ in used], firsts), strict=True
-        )
+    kept = [one for one, _ in used]
+    clocks, told = _clocks(kept, firsts)
+    tidied = [
+        _tidied(one, zero, firsts[k], names[k], units, clocks[k], told.get(k))
+        for k, (one, zero) in enumerate(used)
     ]
-    pads_stated = bool(answers.pads) or answers.pad_from is not None
-    undivided = not pads_stated and bool(_together(tests_found))
-    return Conversion(tuple(tests_found), units, tuple(faults.values()), undivided)
+    remarks = () if stated else (*_mixed(kept, files), *_together(kept, names))
+    return Conversion(tuple(_in_order(tidied)), units, tuple(faults.values()), remarks)
 
 
-def _together(tests: Sequence[Tidied]) -> list[Tidied]:
-    """Return the tests of files that hold several."""
-    in_file = Counter(test.file for test in tests)
-    return [test for test in tests if in_file[test.file] > 1]
+def _together(tests: Sequence[Loaded], names: Sequence[str]) -> tuple[str, ...]:
+    """Return what is to be said of files that hold several tests, and name no specimen."""
+    in_file = Counter(one.file for one in tests if one.pad == DEFAULT_PAD)
+    several = [name for one, name in zip(tests, names, strict=True) if in_file[one.file] > 1]
+    if not several:
+        return ()
+    return (
+        f"the tests of one file are taken as those of one pad ({', '.join(several[:6])}): if they "
+        "are several specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
+        "names the pad of each test",
+    )
 
 
 def _read(
@@ -260,7 +258,13 @@ def _first_row(one: Loaded, zero: Zero) -> int:
 
 
 def _tidied(
-    one: Loaded, zero: Zero, first: int, name: str, units: UnitSystem, start: float | None
+    one: Loaded,
+    zero: Zero,
+    first: int,
+    name: str,
+    units: UnitSystem,
+    start: float | None,
+    told: str | None,
 ) -> Tidied:
     """Return a test with its name and zero, in the units of all tests, from its first row on."""
     if units.dimensionless != one.units.dimensionless:
@@ -286,32 +290,60 @@ def _tidied(
     return Tidied(
         one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
         way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
-        one.dropped, (*one.findings, zero.finding, sampled),
+        one.dropped, (*one.findings, zero.finding, sampled, *([told] if told else [])),
     )  # fmt: skip
 
 
-def _clocks(read: Sequence[Loaded], firsts: Sequence[int]) -> list[float | None]:
-    """Return the pad's clock at each test's first row, where all its tests state their date.
+def _clocks(
+    read: Sequence[Loaded], firsts: Sequence[int]
+) -> tuple[list[float | None], dict[int, str]]:
+    """Return the pad's clock at each test's first row, and what is told of it by test.
 
-    Each must begin after the one before has ended, to the second.
+    There is a clock where all tests of a pad state when they began, on days that are clear or the
+    same, and none began before the one before had ended, to the second.
     """
     starts: list[float | None] = [None] * len(read)
+    told: dict[int, str] = {}
     for pad in {one.pad for one in read}:
         tests = [k for k, one in enumerate(read) if one.pad == pad]
-        dates = [one.recording.began for one in read if one.pad == pad]
-        began = [
-            date + float(read[k].time[firsts[k]])
-            for k, date in zip(tests, dates, strict=True)
-            if date is not None
-        ]
-        lasts = [float(read[k].time[-1] - read[k].time[firsts[k]]) for k in tests]
-        if len(began) == len(tests) > 1 and all(
-            after >= date + last - 1.0
-            for date, last, after in zip(began, lasts, began[1:], strict=False)
-        ):
-            for k, date in zip(tests, began, strict=True):
-                starts[k] = date - began[0]
-    return starts
+        stated = {k: read[k].recording.stated for k in tests}
+        began = {
+            k: one.began + float(read[k].time[firsts[k]])
+            for k, one in stated.items()
+            if one.began is not None
+        }
+        if len(tests) < 2 or not began:
+            continue
+        order = sorted(began, key=lambda k: began[k])
+        ends = {k: began[k] + float(read[k].time[-1] - read[k].time[firsts[k]]) for k in began}
+        days = {one.either for one in stated.values()}
+        why = ""
+        if len(began) < len(tests):
+            why = "other tests of the pad state none"
+        elif len(days) > 1:
+            why = f"day and month of {max(days)} may be exchanged"
+        elif any(began[after] < ends[before] - 1.0 for before, after in pairwise(order)):
+            why = "by their dates the pad's tests overlap"
+        for k in began:
+            lines = ", ".join(stated[k].dated) or "the file"
+            told[k] = (
+                f"the date is not used, as {why}" if why else f"start_s is taken from '{lines}'"
+            )
+            starts[k] = None if why else began[k] - began[order[0]]
+    return starts, told
+
+
+def _in_order(tests: Sequence[Tidied]) -> list[Tidied]:
+    """Return tests in which those of a pad with a clock follow one another by it."""
+    ordered = list(tests)
+    for pad in {test.pad for test in tests}:
+        places = [k for k, test in enumerate(tests) if test.pad == pad]
+        own = [tests[k] for k in places]
+        if all(test.start_s is not None for test in own):
+            own.sort(key=lambda test: test.start_s or 0.0)
+            for k, test in zip(places, own, strict=True):
+                ordered[k] = test
+    return ordered
 
 
 # Names of pads and tests
@@ -322,6 +354,53 @@ def _pad_name(name: str) -> str:
     if (fault := folder_fault(_checked(name))) is not None:
         raise InputError(f"the pad's name '{name[:200]}' {fault[0]}", remedy=fault[1])
     return name
+
+
+def _named_above(read: Sequence[Loaded]) -> list[Loaded]:
+    """Return tests with the pads that lines above their tables name; without one it is ``pad``."""
+    spelled: dict[str, str] = {}
+    named = []
+    for one in read:
+        pad = _plain(one.recording.stated.specimen) if one.recording.stated.specimen else ""
+        if not pad or folder_fault(pad) is not None:
+            named.append(replace(one, pad=DEFAULT_PAD))
+            continue
+        pad = spelled.setdefault(same_folder(pad), pad)
+        lines = ", ".join(one.recording.stated.named)
+        told = f"the pad is called {pad}, as in '{lines}'; --pad states another name"
+        findings = (*one.findings, told)
+        named.append(replace(one, pad=pad, findings=findings))
+    return named
+
+
+def _mixed(read: Sequence[Loaded], files: Sequence[Path]) -> tuple[str, ...]:
+    """Return, of each pad whose files differ in columns, units or names, how to divide them."""
+    remarks = []
+    for pad in dict.fromkeys(one.pad for one in read):
+        own = {one.file: one for one in reversed(read) if one.pad == pad}
+        begin = {file: _beginning(file) for file in own}
+        kinds = {file: f"{one.as_written}, {one.kind.name}" for file, one in own.items()}
+        for what, of in (("names", begin), ("columns or units", kinds)):
+            groups = list(dict.fromkeys(of[file] for file in files if file in of))
+            if len(groups) < 2:
+                continue
+            called = groups if what == "names" and all(groups) else []
+            names = called or [f"{pad}{k}" for k in range(1, len(groups) + 1)]
+            each = [names[groups.index(of[file])] if file in of else pad for file in files]
+            remarks.append(
+                f"files with different {what} are taken as tests of one pad, {pad} "
+                f"({'; '.join(groups[:4])}): if they are several, name the pad of each file with "
+                f"--pad {as_typed(','.join(each))}; --pad {as_typed(pad)} says that they are one"
+            )
+            break
+    return tuple(remarks)
+
+
+def _beginning(file: Path) -> str:
+    """Return the letters with which a file's name begins, up to its first digit."""
+    return (
+        _plain(re.split(r"\d", stem_of(file))[0].strip(" _-.")) if file.stem[:1].isalpha() else ""
+    )
 
 
 def pad_in(name: str, pattern: re.Pattern[str]) -> str:

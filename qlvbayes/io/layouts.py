@@ -6,7 +6,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +30,7 @@ from qlvbayes.io.columns import (
     side_by_side,
 )
 from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
+from qlvbayes.io.stated import stated_above
 from qlvbayes.io.table import (
     SHOWN,
     Form,
@@ -60,11 +60,6 @@ _SPECIMEN = re.compile(
     r"|test|trial|run|versuch|essai|prova|ensayo)( ?(id|name|label|number|no|nr|nummer|numero))?"
 )
 _QUANTITIES = ("time", "displacement", "force")
-_DATES = (
-    "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
-    "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d/%m/%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S",
-    "%m/%d/%Y %I:%M:%S %p",
-)  # fmt: skip
 
 
 # Where a table begins
@@ -327,7 +322,8 @@ def _by_specimen(
         unused = tuple(name for name in test.unused if name != label.name)
         dropped = {} if begin else test.dropped
         full = f"{test.name} {own}".strip()
-        tests.append(Recording(time, way, load, full, None, None, dropped, unused, test.pressing))
+        of_part = replace(test, time=time, way=way, load=load, name=full)
+        tests.append(replace(of_part, dropped=dropped, unused=unused))
     return tests
 
 
@@ -418,8 +414,8 @@ class Layout:
     ``name``, ``machine``, ``marks``, ``reads``, ``reference`` and ``general`` are as in
     `AbstractFormat`. ``shows`` are the marks in words, each with its pattern. The table begins
     below ``after``; ``header`` finds its names. ``block`` divides the text into its groups ``head``
-    and ``rows``, where each block is a test of its own. ``title`` and ``began`` are patterns whose
-    groups are the test's name and its date; ``part`` is what one of several parts is called.
+    and ``rows``, where each block is a test of its own. ``title`` is a pattern whose groups are the
+    test's name; ``part`` is what one of several parts is called.
     ``prepare`` makes the text a table where it is none, line by line. ``pressing`` is whether the
     layout fixes the signs of displacement and force. ``lacking`` is what a file without a header
     lacks, and the remedy.
@@ -436,7 +432,6 @@ class Layout:
     header: FindHeader = any_header
     block: str = ""
     title: str = ""
-    began: str = ""
     part: str = ""
     prepare: Callable[[bytes], bytes] = bytes
     pressing: bool = False
@@ -468,12 +463,8 @@ class Layout:
         for number, (head, above, rows) in enumerate(blocks, 1):
             title = _found(self.title, head)
             own = f"{number} {title}" if len(blocks) > 1 else title
-            began = _seconds_of(_found(self.began, head))
-            found = self._tests(above, rows, path, f"{name} {own}".strip())
-            tests += [
-                replace(test, began=began, pressing=self.pressing or test.pressing)
-                for test in found
-            ]
+            found = self._tests(head, above, rows, path, f"{name} {own}".strip())
+            tests += [replace(test, pressing=self.pressing or test.pressing) for test in found]
         return tests
 
     def _blocks(self, data: bytes) -> Iterator[tuple[str, int, bytes]]:
@@ -487,7 +478,7 @@ class Layout:
                 head = found["head"].decode("utf-8", "replace")
                 yield head, data.count(b"\n", 0, found.start("rows")), rows
 
-    def _tests(self, above: int, data: bytes, path: Path, name: str) -> list[Recording]:
+    def _tests(self, head: str, above: int, data: bytes, path: Path, name: str) -> list[Recording]:
         data, blanks = with_tabs(data) if self.general else (data, False)
         lines = Lines.from_bytes(data)
         start = 0
@@ -499,23 +490,15 @@ class Layout:
             if names := columns_in(lines):
                 raise unsure_of_columns(names, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])
-        return read_below(header, data, lines, path, name, above, self.part)
+        stated = stated_above(head.split("\n") if self.block else lines.texts[: header.line])
+        tests = read_below(header, data, lines, path, name, above, self.part)
+        return [replace(test, stated=stated) for test in tests]
 
 
 def _found(pattern: str, text: str) -> str:
     """Return the groups of a pattern where a text has it; empty otherwise."""
     match = re.search(pattern, text) if pattern else None
     return " ".join(group.strip(' "') for group in match.groups() if group) if match else ""
-
-
-def _seconds_of(text: str) -> float | None:
-    """Return a date as seconds since 1970 on the machine's clock, or None where it is unclear."""
-    for form in _DATES:
-        try:
-            return datetime.strptime(text.strip(), form).replace(tzinfo=UTC).timestamp()
-        except ValueError:
-            continue
-    return None
 
 
 def _names_time_and(lines: Lines, force: str) -> bool:
@@ -623,7 +606,6 @@ BLUEHILL_3 = Layout(
         "units in parentheses in the row below": _UNITS,
     },
     title=r'(?im)^"?specimen label:?"?[,;\t]\s*"?([^"\n]*)',
-    began=r'(?im)^"?general : start time:?"?[,;\t]\s*"?([^"\n]*)',
 )
 BLUEHILL_UNIVERSAL = Layout(
     "bluehill-universal",
@@ -660,7 +642,6 @@ TESTSUITE = Layout(
         "a line 'Date:'": r'(?m)^[ "]*Date(?: Name)?\s*:',
     },
     title=r'(?m)^[ "]*Test Run(?: Name)?\s*:[ \t",;]*([^"\n]*)',
-    began=r'(?m)^[ "]*Date(?: Name)?\s*:[ \t",;]*([^"\n]*)',
 )
 TESTXPERT = Layout(
     "testxpert",
@@ -673,7 +654,6 @@ TESTXPERT = Layout(
             _names_time_and, force=_STANDARD_FORCE
         ),
     },
-    began=r"(\d[\d./-]+ \d+:\d\d:\d\d(?: [AP]M)?)",
 )
 CELLSCALE = Layout(
     "cellscale",
@@ -696,7 +676,6 @@ MACH_1 = Layout(
     {"a first line <Mach-1 File>": r"\A\s*<Mach-1 File>", "a block <INFO>": "<INFO>"},
     block=r"<INFO>(?P<head>.*?)<END INFO>.*?<DATA>[ \t]*\n(?P<rows>.*?)(?:<END DATA>|\Z)",
     title=r"<(?!END)([^>/]+)>",
-    began=r"(?s)Date[ :]*\t([^\n]*).*Time[ :]*\t([^\n.]*)",
     lacking=("no row of names with units", "export the file again, with its data"),
 )
 CHIARO = Layout(
@@ -709,7 +688,6 @@ CHIARO = Layout(
         "a line 'k (N/m)'": r"(?m)^k \(N/m\)",
         "names with Load and Indentation": r"(?m)^Time[^\n]*\tIndentation \(",
     },
-    began=r"\A\W*Date\t([^\t\n]*)\tTime\t([^\t\n]*)",
     pressing=True,  # a tip is pressed in, and may stick
 )
 LVM = Layout(
@@ -723,7 +701,6 @@ LVM = Layout(
         "a line '***End_of_Header***'": r"(?m)^\*\*\*End_of_Header\*\*\*",
     },
     prepare=_with_times,
-    began=r"(?s)Date\t(\d+/\d+/\d+).*?Time\t(\d+:\d+:\d+)",
 )
 TWO_CLOCKS = Layout(
     "two-clocks",

@@ -140,6 +140,15 @@ class Loaded:
         return self.recording.name or self.file.stem
 
     @property
+    def as_written(self) -> str:
+        """Return its columns with their units, as the file writes them."""
+        one = self.recording
+        columns = [
+            f"{c.name} ({c.unit})" if c.unit else c.name for c in (one.time, one.way, one.load)
+        ]
+        return ", ".join(columns)
+
+    @property
     def of_layout(self) -> tuple[str, str, str]:
         """Return what is equal for recordings whose columns have the same signs."""
         return self.kind.name, self.recording.way.name, self.recording.load.name
@@ -507,7 +516,7 @@ def _equal(one: Loaded, other: Loaded) -> bool:
         return False
     way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
     return (
-        one.recording.began == other.recording.began
+        one.recording.stated.began == other.recording.stated.began
         and same_readings(one.time - one.time[0], other.time - other.time[0])
         and same_readings(one.way * way, other.way)
         and same_readings(one.load * load, other.load)

@@ -36,6 +36,22 @@ class Sight:
         return len(self.found) / max(len(self.found) + len(self.missing), 1)
 
 
+@dataclass(frozen=True)
+class Stated:
+    """What a file states of a test: ``specimen``, and when it ``began`` (s since 1970).
+
+    ``began`` is on the machine's own clock, and None without a date and a time of the day.
+    ``either`` is a date in which day and month may be exchanged, as written: ``began`` then serves
+    within that day alone. ``named`` and ``dated`` are the lines of which both were taken.
+    """
+
+    specimen: str = ""
+    began: float | None = None
+    either: str = ""
+    named: tuple[str, ...] = ()
+    dated: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Channel:
     """A channel as it is in the file."""
@@ -54,8 +70,7 @@ class Recording:
     way: Channel  # displacement or strain
     load: Channel  # force or stress
     name: str = ""  # the test's name; empty where the file states none
-    # date of time zero (s since 1970); None where the file does not state it
-    began: float | None = None
+    stated: Stated = Stated()  # the specimen, and when time was zero
     load_time: Channel | None = None  # the load's own clock, where it has one
     # the number of rows that are no measurements, by reason
     dropped: Mapping[str, int] = field(default_factory=dict)
