@@ -123,7 +123,7 @@ def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -
     lines = ""
     if error.option == "columns":
         lines_in = Lines.from_bytes(decoded(head_of(file)).encode())
-        names = [f"{k}: {name}" for k, name in enumerate(columns_in(lines_in), 1)]
+        names = [f"{c.index + 1}: {c.written}" for c in columns_in(lines_in)]
         ask = [_choice(what, f"the column of {_WORDS[what]}", names, _like(what, names))
                for what in _NAMES]  # fmt: skip
     elif error.option == "units":

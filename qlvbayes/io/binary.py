@@ -12,9 +12,17 @@ import numpy as np
 
 from qlvbayes.io.apart import ApartError, Named, read_apart
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import NamedColumn, chosen, is_mean, quantities, recording, split_header
+from qlvbayes.io.columns import (
+    NamedColumn,
+    chosen,
+    is_mean,
+    quantities,
+    recording,
+    split_header,
+    unsure_of_columns,
+)
 from qlvbayes.io.layouts import LEAST, TABLE, TESTXPERT, Layout, columns_in
-from qlvbayes.io.recording import Channel, Recording, Sight, Stated, unsure_of_columns
+from qlvbayes.io.recording import Channel, Recording, Sight, Stated
 from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
 
 _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.recording import Channel, Recording
+from qlvbayes.io.recording import Channel, Recording, UnsureError
 from qlvbayes.io.units import CLOCKS, QUANTITIES, SAME, SUFFIXES, unit_of
+from qlvbayes.io.wording import joined
 
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
@@ -76,6 +77,8 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_ASKED = {"time": "s", "displacement": "mm", "force": "N"}
+"""What a test consists of, each with the unit in which it is stated by default."""
 _CHANNEL = re.compile(r"^(c|ch|channel|kanal|voie|canal) ?\d+ (?=\D)")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
 _WITH_UNIT = (
@@ -110,6 +113,12 @@ class NamedColumn:
     index: int
     name: str
     unit: str
+
+    @property
+    def written(self) -> str:
+        """Return the name with its unit, or the number from 1 of a column without a name."""
+        name = self.name or str(self.index + 1)
+        return f"{name} ({self.unit})" if self.unit else name
 
 
 @lru_cache  # each layout asks for the same cells
@@ -251,13 +260,52 @@ def side_by_side(
     return [{key: same[min(k, len(same) - 1)] for key, same in alike.items()} for k in range(tests)]
 
 
+def unsure_of_columns(columns: Sequence[NamedColumn], file: Path) -> InputError:
+    """Return the question which columns are those of time, displacement and force.
+
+    It says what none of them shows, and how to state it where a column may hold it.
+    """
+    shown = f" (the file has: {', '.join(column.written for column in columns)[:200]})"
+    found = dict(zip(_ASKED, measured(columns).values(), strict=True))
+    missing = [word for word, column in found.items() if column is None]
+    taken = {column.index for column in found.values() if column is not None}
+    for word, either in zip(_ASKED, QUANTITIES, strict=True):
+        fits = (
+            column
+            for column in columns
+            if column.index not in taken
+            and (any(unit_of(column.unit, kind) for kind in either) or not _is_unit(column.unit))
+        )
+        if found[word] is None and (first := next(fits, None)) is not None:
+            found[word] = first
+            taken.add(first.index)
+    if nowhere := [word for word, column in found.items() if column is None]:
+        what = f"no column for {' and '.join(nowhere)}"
+        remedy = f"export it with the {' and the '.join(nowhere)}"
+        return InputError(what + shown, file=file, remedy=remedy)
+    numbers = {word: column.index + 1 for word, column in found.items() if column is not None}
+    units = [
+        column.unit if column is not None and _is_unit(column.unit) else unit
+        for column, unit in zip(found.values(), _ASKED.values(), strict=True)
+    ]
+    said = joined([f"column {numbers[word]} is the {word}" for word in missing])
+    which = "columns are" if len(missing) > 1 else "column is the"
+    return UnsureError(
+        f"the names and units do not show which {which} {joined(missing)}{shown}",
+        file=file,
+        option="columns",
+        question=f"columns of time, displacement and force, by name or number, as 1,2,3{shown}",
+        say=f"{','.join(map(str, numbers.values()))} --units {','.join(units)}, if {said}",
+    )
+
+
 def chosen(
     columns: Sequence[NamedColumn], file: Path, line: int | None = None
 ) -> dict[str, NamedColumn]:
     """Return the columns that ``measured`` finds."""
     by_quantity = measured(columns)
     whole = {key: named for key, named in by_quantity.items() if named is not None}
-    words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
+    words = dict(zip(by_quantity, _ASKED, strict=True))
     if missing := [words[key] for key in by_quantity if key not in whole]:
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(

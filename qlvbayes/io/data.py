@@ -194,12 +194,12 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     except InputError:
         return None
     whole = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
-    if len(whole) != 1:
+    try:
+        if len(whole) == 1:
+            return convert([file])
         if isinstance(tidy, InputError) and is_text(head):
             refuse_by_content(head, file)
         return None
-    try:
-        return convert([file])
     except UnsureError as error:
         again = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
         raise error.elsewhere(again) from error

@@ -23,7 +23,15 @@ from qlvbayes.io.catalogue import (
     run_checks,
 )
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import in_cells, is_tidy_name, plain_name, quantities
+from qlvbayes.io.columns import (
+    LABELS,
+    in_cells,
+    is_tidy_name,
+    measured,
+    plain_name,
+    quantities,
+    unsure_of_columns,
+)
 from qlvbayes.io.layouts import Layout, columns_in
 from qlvbayes.io.recording import (
     AbstractFormat,
@@ -31,7 +39,6 @@ from qlvbayes.io.recording import (
     Format,
     Recording,
     Sight,
-    unsure_of_columns,
 )
 from qlvbayes.io.table import (
     HEAD,
@@ -140,15 +147,14 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
         )
     if is_text(head):
         refuse_by_content(head, path)
-        if any(map(is_tidy_name, _first_names(head))):
+        if _is_nearly_tidy(head):
             sniff(path)  # its error says which column is to be renamed
             raise InputError(
                 "the file is tidy already",
                 file=path,
                 remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
             )
-        if names_in := columns_in(Lines.from_bytes(with_tabs(decoded(head).encode())[0])):
-            raise unsure_of_columns(names_in, path)
+        _refuse_unclear(head, path)
     raise InputError(
         "no known layout",
         file=path,
@@ -161,11 +167,19 @@ def _first_names(head: bytes) -> list[str]:
     """Return the cells of the first line that is no comment."""
     lines = decoded(head).splitlines()
     rows = (line for line in lines if line.strip() and not line.startswith(("#", "sep=")))
-    return [name.strip(' "') for name in re.split("[,;\t]", next(rows, ""))]
+    return [name.strip(' "') for name in re.split(r"[,;\t| ]", next(rows, ""))]
+
+
+def _is_nearly_tidy(head: bytes) -> bool:
+    """Return whether the first line has a name of a tidy file, and not only words that it has."""
+    return any(is_tidy_name(name) for name in _first_names(head) if name not in LABELS)
 
 
 def refuse_by_content(head: bytes, path: Path) -> None:
-    """Raise InputError for what a table holds in place of measurements, and for what it lacks."""
+    """Raise InputError for what a table that is not tidy holds in place of measurements, or lacks.
+
+    A file whose first line has names of a tidy one is left to the reader of those.
+    """
     lines = Lines.from_bytes(decoded(head).encode())
     for number, cells in lines.cells():
         if number > _HEADER:
@@ -182,6 +196,15 @@ def refuse_by_content(head: bytes, path: Path) -> None:
                         remedy="export the readings, strain and stress over time",
                     )
     _refuse_timeless(path)
+    if not _is_nearly_tidy(head) and sum(map(is_like_number, _first_names(head))) < 2:
+        _refuse_unclear(head, path)
+
+
+def _refuse_unclear(head: bytes, path: Path) -> None:
+    """Raise InputError for a table whose names do not show time, displacement and force."""
+    columns = columns_in(Lines.from_bytes(with_tabs(decoded(head).encode())[0]))
+    if len(columns) > 2 or any(measured(columns).values()):
+        raise unsure_of_columns(columns, path)
 
 
 def _refuse_timeless(path: Path) -> None:
@@ -195,14 +218,14 @@ def _refuse_timeless(path: Path) -> None:
         return
     steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
     rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
-    for k, name in enumerate(named[: len(rising)]):  # one in mm or N is no time
-        words = [word for word in re.split(r"[\s_,/()\[\]]+", name) if word]
+    for k, column in enumerate(named[: len(rising)]):  # one in mm or N is no time
+        words = [word for word in re.split(r"[\s_,/()\[\]]+", column.written) if word]
         kinds = ("displacement", "force", "stress")
         rising[k] &= not any(unit_of(word, kind) for word in words for kind in kinds)
     if not rising.any():
         raise InputError(
             "there is no time: no column rises from row to row as one does (the file has: "
-            f"{', '.join(named)[:200]})",
+            f"{', '.join(column.written for column in named)[:200]})",
             file=path,
             line=cells[0][0] + 1,
             remedy="export the time of every sample",

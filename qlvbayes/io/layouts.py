@@ -28,8 +28,9 @@ from qlvbayes.io.columns import (
     recording,
     sheared_instead,
     side_by_side,
+    unsure_of_columns,
 )
-from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
+from qlvbayes.io.recording import Channel, Recording, Sight
 from qlvbayes.io.stated import stated_above
 from qlvbayes.io.table import (
     SHOWN,
@@ -143,15 +144,20 @@ def _shifted(header: Header, lines: Lines) -> Header:
     return replace(header, columns=columns)
 
 
-def columns_in(lines: Lines) -> list[str]:
-    """Return the names, or else the numbers, of a table's columns; empty where there is none."""
-    three = range(_NAMES)
+def columns_in(lines: Lines) -> list[NamedColumn]:
+    """Return the columns of the first table; empty where there is none, of two or more."""
     for number, cells in lines.cells():
-        if len(cells) >= _NAMES and are_numbers(cells, three):
+        if len(cells) > 1 and are_numbers(cells, range(min(len(cells), _NAMES))):
             named = _names_above(lines, number, len(cells))
-            names = named[0] if named else [""] * len(cells)
-            return [name or str(k) for k, name in enumerate(names, 1)]
+            return _columns(named, len(cells)) if named or len(cells) >= _NAMES else []
     return []
+
+
+def _columns(named: Sequence[Sequence[str]], width: int) -> list[NamedColumn]:
+    """Return columns by the rows of names and units above them, or else by their numbers."""
+    if not named:
+        return [NamedColumn(k, f"column {k + 1}", "") for k in range(width)]
+    return in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
 
 
 # Columns that the user states
@@ -173,9 +179,7 @@ def stated_header(lines: Lines, stated: Sequence[str], file: Path) -> Header:
     """Return the header of the table that has the stated columns; an InputError says what lacks."""
     for first, cells in lines.cells():
         named = _names_above(lines, first, len(cells))
-        columns = [NamedColumn(k, f"column {k + 1}", "") for k in range(len(cells))]
-        if named:
-            columns = in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
+        columns = _columns(named, len(cells))
         indices = [k for name in stated for k in _stated(name, named, columns)]
         if len(indices) == _NAMES and are_numbers(cells, indices):
             picked = {key: columns[k] for key, k in zip(_QUANTITIES, indices, strict=True)}
@@ -487,8 +491,8 @@ class Layout:
             start = next((n for n, text in texts if re.match(self.after, text)), 0)
         header = self.header(Lines(("",) * start + lines.texts[start:], lines.starts), blanks)
         if header is None:
-            if names := columns_in(lines):
-                raise unsure_of_columns(names, path)
+            if columns := columns_in(lines):
+                raise unsure_of_columns(columns, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])
         stated = stated_above(head.split("\n") if self.block else lines.texts[: header.line])
         tests = read_below(header, data, lines, path, name, above, self.part)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
@@ -96,19 +96,6 @@ class UnsureError(InputError):
         """Return the same error for a command that lacks the option, naming one that has it."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
-
-
-def unsure_of_columns(names: Sequence[str], file: Path) -> UnsureError:
-    """Return the question which columns are time, displacement and force."""
-    shown = ", ".join(names)[:200]
-    return UnsureError(
-        "the names and units do not show which columns are time, displacement and force (the file "
-        f"has: {shown})",
-        file=file,
-        option="columns",
-        question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
-        say="1,2,3 (their numbers or names in this order, and with --units s,mm,N their units)",
-    )
 
 
 class Format(Protocol):

@@ -68,7 +68,7 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
         text = line.strip(" \t#%")
         cells = [cell for cell in cells_of(text, separator_of(text)) if cell]
         first, _, rest = (cells[0] if len(cells) == 1 else text).partition(":")
-        if rest.strip() and len(cells) != 2 and not re.search('[\t;,|"]', first):
+        if rest.strip() and not re.search('[\t;,|"]', first):
             yield first.strip(), rest.strip(" \t,;"), True
         for k in range(0, len(cells) - 1, 2):
             yield cells[k].rstrip(" :"), cells[k + 1], len(cells) == 2
