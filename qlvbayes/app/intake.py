@@ -24,7 +24,7 @@ from qlvbayes.io.conversion import (
 )
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import results_folder
-from qlvbayes.io.layouts import columns_in
+from qlvbayes.io.header import columns_in
 from qlvbayes.io.loading import SIGNS, Answers, pattern_of
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.table import Lines, decoded, head_of

@@ -21,8 +21,10 @@ from qlvbayes.io.columns import (
     split_header,
     unsure_of_columns,
 )
-from qlvbayes.io.layouts import LEAST, TABLE, TESTXPERT, Layout, columns_in
+from qlvbayes.io.header import columns_in
+from qlvbayes.io.layouts import TABLE, TESTXPERT, Layout
 from qlvbayes.io.recording import Channel, Recording, Sight, Stated
+from qlvbayes.io.splitting import LEAST
 from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
 
 _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
@@ -49,8 +51,6 @@ class Binary:
 
     name: str
     machine: str
-    marks: str
-    reads: str
     reference: str
     shows: Callable[[bytes], bool]
     kind: str
@@ -62,7 +62,7 @@ class Binary:
 
     def sniff(self, head: bytes) -> Sight:
         """Return which marks of the layout the first bytes of a file show."""
-        return Sight.from_marks({self.marks: self.shows(head)})
+        return Sight.from_marks({f"the first bytes of {self.name}": self.shows(head)})
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """Return the tests of one file, in its order."""
@@ -286,8 +286,6 @@ def _is_bag(head: bytes) -> bool:
 WORKBOOK = Binary(
     "testxpert-excel",
     "ZwickRoell testXpert, or another Excel workbook (needs python-calamine)",
-    "an Excel workbook (.xlsx, .xls); a sheet with time, displacement and force",
-    "every specimen's sheet (a test each), without the mean specimen's",
     "testXpert, export to Excel; ECMA-376",
     _is_workbook, "workbook", of_sheets, "python_calamine", "python-calamine", "python-calamine",
 )  # fmt: skip
@@ -296,40 +294,30 @@ BINARY = (
     Binary(
         "afm",
         "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab",
-        "a zip archive with header.properties, or a table that afmformats wrote",
-        "time, height (measured, else piezo), force, spring constant; nm and nN",
         "afmformats documentation; JPK Instruments, data format",
         _is_afm, "afm", _of_curves, "afmformats", "afmformats", "afmformats",
     ),
     Binary(
         "tdms",
         "National Instruments LabVIEW, TDMS (needs npTDMS)",
-        "the first bytes 'TDSm'",
-        "channels named after time, displacement, force; or wf_increment",
         "National Instruments, TDMS File Format Internal Structure",
         lambda head: head.startswith(b"TDSm"), "tdms", _of_vectors, "nptdms", "npTDMS", "npTDMS",
     ),
     Binary(
         "matlab",
         "MATLAB .mat, versions 5 to 7.3",
-        "the first bytes 'MATLAB 5.0 MAT-file' or 'MATLAB 7.3 MAT-file'",
-        "vectors named after time, displacement (or strain), force (or stress)",
         "MathWorks, MAT-File Format",
         lambda head: head.startswith(_MATLAB), "matlab", _of_vectors,
     ),
     Binary(
         "hdf5",
         "HDF5 of any origin",
-        "the first bytes of HDF5",
-        "datasets named after time, displacement (or strain), force (or stress)",
         "The HDF Group, HDF5 File Format Specification",
         lambda head: head.startswith(_HDF5), "hdf5", _of_vectors,
     ),
     Binary(
         "rosbag",
         "robots: MCAP, ROS 2 bags (.mcap, .db3), ROS 1 bags (needs rosbags)",
-        "the first bytes of MCAP or of a ROS 1 bag, or SQLite with topics",
-        "WrenchStamped; PoseStamped, JointState and others; one test a file",
         "MCAP specification; ROS REP 103; rosbags documentation",
         _is_bag, "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
     ),

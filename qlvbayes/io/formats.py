@@ -32,7 +32,8 @@ from qlvbayes.io.columns import (
     quantities,
     unsure_of_columns,
 )
-from qlvbayes.io.layouts import Layout, columns_in
+from qlvbayes.io.header import columns_in
+from qlvbayes.io.layouts import Layout
 from qlvbayes.io.recording import (
     AbstractFormat,
     Channel,
@@ -40,6 +41,7 @@ from qlvbayes.io.recording import (
     Recording,
     Sight,
 )
+from qlvbayes.io.splitting import LEAST
 from qlvbayes.io.table import (
     HEAD,
     Lines,
@@ -214,7 +216,7 @@ def _refuse_timeless(path: Path) -> None:
     cells = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
     numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in cells]
     named = columns_in(lines)
-    if len(cells) <= layouts.LEAST or len({len(row) for row in numbers}) > 1:
+    if len(cells) <= LEAST or len({len(row) for row in numbers}) > 1:
         return
     steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
     rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
@@ -234,7 +236,7 @@ def _refuse_timeless(path: Path) -> None:
 
 # The rules of a format
 
-_WORDS = ("name", "machine", "marks", "reads", "reference")
+_WORDS = ("name", "machine", "reference")
 _TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
 
 

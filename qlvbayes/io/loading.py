@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from qlvbayes.io.contact import (
     is_dead,
     scatter,
 )
-from qlvbayes.io.layouts import named_columns
+from qlvbayes.io.header import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
     ClockError,
@@ -245,12 +246,7 @@ def _without_missing(recording: Recording) -> Recording:
         if one.count:
             what = f"a code for no reading ({one.written})" if one.codes else "no number"
             dropped[f"rows with {what} in {channel.name}"] = one.count
-    kept = {
-        part: replace(channel, values=channel.values[~lost])
-        for part in ("time", "way", "load", "load_time")
-        if (channel := getattr(recording, part)) is not None
-    }
-    return replace(recording, dropped=dropped, **kept)
+    return replace(recording.changed(itemgetter(~lost)), dropped=dropped)
 
 
 def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:

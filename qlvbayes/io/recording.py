@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -29,11 +29,6 @@ class Sight:
     def whole(self) -> bool:
         """Return whether the file is of this layout."""
         return bool(self.found) and not self.missing
-
-    @property
-    def share(self) -> float:
-        """Return the share of the marks that are there, 0 to 1."""
-        return len(self.found) / max(len(self.found) + len(self.missing), 1)
 
 
 @dataclass(frozen=True)
@@ -79,6 +74,18 @@ class Recording:
     # positive, and shear has the sign of its force
     pressing: bool = False
 
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Return time, displacement and force, and the force's own clock where it has one."""
+        own = () if self.load_time is None else (self.load_time,)
+        return (self.time, self.way, self.load, *own)
+
+    def changed(self, change: Callable[[Floats], Floats]) -> Recording:
+        """Return the recording with other values of each channel, in the order of `channels`."""
+        changed = [replace(one, values=change(one.values)) for one in self.channels]
+        time, way, load, *own = changed
+        return replace(self, time=time, way=way, load=load, load_time=own[0] if own else None)
+
 
 class UnsureError(InputError):
     """Exception for something that the file does not state.
@@ -123,15 +130,13 @@ class Format(Protocol):
 class AbstractFormat(ABC):
     """Layout of the files of a testing machine or program.
 
-    ``name`` is what messages call it, ``machine`` whose files these are, ``marks`` how they are
-    recognised and ``reads`` what is read from them, each in one line. ``reference`` is where the
-    layout is described. ``general`` is true where every other layout that fits takes precedence.
+    ``name`` is what messages call it, ``machine`` whose files these are and ``reference`` where the
+    layout is described, each in one line. ``general`` is true where every other layout that fits
+    takes precedence.
     """
 
     name: ClassVar[str]
     machine: ClassVar[str]
-    marks: ClassVar[str]
-    reads: ClassVar[str]
     reference: ClassVar[str]
     general: ClassVar[bool] = False
 
