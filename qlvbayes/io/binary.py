@@ -25,7 +25,8 @@ from qlvbayes.io.header import columns_in
 from qlvbayes.io.layouts import TABLE, TESTXPERT, Layout
 from qlvbayes.io.recording import Channel, Recording, Sight, Stated
 from qlvbayes.io.splitting import LEAST
-from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
+from qlvbayes.io.table import decimal_mark, plain_number, with_point
+from qlvbayes.io.text import Lines, is_like_number
 
 _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 _HDF5, _ZIP = b"\x89HDF\r\n\x1a\n", b"PK\x03\x04"

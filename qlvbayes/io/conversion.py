@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import gzip
 import io
-import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,30 +15,34 @@ from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.binary import WORKBOOK, of_sheets
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import FirstContact, Signs
-from qlvbayes.io.files import folder_fault, same_folder, stem_of, write_whole
+from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
 from qlvbayes.io.loading import (
     Answers,
     Loaded,
     oriented_tests,
-    pattern_of,
     usable_tests,
     without_copies,
 )
+from qlvbayes.io.naming import (
+    DEFAULT_PAD,
+    clocks_of,
+    named_above,
+    names_of,
+    pad_in,
+    pad_name,
+    remarks_on,
+)
 from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
 from qlvbayes.io.recording import Format, Recording, UnsureError
-from qlvbayes.io.table import head_of, is_text
+from qlvbayes.io.text import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
-from qlvbayes.io.wording import as_typed, computed, of_lines, prints, visible
+from qlvbayes.io.wording import of_lines, visible
 from qlvbayes.io.zero import Zero, zeros
 
-DEFAULT_PAD = "pad"  # the name in a tidy file without the column
 _LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 _FINEST = 1e-10  # last digit written over the largest value, far below any sensor's resolution
-_PATTERNS = (r"^(.+?)[ _.-]*\d+$", r"^(.+?)[ _-]+[^ _-]*$", r"^[^ _-]+", r"^.+$")
-"""Parts of a test's name that may be its pad's: all before the last number, before the last
-separator, before the first separator, or the whole name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def convert(
 ) -> Conversion:
     """Read machine files and convert them to tidy tests; ``kinds`` are all known by default."""
     kinds = known_formats() if kinds is None else kinds
-    given = [_pad_name(name) for name in answers.pads] or [DEFAULT_PAD]
+    given = [pad_name(name) for name in answers.pads] or [DEFAULT_PAD]
     pads = given * len(files) if len(given) == 1 else given
     one_each = len(pads) == len(files)  # else one a test
     faults: dict[Path, InputError] = {}
@@ -177,7 +177,7 @@ def convert(
         read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
     stated = bool(answers.pads) or answers.pad_from is not None
     if not stated:
-        read = _named_above(read)
+        read = named_above(read)
     read = without_copies(read)
     pairs = list(zip(read, zeros(read, answers), strict=True))
     for one, zero in pairs:
@@ -190,29 +190,16 @@ def convert(
     if not used:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
     firsts = [_first_row(one, zero) for one, zero in used]
-    names = _names_of([one for one, _ in used], answers.tests)
+    names = names_of([one for one, _ in used], answers.tests)
     units = used[0][0].units
     kept = [one for one, _ in used]
-    clocks, told = _clocks(kept, firsts)
+    clocks, told = clocks_of(kept, firsts)
     tidied = [
         _tidied(one, zero, firsts[k], names[k], units, clocks[k], told.get(k))
         for k, (one, zero) in enumerate(used)
     ]
-    remarks = () if stated else (*_mixed(kept, files), *_together(kept, names))
+    remarks = () if stated else remarks_on(kept, names, files)
     return Conversion(tuple(_in_order(tidied)), units, tuple(faults.values()), remarks)
-
-
-def _together(tests: Sequence[Loaded], names: Sequence[str]) -> tuple[str, ...]:
-    """Return what is to be said of files that hold several tests, and name no specimen."""
-    in_file = Counter(one.file for one in tests if one.pad == DEFAULT_PAD)
-    several = [name for one, name in zip(tests, names, strict=True) if in_file[one.file] > 1]
-    if not several:
-        return ()
-    return (
-        f"the tests of one file are taken as those of one pad ({', '.join(several[:6])}): if they "
-        "are several specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
-        "names the pad of each test",
-    )
 
 
 def _read(
@@ -294,45 +281,6 @@ def _tidied(
     )  # fmt: skip
 
 
-def _clocks(
-    read: Sequence[Loaded], firsts: Sequence[int]
-) -> tuple[list[float | None], dict[int, str]]:
-    """Return the pad's clock at each test's first row, and what is told of it by test.
-
-    There is a clock where all tests of a pad state when they began, on days that are clear or the
-    same, and none began before the one before had ended, to the second.
-    """
-    starts: list[float | None] = [None] * len(read)
-    told: dict[int, str] = {}
-    for pad in {one.pad for one in read}:
-        tests = [k for k, one in enumerate(read) if one.pad == pad]
-        stated = {k: read[k].recording.stated for k in tests}
-        began = {
-            k: one.began + float(read[k].time[firsts[k]])
-            for k, one in stated.items()
-            if one.began is not None
-        }
-        if len(tests) < 2 or not began:
-            continue
-        order = sorted(began, key=lambda k: began[k])
-        ends = {k: began[k] + float(read[k].time[-1] - read[k].time[firsts[k]]) for k in began}
-        days = {one.either for one in stated.values()}
-        why = ""
-        if len(began) < len(tests):
-            why = "other tests of the pad state none"
-        elif len(days) > 1:
-            why = f"day and month of {max(days)} may be exchanged"
-        elif any(began[after] < ends[before] - 1.0 for before, after in pairwise(order)):
-            why = "by their dates the pad's tests overlap"
-        for k in began:
-            lines = ", ".join(stated[k].dated) or "the file"
-            told[k] = (
-                f"the date is not used, as {why}" if why else f"start_s is taken from '{lines}'"
-            )
-            starts[k] = None if why else began[k] - began[order[0]]
-    return starts, told
-
-
 def _in_order(tests: Sequence[Tidied]) -> list[Tidied]:
     """Return tests in which those of a pad with a clock follow one another by it."""
     ordered = list(tests)
@@ -344,126 +292,6 @@ def _in_order(tests: Sequence[Tidied]) -> list[Tidied]:
             for k, test in zip(places, own, strict=True):
                 ordered[k] = test
     return ordered
-
-
-# Names of pads and tests
-
-
-def _pad_name(name: str) -> str:
-    """Return a pad's name; an InputError is raised where no folder can have it."""
-    if (fault := folder_fault(_checked(name))) is not None:
-        raise InputError(f"the pad's name '{name[:200]}' {fault[0]}", remedy=fault[1])
-    return name
-
-
-def _named_above(read: Sequence[Loaded]) -> list[Loaded]:
-    """Return tests with the pads that lines above their tables name; without one it is ``pad``."""
-    spelled: dict[str, str] = {}
-    named = []
-    for one in read:
-        pad = _plain(one.recording.stated.specimen) if one.recording.stated.specimen else ""
-        if not pad or folder_fault(pad) is not None:
-            named.append(replace(one, pad=DEFAULT_PAD))
-            continue
-        pad = spelled.setdefault(same_folder(pad), pad)
-        lines = ", ".join(one.recording.stated.named)
-        told = f"the pad is called {pad}, as in '{lines}'; --pad states another name"
-        findings = (*one.findings, told)
-        named.append(replace(one, pad=pad, findings=findings))
-    return named
-
-
-def _mixed(read: Sequence[Loaded], files: Sequence[Path]) -> tuple[str, ...]:
-    """Return, of each pad whose files differ in columns, units or names, how to divide them."""
-    remarks = []
-    for pad in dict.fromkeys(one.pad for one in read):
-        own = {one.file: one for one in reversed(read) if one.pad == pad}
-        begin = {file: _beginning(file) for file in own}
-        kinds = {file: f"{one.as_written}, {one.kind.name}" for file, one in own.items()}
-        for what, of in (("names", begin), ("columns or units", kinds)):
-            groups = list(dict.fromkeys(of[file] for file in files if file in of))
-            if len(groups) < 2:
-                continue
-            called = groups if what == "names" and all(groups) else []
-            names = called or [f"{pad}{k}" for k in range(1, len(groups) + 1)]
-            each = [names[groups.index(of[file])] if file in of else pad for file in files]
-            remarks.append(
-                f"files with different {what} are taken as tests of one pad, {pad} "
-                f"({'; '.join(groups[:4])}): if they are several, name the pad of each file with "
-                f"--pad {as_typed(','.join(each))}; --pad {as_typed(pad)} says that they are one"
-            )
-            break
-    return tuple(remarks)
-
-
-def _beginning(file: Path) -> str:
-    """Return the letters with which a file's name begins, up to its first digit."""
-    return (
-        _plain(re.split(r"\d", stem_of(file))[0].strip(" _-.")) if file.stem[:1].isalpha() else ""
-    )
-
-
-def pad_in(name: str, pattern: re.Pattern[str]) -> str:
-    """Return the pad's name in a test's: the pattern's first group, or its whole match."""
-    match = pattern.search(name)
-    pad = (match[1] if match and match.re.groups else match and match[0]) or ""
-    if not pad:
-        raise InputError(
-            f"the pattern '{pattern.pattern[:200]}' finds nothing in the name '{name}'",
-            remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
-        )
-    return _pad_name(pad)
-
-
-def suggested_pattern(names: Sequence[str]) -> str:
-    """Return a pattern that divides tests by their names among several pads."""
-    divided: dict[str, int] = {}
-    for text in _PATTERNS:
-        pattern = pattern_of(text)
-        with contextlib.suppress(InputError):
-            divided[text] = len({pad_in(name, pattern) for name in names})
-    several = [text for text, pads in divided.items() if pads > 1]
-    return next((text for text in several if divided[text] < len(names)), (*several, "")[0])
-
-
-def _names_of(tests: Sequence[Loaded], given: Sequence[str]) -> list[str]:
-    """Return a unique name for each test, from those that the user gives, or from the files."""
-    if given and len(given) != len(tests):
-        called = ", ".join(one.named for one in tests)[:200]
-        raise InputError(
-            f"--test names {len(given)} tests and there are {len(tests)} ({called})",
-            remedy="give one name a test, in this order",
-        )
-    several = len({one.file for one in tests}) > 1
-    names = [_checked(name) for name in given]
-    for one in () if given else tests:
-        name, stem = one.recording.name, one.file.name.removesuffix(".gz").rpartition(".")[0]
-        own = f"{one.file.stem} {name}" if several else name
-        names.append(_plain(own if name else stem or one.file.name))
-    folders: dict[str, str] = {}
-    pairs = Counter((one.pad, name) for one, name in zip(tests, names, strict=True))
-    for (pad, name), count in pairs.items():
-        if (other := folders.setdefault(same_folder(pad), pad)) != pad:
-            what = f"the pads '{other}' and '{pad}' differ in upper and lower case only"
-            raise InputError(what, remedy="write one name, or two that differ in more")
-        if count > 1:
-            what = f"two tests of pad '{pad}' are called '{name}'"
-            raise InputError(what, remedy="name them with --test, or the pads with --pad")
-    return names
-
-
-def _plain(name: str) -> str:
-    """Return a name without characters that a folder's name or a CSV cell must not have."""
-    seen = "".join(sign if prints(sign) else "\n" for sign in name)
-    plain = re.sub(r'[\\/,;"\n#]+', "-", seen).strip(" .")
-    return (plain.lstrip("=@+- .") if computed(plain) else plain) or "test"
-
-
-def _checked(name: str) -> str:
-    if _plain(name) != name:
-        remedy = f"write it as '{_plain(name)}'"
-        raise InputError(f"the name {name!r} cannot be used", remedy=remedy)
-    return name
 
 
 # The tidy file

@@ -29,17 +29,8 @@ from qlvbayes.io.readings import (
     wrong_signs,
 )
 from qlvbayes.io.recording import UnsureError
-from qlvbayes.io.table import (
-    Form,
-    Labels,
-    Rows,
-    content,
-    digest,
-    head_of,
-    is_text,
-    parse_number,
-    read_rows,
-)
+from qlvbayes.io.table import Form, Labels, Rows, parse_number, read_rows
+from qlvbayes.io.text import content, digest, head_of, is_text
 from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import as_typed, joined, listed, of_lines, prints

@@ -42,7 +42,8 @@ from qlvbayes.io.recording import (
     Sight,
 )
 from qlvbayes.io.splitting import LEAST
-from qlvbayes.io.table import (
+from qlvbayes.io.table import parse_number
+from qlvbayes.io.text import (
     HEAD,
     Lines,
     content,
@@ -50,7 +51,6 @@ from qlvbayes.io.table import (
     head_of,
     is_like_number,
     is_text,
-    parse_number,
     with_tabs,
 )
 from qlvbayes.io.tidy import sniff
@@ -76,22 +76,13 @@ FORMATS: tuple[Format, ...] = (
     layouts.TABLE,
 )
 """Every known layout, in the order in which they are tried."""
-_RESULTS = {
-    "a relaxation modulus": (
-        r"[gek]( ?t| relax\w*)|relaxation modulus|relaxationsmodul|module de relaxation"
-        r"|modulo di rilassamento|modulo de (relajacion|relaxacion)"
-    ),
-    "a creep compliance": (
-        r"j( ?t| creep)?|(creep |kriech)?(compliance|nachgiebigkeit)|complaisance( en fluage)?"
-        r"|cedevolezza( a creep)?|(complianza|compliancia)( de fluencia)?"
-    ),
-    "storage and loss moduli": (
-        r"(storage|loss|complex|dynamic) modulus|(speicher|verlust)modul"
-        r"|module (de conservation|de perte|complexe)|modulo (conservativo|dissipativo)"
-        r"|modulo de (almacenamiento|perdida)"
-    ),
-}
-"""Quantities that some programs compute from measurements, with the simplified column names."""
+_COMPUTED = re.compile(
+    r"[gek] ?(t|relax\w*)|j( ?t| creep)?|((relaxation|storage|loss|complex|dynamic|creep) )?"
+    r"(modulus|compliance)|(relaxations|speicher|verlust)modul|(kriech)?nachgiebigkeit"
+    r"|(module|modulo|complaisance|cedevolezza|complianza|compliancia)"
+    r"( (de|di|en|a|conservativo|dissipativo|complexe).*)?"
+)
+"""Simplified names of what programs compute of measurements: moduli and compliances."""
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]{2,}[\])]$|[_ ](1/)?[kMG]?Pa$")  # (t) of G(t) is no unit
 _HEADER = 60  # lines among which the names of columns are
 _RISES = 0.8  # share of a column's rows that rise from the row before, at least, where it is a time
@@ -188,15 +179,14 @@ def refuse_by_content(head: bytes, path: Path) -> None:
             break
         if len(cells) < 2 or {"force", "stress"} & set(quantities(in_cells(cells))):
             continue
-        for cell in cells:
-            for what, words in _RESULTS.items():
-                if re.fullmatch(words, plain_name(_UNIT.sub("", cell))):
-                    raise InputError(
-                        f"'{cell}' is {what}: the file has no displacement (or strain) and no "
-                        "force (or stress) of a test, which this program fits",
-                        file=path,
-                        remedy="export the readings, strain and stress over time",
-                    )
+        results = (c for c in cells if _COMPUTED.fullmatch(plain_name(_UNIT.sub("", c))))
+        if (result := next(results, None)) is not None:
+            raise InputError(
+                f"'{result}' is computed of measurements: the file has no displacement (or strain) "
+                "and no force (or stress) of a test, which this program fits",
+                file=path,
+                remedy="export the readings, strain and stress over time",
+            )
     _refuse_timeless(path)
     if not _is_nearly_tidy(head) and sum(map(is_like_number, _first_names(head))) < 2:
         _refuse_unclear(head, path)

@@ -17,7 +17,8 @@ from qlvbayes.io.columns import (
     measured,
     plain_name,
 )
-from qlvbayes.io.table import Lines, are_numbers, cells_of, is_like_number, separator_of
+from qlvbayes.io.table import are_numbers
+from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import QUANTITIES, unit_of
 from qlvbayes.io.wording import joined
 

@@ -22,7 +22,7 @@ from qlvbayes.io.header import (
 from qlvbayes.io.recording import Recording, Sight
 from qlvbayes.io.splitting import LEAST, tests_below
 from qlvbayes.io.stated import stated_above
-from qlvbayes.io.table import Lines, content, decoded, with_tabs
+from qlvbayes.io.text import Lines, content, decoded, with_tabs
 from qlvbayes.io.wording import joined
 
 Shown = str | Callable[[Lines], bool]

@@ -292,50 +292,43 @@ def _in_units(
 ) -> tuple[UnitSystem, list[Floats], str]:
     """Return columns in tidy units: time, way, load and, where it exists, the load's own clock."""
     given = answers.units or (None, None, None)
-    channels = [recording.time, recording.way, recording.load]
-    units = [_unit(file, channel, stated) for channel, stated in zip(channels, given, strict=True)]
-    if recording.load_time is not None:
-        channels.append(recording.load_time)
-        units.append(_unit(file, recording.load_time, given[0]))
+    stated = dict(zip(recording.channels, (*given, given[0]), strict=False))
+    units = [_unit(file, channel, said) for channel, said in stated.items()]
     clock = {"ms": 1e-3, "min": 60.0}
     factors = [unit.factor * clock.get(unit.tidy, 1.0) for unit in units]
     columns = [
-        c.values * factor if factor != 1.0 else c.values
-        for c, factor in zip(channels, factors, strict=True)
+        channel.values * factor if factor != 1.0 else channel.values
+        for channel, factor in zip(stated, factors, strict=True)
     ]
     way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
-    named = ", ".join(
-        f"{c.name} in {_written(c, said)}" for c, said in zip(channels[:3], given, strict=True)
-    )
+    written = [
+        f"{c.name} in {c.unit if _meant(c.unit, c) else f'{said} (as stated by the user)'}"
+        for c, said in stated.items()
+    ]
     system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
-    return system, columns, f"{named}; written as {way.tidy or '1'} and {load.tidy}"
+    return (
+        system,
+        columns,
+        f"{', '.join(written[:3])}; written as {way.tidy or '1'} and {load.tidy}",
+    )
 
 
-def _written(channel: Channel, stated: str | None) -> str:
-    """Return the unit of a channel as the file or the user states it, and who does."""
-    known = any(unit_of(channel.unit, quantity) for quantity in _quantities(channel))
-    return channel.unit if known else f"{stated} (as stated by the user)"
-
-
-def _quantities(channel: Channel) -> tuple[str, ...]:
-    """Return the quantities that a channel may hold: a strain may be called displacement."""
-    either = (both for both in QUANTITIES if channel.quantity == both[0])
-    return next(either, (channel.quantity,))
+def _meant(text: str | None, channel: Channel) -> Unit | None:
+    """Return the unit that a text means for a channel: a strain may be called displacement."""
+    either = next((both for both in QUANTITIES if channel.quantity == both[0]), (channel.quantity,))
+    units = [unit_of(text, quantity) for quantity in either] if text else []
+    return next((unit for unit in units if unit is not None), None)
 
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
     """Return the unit of a channel, as the file or the user states it; both must agree."""
-    found: list[Unit | None] = []
-    for text in (channel.unit, stated):
-        units = [unit_of(text, quantity) for quantity in _quantities(channel)] if text else []
-        found.append(next((unit for unit in units if unit is not None), None))
-    own, said = found
-    others = [kind for both in QUANTITIES[1:] for kind in both] if own is None else []
-    of_other = next((kind for kind in others if unit_of(channel.unit, kind)), None)
-    if of_other is not None and channel.quantity != "time":
-        what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a unit"
-        remedy = "name the columns of --columns in the order time, displacement, force"
-        raise InputError(f"{what} of {of_other}", file=file, remedy=remedy)
+    own, said = _meant(channel.unit, channel), _meant(stated, channel)
+    if own is None and channel.quantity != "time":
+        others = (kind for both in QUANTITIES[1:] for kind in both)
+        if of_other := next((kind for kind in others if unit_of(channel.unit, kind)), None):
+            what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a "
+            remedy = "name the columns of --columns in the order time, displacement, force"
+            raise InputError(f"{what}unit of {of_other}", file=file, remedy=remedy)
     if own is not None and stated is not None and own != said:
         what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
         raise InputError(what, file=file, remedy="leave --units out")

@@ -27,16 +27,8 @@ from qlvbayes.io.columns import (
 )
 from qlvbayes.io.header import NAMES, Header, are_units
 from qlvbayes.io.recording import Channel, Recording
-from qlvbayes.io.table import (
-    SHOWN,
-    Form,
-    Labels,
-    Lines,
-    cells_of,
-    is_like_number,
-    read_rows,
-    separator_of,
-)
+from qlvbayes.io.table import SHOWN, Form, Labels, read_rows
+from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import unit_of
 
 LEAST = 10  # lines that a test has at least

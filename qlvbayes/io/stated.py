@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from qlvbayes.io.columns import plain_name
 from qlvbayes.io.recording import Stated
-from qlvbayes.io.table import cells_of, separator_of
+from qlvbayes.io.text import cells_of, separator_of
 
 # Keys without accents and marks, in English, German, French, Italian and Spanish.
 _SPECIMEN = (

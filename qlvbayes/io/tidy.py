@@ -12,17 +12,8 @@ from pathlib import Path
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import LABELS, in_cells, quantities, split_name
 from qlvbayes.io.files import stem_of
-from qlvbayes.io.table import (
-    EXPORT,
-    HEAD,
-    THOUSANDS,
-    cells_of,
-    content,
-    decoded,
-    head_of,
-    is_like_number,
-    is_text,
-)
+from qlvbayes.io.table import EXPORT, THOUSANDS
+from qlvbayes.io.text import HEAD, cells_of, content, decoded, head_of, is_like_number, is_text
 from qlvbayes.io.units import (
     PAD,
     SAME,
