@@ -18,13 +18,7 @@ from qlvbayes.io.contact import FirstContact, Signs
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
-from qlvbayes.io.loading import (
-    Answers,
-    Loaded,
-    oriented_tests,
-    usable_tests,
-    without_copies,
-)
+from qlvbayes.io.loading import Answers, Loaded, usable_tests
 from qlvbayes.io.naming import (
     DEFAULT_PAD,
     clocks_of,
@@ -34,6 +28,7 @@ from qlvbayes.io.naming import (
     pad_name,
     remarks_on,
 )
+from qlvbayes.io.orienting import oriented_tests, without_copies
 from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
 from qlvbayes.io.recording import Format, Recording, UnsureError
 from qlvbayes.io.text import head_of, is_text
