@@ -184,19 +184,19 @@ def is_mean(name: str) -> bool:
 
 def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
     """Return the column of each quantity that is there; of equal names the first is taken."""
+    plain = [(column, _without_channel(column.name)) for column in columns]
     by_quantity = {}
     for quantity, patterns in _WORDS.items():
-        for pattern in patterns:
-            alike = [c for c in columns if re.fullmatch(pattern, _without_channel(c.name))]
-            fitting = [c for c in alike if not c.unit or unit_of(c.unit, quantity)]
-            if fitting:
-                by_quantity[quantity] = fitting[0]
+        for pattern in (*patterns, *(by_unit := _BY_UNIT.get(quantity, ()))):
+            alike = (column for column, name in plain if re.fullmatch(pattern, name))
+            fitting = (
+                column
+                for column in alike
+                if (unit_of(column.unit, quantity) if column.unit else pattern not in by_unit)
+            )
+            if (first := next(fitting, None)) is not None:
+                by_quantity[quantity] = first
                 break
-    for quantity, patterns in _BY_UNIT.items():
-        alike = [c for c in columns for p in patterns if re.fullmatch(p, plain_name(c.name))]
-        fitting = [c for c in alike if c.unit and unit_of(c.unit, quantity)]
-        if fitting and quantity not in by_quantity:
-            by_quantity[quantity] = fitting[0]
     return by_quantity
 
 
@@ -238,10 +238,8 @@ def _with_unknown_unit(
 ) -> dict[str, NamedColumn]:
     """Return the first column that is named so, in whatever unit, which has to be asked for."""
     for column in columns:
-        match = _BRACKETED.fullmatch(column.name)
-        name, unit = (
-            (match[1], match[2]) if match and not column.unit else (column.name, column.unit)
-        )
+        match = None if column.unit else _BRACKETED.fullmatch(column.name)
+        name, unit = match.groups() if match else (column.name, column.unit)
         for kind in () if _is_unit(unit) else either:
             if any(re.fullmatch(word, _without_channel(name)) for word in _WORDS[kind]):
                 return {kind: NamedColumn(column.index, name, unit)}

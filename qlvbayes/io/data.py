@@ -181,15 +181,12 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     """Return the tests of a machine's file, or None where the file is none."""
     if isinstance(tidy, Dialect) and not tidy.ignored:
         return None
+    refused = isinstance(tidy, InputError)
+    head = head_of(file)
     try:
-        head = head_of(file)
-    except InputError:
-        return None
-    whole = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
-    try:
-        if len(whole) == 1:
+        if len(matching(head, known_formats() if refused else (TWO_CLOCKS,))) == 1:
             return convert([file])
-        if isinstance(tidy, InputError) and is_text(head):
+        if refused and is_text(head):
             refuse_by_content(head, file)
         return None
     except UnsureError as error:
@@ -372,7 +369,8 @@ class _Builder:
             if missing.count:
                 first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
                 what = f"{self._name(key)} is {missing.written}, a code for no reading, in "
-                what += f"{of_lines(missing.count, 'rows, the first')} at {time[first]:.6g} s,"
+                what += "one row," if missing.count == 1 else f"{missing.count} rows, the first"
+                what += f" at {time[first]:.6g} s,"
                 self.fail(first, what, "delete these rows")
         if slipped(time) is None:
             self._refuse_time(time)
@@ -451,6 +449,6 @@ class _Builder:
             what = "is not a number"
             if value is not None and value <= above:
                 what = "is not positive" if above == 0.0 else "is negative"
-            remedy = "write a number without sign, or leave it empty"
-            self.fail(0, f"{column.name} {what} ('{text[:40]}')", remedy)
+            message = f"{column.name} {what} ('{text[:40]}')"
+            self.fail(0, message, "write a number or leave it empty")
         return value * column.scale.up / column.scale.down

@@ -7,6 +7,7 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from qlvbayes.io.catalogue import (
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import (
     LABELS,
+    NamedColumn,
     in_cells,
     is_tidy_name,
     measured,
@@ -46,7 +48,6 @@ from qlvbayes.io.table import parse_number
 from qlvbayes.io.text import (
     HEAD,
     Lines,
-    content,
     decoded,
     head_of,
     is_like_number,
@@ -139,7 +140,7 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
     if is_text(head):
-        refuse_by_content(head, path)
+        refuse_by_content(head, path, unnamed=True)
         if _is_nearly_tidy(head):
             sniff(path)  # its error says which column is to be renamed
             raise InputError(
@@ -147,7 +148,6 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
                 file=path,
                 remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
             )
-        _refuse_unclear(head, path)
     raise InputError(
         "no known layout",
         file=path,
@@ -168,60 +168,52 @@ def _is_nearly_tidy(head: bytes) -> bool:
     return any(is_tidy_name(name) for name in _first_names(head) if name not in LABELS)
 
 
-def refuse_by_content(head: bytes, path: Path) -> None:
+def refuse_by_content(head: bytes, path: Path, *, unnamed: bool = False) -> None:
     """Raise InputError for what a table that is not tidy holds in place of measurements, or lacks.
 
-    A file whose first line has names of a tidy one is left to the reader of those.
+    A file whose first line has names of a tidy one is left to the reader of those, and so is one
+    that begins with numbers, unless the columns of ``unnamed`` tables are asked for too.
     """
-    lines = Lines.from_bytes(decoded(head).encode())
-    for number, cells in lines.cells():
-        if number > _HEADER:
-            break
-        if len(cells) < 2 or {"force", "stress"} & set(quantities(in_cells(cells))):
-            continue
+    whole = head if len(head) < HEAD else head.rpartition(b"\n")[0]
+    lines = Lines.from_bytes(with_tabs(decoded(whole).encode())[0])
+    for _, cells in islice(lines.cells(), _HEADER):
         results = (c for c in cells if _COMPUTED.fullmatch(plain_name(_UNIT.sub("", c))))
-        if (result := next(results, None)) is not None:
+        found = next(results, None) if len(cells) > 1 else None
+        if found is not None and not {"force", "stress"} & set(quantities(in_cells(cells))):
             raise InputError(
-                f"'{result}' is computed of measurements: the file has no displacement (or strain) "
+                f"'{found}' is computed of measurements: the file has no displacement (or strain) "
                 "and no force (or stress) of a test, which this program fits",
                 file=path,
                 remedy="export the readings, strain and stress over time",
             )
-    _refuse_timeless(path)
-    if not _is_nearly_tidy(head) and sum(map(is_like_number, _first_names(head))) < 2:
-        _refuse_unclear(head, path)
-
-
-def _refuse_unclear(head: bytes, path: Path) -> None:
-    """Raise InputError for a table whose names do not show time, displacement and force."""
-    columns = columns_in(Lines.from_bytes(with_tabs(decoded(head).encode())[0]))
-    if len(columns) > 2 or any(measured(columns).values()):
+    columns = columns_in(lines)
+    if (line := _line_without_time(lines, columns)) is not None:
+        raise InputError(
+            "there is no time: no column rises from row to row as one does (the file has: "
+            f"{', '.join(column.written for column in columns)[:200]})",
+            file=path,
+            line=line,
+            remedy="export the time of every sample",
+        )
+    named = unnamed or sum(map(is_like_number, _first_names(head))) < 2
+    a_table = len(columns) > 2 or any(measured(columns).values())
+    if a_table and named and not _is_nearly_tidy(head):
         raise unsure_of_columns(columns, path)
 
 
-def _refuse_timeless(path: Path) -> None:
-    """Raise InputError where no column of a table rises from row to row, as a time does."""
-    data, _ = with_tabs(content(path))
-    lines = Lines.from_bytes(data)
-    cells = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
-    numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in cells]
-    named = columns_in(lines)
-    if len(cells) <= LEAST or len({len(row) for row in numbers}) > 1:
-        return
+def _line_without_time(lines: Lines, columns: Sequence[NamedColumn]) -> int | None:
+    """Return the first line of rows of which no column rises as a time does; None if one does."""
+    rows = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
+    if len(rows) <= LEAST or len({len(row) for _, row in rows}) > 1:
+        return None
+    numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in rows]
     steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
     rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
-    for k, column in enumerate(named[: len(rising)]):  # one in mm or N is no time
-        words = [word for word in re.split(r"[\s_,/()\[\]]+", column.written) if word]
+    for k, column in enumerate(columns[: len(rising)]):  # one in mm or N is no time
+        words = re.split(r"[\s_,/()\[\]]+", column.written)
         kinds = ("displacement", "force", "stress")
-        rising[k] &= not any(unit_of(word, kind) for word in words for kind in kinds)
-    if not rising.any():
-        raise InputError(
-            "there is no time: no column rises from row to row as one does (the file has: "
-            f"{', '.join(column.written for column in named)[:200]})",
-            file=path,
-            line=cells[0][0] + 1,
-            remedy="export the time of every sample",
-        )
+        rising[k] &= not any(unit_of(word, kind) for word in words if word for kind in kinds)
+    return None if rising.any() else rows[0][0] + 1
 
 
 # The rules of a format

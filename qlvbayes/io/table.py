@@ -260,17 +260,17 @@ def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | Non
         value = parse_number(cell, decimal)
         if value is not None and math.isfinite(value):
             continue
+        what = "is not a number"
         if not cell:
             return f"{name} is empty", write
         if cell.lower() in _MISSING:
-            return f"{name} is missing ('{cell}')", write
-        if value is not None or _INFINITE.fullmatch(cell):
-            return f"{name} is not finite ('{cell[:40]}')", write
-        if parse_number(cell, other) is not None:
-            mark = "decimal comma" if other == "," else "decimal point"
-            what = f"{name} has a {mark} ('{cell}')"
-            return what, f"write '{decimal}' as the decimal mark throughout"
-        return f"{name} is not a number ('{cell[:40]}')", write
+            what = "is missing"
+        elif value is not None or _INFINITE.fullmatch(cell):
+            what = "is not finite"
+        elif parse_number(cell, other) is not None:
+            what = "has a decimal comma" if other == "," else "has a decimal point"
+            write = f"write '{decimal}' as the decimal mark throughout"
+        return f"{name} {what} ('{cell[:40]}')", write
     return None
 
 
