@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -19,15 +19,7 @@ from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
 from qlvbayes.io.loading import Answers, Loaded, usable_tests
-from qlvbayes.io.naming import (
-    DEFAULT_PAD,
-    clocks_of,
-    named_above,
-    names_of,
-    pad_in,
-    pad_name,
-    remarks_on,
-)
+from qlvbayes.io.naming import clocks_of, names_of, remarks_on, with_pads
 from qlvbayes.io.orienting import oriented_tests, without_copies
 from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
 from qlvbayes.io.recording import Format, Recording, UnsureError
@@ -142,17 +134,11 @@ def convert(
 ) -> Conversion:
     """Read machine files and convert them to tidy tests; ``kinds`` are all known by default."""
     kinds = known_formats() if kinds is None else kinds
-    given = [pad_name(name) for name in answers.pads] or [DEFAULT_PAD]
-    pads = given * len(files) if len(given) == 1 else given
-    one_each = len(pads) == len(files)  # else one a test
     faults: dict[Path, InputError] = {}
     loaded: list[Loaded] = []
-    for file, pad in zip(files, pads if one_each else [""] * len(files), strict=True):
+    for file in files:
         try:
-            kind, recordings = _read(file, kinds, answers)
-            tests = usable_tests(file, kind, recordings, pad, answers)
-            pattern = answers.pad_from
-            loaded += [replace(t, pad=pad_in(t.named, pattern)) if pattern else t for t in tests]
+            loaded += usable_tests(file, *_read(file, kinds, answers), answers)
         except InputError as error:
             faults[file] = error
     read: list[Loaded] = []
@@ -161,38 +147,30 @@ def convert(
             read += oriented_tests([one for one in loaded if one.file == file], loaded, answers)
         except InputError as error:
             faults[file] = error
-    if not one_each and not faults:
-        if len(given) != len(read):
-            called = ", ".join(one.named for one in read)[:200]
-            raise InputError(
-                f"--pad names {len(given)} pads; the number of files is {len(files)}, that of "
-                f"tests {len(read)} ({called})",
-                remedy="give one name for all, one a file, or one a test in this order",
-            )
-        read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
-    stated = bool(answers.pads) or answers.pad_from is not None
-    if not stated:
-        read = named_above(read)
+    # no test may be left out of those that the user names one by one
+    one_by_one = bool(answers.tests) or len(answers.pads) not in (0, 1, len(files))
+    if not (one_by_one and faults):
+        read = with_pads(read, files, answers)
     read = without_copies(read)
     pairs = list(zip(read, zeros(read, answers), strict=True))
     for one, zero in pairs:
         if isinstance(zero, UnsureError):
             faults.setdefault(one.file, zero)
-    one_by_one = not one_each or bool(answers.tests)  # no test may be left out of those named
     if faults and (not without_faulty or len(faults) == len(set(files)) or one_by_one):
         raise next(faults[file] for file in files if file in faults)
     used = [(one, z) for one, z in pairs if one.file not in faults and isinstance(z, Zero)]
     if not used:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
-    firsts = [_first_row(one, zero) for one, zero in used]
-    names = names_of([one for one, _ in used], answers.tests)
-    units = used[0][0].units
     kept = [one for one, _ in used]
+    firsts = [_first_row(one, zero) for one, zero in used]
+    names = names_of(kept, answers.tests)
+    units = kept[0].units
     clocks, told = clocks_of(kept, firsts)
     tidied = [
         _tidied(one, zero, firsts[k], names[k], units, clocks[k], told.get(k))
         for k, (one, zero) in enumerate(used)
     ]
+    stated = answers.pads or answers.pad_from is not None
     remarks = () if stated else remarks_on(kept, names, files)
     return Conversion(tuple(_in_order(tidied)), units, tuple(faults.values()), remarks)
 

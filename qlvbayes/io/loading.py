@@ -200,7 +200,7 @@ class Loaded:
 
 
 def usable_tests(
-    file: Path, kind: Format, recordings: Sequence[Recording], pad: str, answers: Answers
+    file: Path, kind: Format, recordings: Sequence[Recording], answers: Answers
 ) -> list[Loaded]:
     """Return the tests of a file in which something moves, in tidy units and in order."""
     means = [recording for recording in recordings if is_mean(recording.name)]
@@ -221,7 +221,7 @@ def usable_tests(
             file=file,
             remedy="check the channels or export it again",
         )
-    loaded = [_in_order(file, kind, recording, pad, answers) for recording in moving]
+    loaded = [_in_order(file, kind, recording, answers) for recording in moving]
     loaded[0].dropped.update(lost)
     return loaded
 
@@ -253,7 +253,7 @@ def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
     return bool(np.ptp(load) == 0.0) and not (prescribed and load[0] != 0.0)
 
 
-def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers: Answers) -> Loaded:
+def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) -> Loaded:
     units, columns, finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, *own = columns
@@ -275,7 +275,7 @@ def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers:
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     return Loaded(
-        file, kind, pad, recording, units, time, way, load, sampling_of(time, lag), dropped,
+        file, kind, "", recording, units, time, way, load, sampling_of(time, lag), dropped,
         find_signs(way, load), (f"units {finding}",),
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import folder_fault, same_folder, stem_of
-from qlvbayes.io.loading import Loaded, pattern_of
+from qlvbayes.io.loading import Answers, Loaded, pattern_of
 from qlvbayes.io.wording import as_typed, computed, prints
 
 DEFAULT_PAD = "pad"  # the name in a tidy file without the column
@@ -31,20 +31,45 @@ def pad_name(name: str) -> str:
     return name
 
 
-def named_above(read: Sequence[Loaded]) -> list[Loaded]:
-    """Return tests with the pads that lines above their tables name; without one it is ``pad``."""
+def with_pads(read: Sequence[Loaded], files: Sequence[Path], answers: Answers) -> list[Loaded]:
+    """Return tests with the names of their pads.
+
+    The user states one name for all, one a file, one a test, or a pattern that finds it in the
+    names of the tests. Else lines above the tables name it; without one it is ``pad``.
+    """
+    given = [pad_name(name) for name in answers.pads]
+    if answers.pad_from is not None:
+        return [replace(one, pad=pad_in(one.named, answers.pad_from)) for one in read]
+    if not given:
+        return _named_above(read)
+    if len(given) == 1:
+        given *= len(read)
+    elif len(given) == len(files):
+        of_file = dict(zip(files, given, strict=True))
+        given = [of_file[one.file] for one in read]
+    elif len(given) != len(read):
+        called = ", ".join(one.named for one in read)[:200]
+        raise InputError(
+            f"--pad names {len(given)} pads; the number of files is {len(files)}, that of tests "
+            f"{len(read)} ({called})",
+            remedy="give one name for all, one a file, or one a test in this order",
+        )
+    return [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
+
+
+def _named_above(read: Sequence[Loaded]) -> list[Loaded]:
+    """Return tests with the pads that lines above their tables name."""
     spelled: dict[str, str] = {}
     named = []
     for one in read:
-        pad = writable(one.recording.stated.specimen) if one.recording.stated.specimen else ""
+        stated = one.recording.stated
+        pad = writable(stated.specimen) if stated.specimen else ""
         if not pad or folder_fault(pad) is not None:
             named.append(replace(one, pad=DEFAULT_PAD))
             continue
         pad = spelled.setdefault(same_folder(pad), pad)
-        lines = ", ".join(one.recording.stated.named)
-        told = f"the pad is called {pad}, as in '{lines}'; --pad states another name"
-        findings = (*one.findings, told)
-        named.append(replace(one, pad=pad, findings=findings))
+        told = f"the pad is called {pad}, as in '{stated.named}'; --pad states another name"
+        named.append(replace(one, pad=pad, findings=(*one.findings, told)))
     return named
 
 
@@ -194,7 +219,7 @@ def clocks_of(
         elif any(began[after] < ends[before] - 1.0 for before, after in pairwise(order)):
             why = "by their dates the pad's tests overlap"
         for k in began:
-            lines = ", ".join(stated[k].dated) or "the file"
+            lines = stated[k].dated or "the file"
             told[k] = (
                 f"the date is not used, as {why}" if why else f"start_s is taken from '{lines}'"
             )

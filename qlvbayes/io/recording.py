@@ -43,8 +43,8 @@ class Stated:
     specimen: str = ""
     began: float | None = None
     either: str = ""
-    named: tuple[str, ...] = ()
-    dated: tuple[str, ...] = ()
+    named: str = ""
+    dated: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,24 +42,22 @@ _CLOCK = re.compile(
 def stated_above(lines: Sequence[str]) -> Stated:
     """Return what lines above a table state by keys that can mean nothing else."""
     german = _GERMAN.search(plain_name("\n".join(lines)[:2000])) is not None
-    specimen, date, clock = "", "", ""
-    named: list[str] = []
-    dates: list[str] = []
+    specimen, named, date, clock = "", "", "", ""
+    dated: list[str] = []
     for key, value, alone in _pairs(lines):
         word = plain_name(key)
         if alone and not specimen and re.fullmatch(_SPECIMEN, word):
             if german or not word.startswith("prob") or len(word) > len("probe"):
                 specimen = f"{key} {value}" if value.isdigit() else value
-                named = [f"{key}: {value}"]
+                named = f"{key}: {value}"
         elif not date and re.fullmatch(_DATE, word) and _day(value):
             date = value
-            dates.append(f"{key}: {value}")
+            dated.append(f"{key}: {value}")
         elif not clock and re.fullmatch(_TIME, word) and _CLOCK.fullmatch(value):
             clock = value
-            dates.append(f"{key}: {value}")
+            dated.append(f"{key}: {value}")
     began, either = _began(date, clock)
-    dated = () if began is None else tuple(dates)
-    return Stated(specimen, began, either, tuple(named), dated)
+    return Stated(specimen, began, either, named, "" if began is None else ", ".join(dated))
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
