@@ -109,7 +109,8 @@ class Layout:
             if columns := columns_in(lines):
                 raise unsure_of_columns(columns, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])
-        stated = stated_above(head.split("\n") if self.block else lines.texts[: header.line])
+        over = head.split("\n") if self.block else lines.texts[: header.line]
+        stated = stated_above(over, lines.texts[header.line])
         tests = tests_below(header, data, lines, path, name, above, self.part)
         return [replace(test, stated=stated) for test in tests]
 

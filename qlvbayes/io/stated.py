@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 
-from qlvbayes.io.columns import plain_name
+from qlvbayes.io.columns import plain_name, split_header
 from qlvbayes.io.recording import Stated
 from qlvbayes.io.text import cells_of, separator_of
 
@@ -39,15 +39,16 @@ _CLOCK = re.compile(
 )
 
 
-def stated_above(lines: Sequence[str]) -> Stated:
-    """Return what lines above a table state by keys that can mean nothing else."""
-    german = _GERMAN.search(plain_name("\n".join(lines)[:2000])) is not None
+def stated_above(lines: Sequence[str], names: str = "") -> Stated:
+    """Return what lines above a table's ``names`` state by keys that can mean nothing else."""
+    german = any(_GERMAN.search(plain_name(line)) for line in (*lines, names))
     specimen, named, date, clock = "", "", "", ""
     dated: list[str] = []
     for key, value, alone in _pairs(lines):
         word = plain_name(key)
         if alone and not specimen and re.fullmatch(_SPECIMEN, word):
-            if german or not word.startswith("prob") or len(word) > len("probe"):
+            column = split_header(value)[1]  # the value names the next column of another table
+            if not column and (german or word != "probe"):
                 specimen = f"{key} {value}" if value.isdigit() else value
                 named = f"{key}: {value}"
         elif not date and re.fullmatch(_DATE, word) and _day(value):

@@ -111,8 +111,9 @@ def test_dates_that_can_mean_one_thing_are_read(line, began):
 
 def test_a_probe_is_a_specimen_in_german_alone():
     assert stated_above(["Datum: 24.11.2026", "Probe: S 1"]).specimen == "S 1"
+    assert stated_above(["Probe: S 1"], "Zeit;Weg;Kraft").specimen == "S 1"
     assert stated_above(["Date: 2026-11-24", "Probe: sphere 3 mm"]).specimen == ""
-    assert stated_above(["Sample rate: 100 Hz", "Sample;Largest force;b"]).specimen == ""
+    assert stated_above(["Sample rate: 100 Hz", "Sample;Load (N)"]).specimen == ""
 
 
 def test_a_column_that_lacks_is_named_alone_and_the_remedy_works(tmp_path):
