@@ -165,9 +165,9 @@ def convert(
     firsts = [_first_row(one, zero) for one, zero in used]
     names = names_of(kept, answers.tests)
     units = kept[0].units
-    clocks, told = clocks_of(kept, firsts)
+    clocks, notes = clocks_of(kept, firsts)
     tidied = [
-        _tidied(one, zero, firsts[k], names[k], units, clocks[k], told.get(k))
+        _tidied(one, zero, firsts[k], names[k], units, clocks[k], notes.get(k))
         for k, (one, zero) in enumerate(used)
     ]
     stated = answers.pads or answers.pad_from is not None
@@ -224,7 +224,7 @@ def _tidied(
     name: str,
     units: UnitSystem,
     start: float | None,
-    told: str | None,
+    remark: str | None,
 ) -> Tidied:
     """Return a test with its name and zero, in the units of all tests, from its first row on."""
     if units.dimensionless != one.units.dimensionless:
@@ -250,7 +250,7 @@ def _tidied(
     return Tidied(
         one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
         way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
-        one.dropped, (*one.findings, zero.finding, sampled, *([told] if told else [])),
+        one.dropped, (*one.findings, zero.finding, sampled, *([remark] if remark else [])),
     )  # fmt: skip
 
 

@@ -68,8 +68,8 @@ def _named_above(read: Sequence[Loaded]) -> list[Loaded]:
             named.append(replace(one, pad=DEFAULT_PAD))
             continue
         pad = spelled.setdefault(same_folder(pad), pad)
-        told = f"the pad is called {pad}, as in '{stated.named}'; --pad states another name"
-        named.append(replace(one, pad=pad, findings=(*one.findings, told)))
+        remark = f"the pad is called {pad}, as in '{stated.named}'; --pad states another name"
+        named.append(replace(one, pad=pad, findings=(*one.findings, remark)))
     return named
 
 
@@ -191,13 +191,13 @@ def _checked(name: str) -> str:
 def clocks_of(
     read: Sequence[Loaded], firsts: Sequence[int]
 ) -> tuple[list[float | None], dict[int, str]]:
-    """Return the pad's clock at each test's first row, and what is told of it by test.
+    """Return the pad's clock at each test's first row, and a note on it by test.
 
     There is a clock where all tests of a pad state when they began, on days that are clear or the
     same, and none began before the one before had ended, to the second.
     """
     starts: list[float | None] = [None] * len(read)
-    told: dict[int, str] = {}
+    notes: dict[int, str] = {}
     for pad in {one.pad for one in read}:
         tests = [k for k, one in enumerate(read) if one.pad == pad]
         stated = {k: read[k].recording.stated for k in tests}
@@ -220,8 +220,8 @@ def clocks_of(
             why = "by their dates the pad's tests overlap"
         for k in began:
             lines = stated[k].dated or "the file"
-            told[k] = (
+            notes[k] = (
                 f"the date is not used, as {why}" if why else f"start_s is taken from '{lines}'"
             )
             starts[k] = None if why else began[k] - began[order[0]]
-    return starts, told
+    return starts, notes

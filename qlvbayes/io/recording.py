@@ -33,7 +33,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class Stated:
-    """What a file states of a test: ``specimen``, and when it ``began`` (s since 1970).
+    """Statements of a file on a test: ``specimen``, and when it ``began`` (s since 1970).
 
     ``began`` is on the machine's own clock, and None without a date and a time of the day.
     ``either`` is a date in which day and month may be exchanged, as written: ``began`` then serves
