@@ -157,20 +157,17 @@ def _of_curves(vectors: Named, path: Path) -> list[Recording]:
 def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[Recording]:
     """Return the tests of a workbook: each sheet is read as a table of text is."""
     tests: list[Recording] = []
-    means: dict[str, int] = {}
     texts = {title: _with_points(array.tobytes(), path) for (title,), array in sheets}
     for title, data in texts.items():
         lines = Lines.from_bytes(data)
         header = stated or TABLE.header(lines, False) or TESTXPERT.header(lines, False)
         first = getattr(header, "line", 0)
-        rows = data.count(b"\n") - first
-        if header is None or rows < LEAST:
+        if header is None or data.count(b"\n") - first < LEAST:
             continue
-        above = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
-        if is_mean(title) or any(len(cells) == 1 and is_mean(cells.pop()) for cells in above):
-            means[f"rows of the mean specimen's sheet '{title}'"] = rows - 1
-        else:
-            tests += (stated or TESTXPERT).tests_in(data, path, title)
+        rows = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
+        alone = [cell for row in rows if len(row) == 1 for cell in row]
+        name = next(filter(is_mean, [title, *alone]), title)  # a mean specimen's, to be left out
+        tests += (stated or TESTXPERT).tests_in(data, path, name)
     if not tests:
         named = [names for data in texts.values() if (names := columns_in(Lines.from_bytes(data)))]
         if named and stated is None:
@@ -180,7 +177,7 @@ def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[R
             file=path,
             remedy="export the curves of every sample, or state --columns and --units",
         )
-    return [replace(tests[0], dropped={**tests[0].dropped, **means}), *tests[1:]]
+    return tests
 
 
 def _with_points(data: bytes, path: Path) -> bytes:

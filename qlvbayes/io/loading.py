@@ -24,7 +24,6 @@ from qlvbayes.io.contact import (
 from qlvbayes.io.header import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
-    ClockError,
     Sampling,
     no_readings,
     on_one_clock,
@@ -258,16 +257,13 @@ def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) 
     dropped = dict(recording.dropped)
     time, way, load, *own = columns
     lag = None
-    try:
-        if own:
-            lag = float(np.median(own[0] - time)) if len(own[0]) == len(time) else None
-            time, (way,) = rising(time, [way], {})
-            own_time, (load,) = rising(own[0], [load], dropped)
-            way, kept = on_one_clock(time, way, own_time, dropped)
-            time, load = own_time[kept], load[kept]
-        time, (way, load) = rising(time, [way, load], dropped)
-    except ClockError as error:
-        raise InputError(str(error), file=file, remedy=error.remedy) from error
+    if own:
+        lag = float(np.median(own[0] - time)) if len(own[0]) == len(time) else None
+        time, (way,) = rising(time, [way], {}, file)
+        own_time, (load,) = rising(own[0], [load], dropped, file)
+        way, kept = on_one_clock(time, way, own_time, dropped, file)
+        time, load = own_time[kept], load[kept]
+    time, (way, load) = rising(time, [way, load], dropped, file)
     if unread := unread_rows(time, way, load):
         dropped["rows before the channels were read, both exactly 0"] = unread
         time, way, load = time[unread:], way[unread:], load[unread:]
