@@ -172,7 +172,7 @@ def convert(
     ]
     stated = answers.pads or answers.pad_from is not None
     remarks = () if stated else remarks_on(kept, names, files)
-    return Conversion(tuple(_in_order(tidied)), units, tuple(faults.values()), remarks)
+    return Conversion(tuple(_by_clock(tidied)), units, tuple(faults.values()), remarks)
 
 
 def _read(
@@ -247,14 +247,18 @@ def _tidied(
             f"{one.recording.time.name} row by row; the displacement is brought to the force's "
             "times"
         )
+    findings = [*one.findings, zero.finding, sampled, *([remark] if remark else [])]
+    if units != one.units:
+        way_in, load_in = units.displacement, units.force
+        findings.append(f"converted to {way_in} and {load_in}, the units of the first file")
     return Tidied(
         one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
         way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
-        one.dropped, (*one.findings, zero.finding, sampled, *([remark] if remark else [])),
+        one.dropped, tuple(findings),
     )  # fmt: skip
 
 
-def _in_order(tests: Sequence[Tidied]) -> list[Tidied]:
+def _by_clock(tests: Sequence[Tidied]) -> list[Tidied]:
     """Return tests in which those of a pad with a clock follow one another by it."""
     ordered = list(tests)
     for pad in {test.pad for test in tests}:
