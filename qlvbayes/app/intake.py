@@ -13,21 +13,14 @@ from typing import Any
 
 from qlvbayes.app.sessions import ASKED, DATA
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.conversion import (
-    DEFAULT_PAD,
-    Conversion,
-    convert,
-    in_short,
-    pad_in,
-    suggested_pattern,
-    write_tidy,
-)
+from qlvbayes.io.conversion import Conversion, convert, in_short, write_tidy
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import results_folder
-from qlvbayes.io.layouts import columns_in
+from qlvbayes.io.header import columns_in
 from qlvbayes.io.loading import SIGNS, Answers, pattern_of
+from qlvbayes.io.naming import DEFAULT_PAD, pad_in, suggested_pattern
 from qlvbayes.io.recording import UnsureError
-from qlvbayes.io.table import Lines, decoded, head_of
+from qlvbayes.io.text import Lines, decoded, head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import SUFFIXES
 from qlvbayes.io.wording import plain
@@ -91,7 +84,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
         conversion = convert(files, Answers.from_words(**said, pads=pads))
     except UnsureError as error:
         return {"questions": _asked(error, files, answers)}
-    if conversion.undivided:
+    if conversion.remarks:
         return {"questions": _asked_for_pads(conversion)}
     write_tidy(conversion, folder / DATA)
     options = {name: str(value) for name, value in said.items()}
@@ -123,7 +116,7 @@ def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -
     lines = ""
     if error.option == "columns":
         lines_in = Lines.from_bytes(decoded(head_of(file)).encode())
-        names = [f"{k}: {name}" for k, name in enumerate(columns_in(lines_in), 1)]
+        names = [f"{c.index + 1}: {c.written}" for c in columns_in(lines_in)]
         ask = [_choice(what, f"the column of {_WORDS[what]}", names, _like(what, names))
                for what in _NAMES]  # fmt: skip
     elif error.option == "units":

@@ -12,10 +12,21 @@ import numpy as np
 
 from qlvbayes.io.apart import ApartError, Named, read_apart
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import NamedColumn, chosen, is_mean, quantities, recording, split_header
-from qlvbayes.io.layouts import LEAST, TABLE, TESTXPERT, Layout, columns_in
-from qlvbayes.io.recording import Channel, Recording, Sight, unsure_of_columns
-from qlvbayes.io.table import Lines, decimal_mark, is_like_number, plain_number, with_point
+from qlvbayes.io.columns import (
+    NamedColumn,
+    chosen,
+    is_mean,
+    quantities,
+    recording,
+    split_header,
+    unsure_of_columns,
+)
+from qlvbayes.io.header import columns_in
+from qlvbayes.io.layouts import TABLE, TESTXPERT, Layout
+from qlvbayes.io.recording import Channel, Recording, Sight, Stated
+from qlvbayes.io.splitting import LEAST
+from qlvbayes.io.table import decimal_mark, plain_number, with_point
+from qlvbayes.io.text import Lines, is_like_number
 
 _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 _HDF5, _ZIP = b"\x89HDF\r\n\x1a\n", b"PK\x03\x04"
@@ -41,8 +52,6 @@ class Binary:
 
     name: str
     machine: str
-    marks: str
-    reads: str
     reference: str
     shows: Callable[[bytes], bool]
     kind: str
@@ -54,7 +63,7 @@ class Binary:
 
     def sniff(self, head: bytes) -> Sight:
         """Return which marks of the layout the first bytes of a file show."""
-        return Sight.from_marks({self.marks: self.shows(head)})
+        return Sight.from_marks({f"the first bytes of {self.name}": self.shows(head)})
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """Return the tests of one file, in its order."""
@@ -148,20 +157,17 @@ def _of_curves(vectors: Named, path: Path) -> list[Recording]:
 def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[Recording]:
     """Return the tests of a workbook: each sheet is read as a table of text is."""
     tests: list[Recording] = []
-    means: dict[str, int] = {}
     texts = {title: _with_points(array.tobytes(), path) for (title,), array in sheets}
     for title, data in texts.items():
         lines = Lines.from_bytes(data)
         header = stated or TABLE.header(lines, False) or TESTXPERT.header(lines, False)
         first = getattr(header, "line", 0)
-        rows = data.count(b"\n") - first
-        if header is None or rows < LEAST:
+        if header is None or data.count(b"\n") - first < LEAST:
             continue
-        above = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
-        if is_mean(title) or any(len(cells) == 1 and is_mean(cells.pop()) for cells in above):
-            means[f"rows of the mean specimen's sheet '{title}'"] = rows - 1
-        else:
-            tests += (stated or TESTXPERT).tests_in(data, path, title)
+        rows = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
+        alone = [cell for row in rows if len(row) == 1 for cell in row]
+        name = next(filter(is_mean, [title, *alone]), title)  # a mean specimen's, to be left out
+        tests += (stated or TESTXPERT).tests_in(data, path, name)
     if not tests:
         named = [names for data in texts.values() if (names := columns_in(Lines.from_bytes(data)))]
         if named and stated is None:
@@ -171,7 +177,7 @@ def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[R
             file=path,
             remedy="export the curves of every sample, or state --columns and --units",
         )
-    return [replace(tests[0], dropped={**tests[0].dropped, **means}), *tests[1:]]
+    return tests
 
 
 def _with_points(data: bytes, path: Path) -> bytes:
@@ -224,7 +230,8 @@ def of_topics(parts: Named, path: Path) -> list[Recording]:
     unused = tuple(name for name, *_ in fields if name not in (way.name, load.name))
     began = origin * 1e-9
     dated = began if began > _DATED else None
-    return [Recording(way_time, way, load, "", dated, load_time, unused=unused)]
+    stated = Stated(began=dated)
+    return [Recording(way_time, way, load, stated=stated, load_time=load_time, unused=unused)]
 
 
 def _most_changing(
@@ -277,8 +284,6 @@ def _is_bag(head: bytes) -> bool:
 WORKBOOK = Binary(
     "testxpert-excel",
     "ZwickRoell testXpert, or another Excel workbook (needs python-calamine)",
-    "an Excel workbook (.xlsx, .xls); a sheet with time, displacement and force",
-    "every specimen's sheet (a test each), without the mean specimen's",
     "testXpert, export to Excel; ECMA-376",
     _is_workbook, "workbook", of_sheets, "python_calamine", "python-calamine", "python-calamine",
 )  # fmt: skip
@@ -287,40 +292,30 @@ BINARY = (
     Binary(
         "afm",
         "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab",
-        "a zip archive with header.properties, or a table that afmformats wrote",
-        "time, height (measured, else piezo), force, spring constant; nm and nN",
         "afmformats documentation; JPK Instruments, data format",
         _is_afm, "afm", _of_curves, "afmformats", "afmformats", "afmformats",
     ),
     Binary(
         "tdms",
         "National Instruments LabVIEW, TDMS (needs npTDMS)",
-        "the first bytes 'TDSm'",
-        "channels named after time, displacement, force; or wf_increment",
         "National Instruments, TDMS File Format Internal Structure",
         lambda head: head.startswith(b"TDSm"), "tdms", _of_vectors, "nptdms", "npTDMS", "npTDMS",
     ),
     Binary(
         "matlab",
         "MATLAB .mat, versions 5 to 7.3",
-        "the first bytes 'MATLAB 5.0 MAT-file' or 'MATLAB 7.3 MAT-file'",
-        "vectors named after time, displacement (or strain), force (or stress)",
         "MathWorks, MAT-File Format",
         lambda head: head.startswith(_MATLAB), "matlab", _of_vectors,
     ),
     Binary(
         "hdf5",
         "HDF5 of any origin",
-        "the first bytes of HDF5",
-        "datasets named after time, displacement (or strain), force (or stress)",
         "The HDF Group, HDF5 File Format Specification",
         lambda head: head.startswith(_HDF5), "hdf5", _of_vectors,
     ),
     Binary(
         "rosbag",
         "robots: MCAP, ROS 2 bags (.mcap, .db3), ROS 1 bags (needs rosbags)",
-        "the first bytes of MCAP or of a ROS 1 bag, or SQLite with topics",
-        "WrenchStamped; PoseStamped, JointState and others; one test a file",
         "MCAP specification; ROS REP 103; rosbags documentation",
         _is_bag, "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
     ),

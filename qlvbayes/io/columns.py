@@ -11,8 +11,9 @@ from pathlib import Path
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.recording import Channel, Recording
+from qlvbayes.io.recording import Channel, Recording, UnsureError
 from qlvbayes.io.units import CLOCKS, QUANTITIES, SAME, SUFFIXES, unit_of
+from qlvbayes.io.wording import joined
 
 # Words that may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
@@ -76,6 +77,8 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_ASKED = {"time": "s", "displacement": "mm", "force": "N"}
+"""What a test consists of, each with the unit in which it is stated by default."""
 _CHANNEL = re.compile(r"^(c|ch|channel|kanal|voie|canal) ?\d+ (?=\D)")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
 _WITH_UNIT = (
@@ -110,6 +113,12 @@ class NamedColumn:
     index: int
     name: str
     unit: str
+
+    @property
+    def written(self) -> str:
+        """Return the name with its unit, or the number from 1 of a column without a name."""
+        name = self.name or str(self.index + 1)
+        return f"{name} ({self.unit})" if self.unit else name
 
 
 @lru_cache  # each layout asks for the same cells
@@ -175,19 +184,19 @@ def is_mean(name: str) -> bool:
 
 def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
     """Return the column of each quantity that is there; of equal names the first is taken."""
+    plain = [(column, _without_channel(column.name)) for column in columns]
     by_quantity = {}
     for quantity, patterns in _WORDS.items():
-        for pattern in patterns:
-            alike = [c for c in columns if re.fullmatch(pattern, _without_channel(c.name))]
-            fitting = [c for c in alike if not c.unit or unit_of(c.unit, quantity)]
-            if fitting:
-                by_quantity[quantity] = fitting[0]
+        for pattern in (*patterns, *(by_unit := _BY_UNIT.get(quantity, ()))):
+            alike = (column for column, name in plain if re.fullmatch(pattern, name))
+            fitting = (
+                column
+                for column in alike
+                if (unit_of(column.unit, quantity) if column.unit else pattern not in by_unit)
+            )
+            if (first := next(fitting, None)) is not None:
+                by_quantity[quantity] = first
                 break
-    for quantity, patterns in _BY_UNIT.items():
-        alike = [c for c in columns for p in patterns if re.fullmatch(p, plain_name(c.name))]
-        fitting = [c for c in alike if c.unit and unit_of(c.unit, quantity)]
-        if fitting and quantity not in by_quantity:
-            by_quantity[quantity] = fitting[0]
     return by_quantity
 
 
@@ -229,10 +238,8 @@ def _with_unknown_unit(
 ) -> dict[str, NamedColumn]:
     """Return the first column that is named so, in whatever unit, which has to be asked for."""
     for column in columns:
-        match = _BRACKETED.fullmatch(column.name)
-        name, unit = (
-            (match[1], match[2]) if match and not column.unit else (column.name, column.unit)
-        )
+        match = None if column.unit else _BRACKETED.fullmatch(column.name)
+        name, unit = match.groups() if match else (column.name, column.unit)
         for kind in () if _is_unit(unit) else either:
             if any(re.fullmatch(word, _without_channel(name)) for word in _WORDS[kind]):
                 return {kind: NamedColumn(column.index, name, unit)}
@@ -251,13 +258,52 @@ def side_by_side(
     return [{key: same[min(k, len(same) - 1)] for key, same in alike.items()} for k in range(tests)]
 
 
+def unsure_of_columns(columns: Sequence[NamedColumn], file: Path) -> InputError:
+    """Return the question which columns are those of time, displacement and force.
+
+    It says what none of them shows, and how to state it where a column may hold it.
+    """
+    shown = f" (the file has: {', '.join(column.written for column in columns)[:200]})"
+    found = dict(zip(_ASKED, measured(columns).values(), strict=True))
+    missing = [word for word, column in found.items() if column is None]
+    taken = {column.index for column in found.values() if column is not None}
+    for word, either in zip(_ASKED, QUANTITIES, strict=True):
+        fits = (
+            column
+            for column in columns
+            if column.index not in taken
+            and (any(unit_of(column.unit, kind) for kind in either) or not _is_unit(column.unit))
+        )
+        if found[word] is None and (first := next(fits, None)) is not None:
+            found[word] = first
+            taken.add(first.index)
+    if nowhere := [word for word, column in found.items() if column is None]:
+        what = f"no column for {' and '.join(nowhere)}"
+        remedy = f"export it with the {' and the '.join(nowhere)}"
+        return InputError(what + shown, file=file, remedy=remedy)
+    numbers = {word: column.index + 1 for word, column in found.items() if column is not None}
+    units = [
+        column.unit if column is not None and _is_unit(column.unit) else unit
+        for column, unit in zip(found.values(), _ASKED.values(), strict=True)
+    ]
+    said = joined([f"column {numbers[word]} is the {word}" for word in missing])
+    which = "columns are" if len(missing) > 1 else "column is the"
+    return UnsureError(
+        f"the names and units do not show which {which} {joined(missing)}{shown}",
+        file=file,
+        option="columns",
+        question=f"columns of time, displacement and force, by name or number, as 1,2,3{shown}",
+        say=f"{','.join(map(str, numbers.values()))} --units {','.join(units)}, if {said}",
+    )
+
+
 def chosen(
     columns: Sequence[NamedColumn], file: Path, line: int | None = None
 ) -> dict[str, NamedColumn]:
     """Return the columns that ``measured`` finds."""
     by_quantity = measured(columns)
     whole = {key: named for key, named in by_quantity.items() if named is not None}
-    words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
+    words = dict(zip(by_quantity, _ASKED, strict=True))
     if missing := [words[key] for key in by_quantity if key not in whole]:
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
@@ -292,7 +338,6 @@ def recording(
     values: Sequence[Floats],
     dropped: dict[str, int],
     name: str = "",
-    began: float | None = None,
 ) -> Recording:
     """Return a recording of the picked columns, their values in the same order."""
     channels = [
@@ -305,7 +350,7 @@ def recording(
     pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load)) or any(
         _SHEAR.search(plain_name(one.name)) for one in (way, load)
     )
-    return Recording(time, way, load, name, began, None, dropped, unused, pressing)
+    return Recording(time, way, load, name, dropped=dropped, unused=unused, pressing=pressing)
 
 
 def split_name(name: str) -> tuple[str, str] | None:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import gzip
 import io
-import re
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -18,30 +15,21 @@ from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.binary import WORKBOOK, of_sheets
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import FirstContact, Signs
-from qlvbayes.io.files import folder_fault, same_folder, write_whole
+from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
-from qlvbayes.io.loading import (
-    Answers,
-    Loaded,
-    oriented_tests,
-    pattern_of,
-    usable_tests,
-    without_copies,
-)
+from qlvbayes.io.loading import Answers, Loaded, usable_tests
+from qlvbayes.io.naming import clocks_of, names_of, remarks_on, with_pads
+from qlvbayes.io.orienting import oriented_tests, without_copies
 from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
 from qlvbayes.io.recording import Format, Recording, UnsureError
-from qlvbayes.io.table import head_of, is_text
+from qlvbayes.io.text import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
-from qlvbayes.io.wording import computed, of_lines, prints, visible
+from qlvbayes.io.wording import of_lines, visible
 from qlvbayes.io.zero import Zero, with_sliding, zeros
 
-DEFAULT_PAD = "pad"  # the name in a tidy file without the column
 _LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 _FINEST = 1e-10  # last digit written over the largest value, far below any sensor's resolution
-_PATTERNS = (r"^(.+?)[ _.-]*\d+$", r"^(.+?)[ _-]+[^ _-]*$", r"^[^ _-]+", r"^.+$")
-"""Parts of a test's name that may be its pad's: all before the last number, before the last
-separator, before the first separator, or the whole name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,26 +94,14 @@ class Tidied:
 class Conversion:
     """All tests of some files, converted to one system of units.
 
-    ``faults`` are the errors of files that could not be used; ``undivided`` is whether tests of
-    one file are taken as those of one pad, although nobody has stated it.
+    ``faults`` are the errors of files that could not be used. ``remarks`` say why tests that are
+    taken as those of one pad may be of several, where nobody has stated it.
     """
 
     tests: tuple[Tidied, ...]
     units: UnitSystem
     faults: tuple[InputError, ...] = ()
-    undivided: bool = False
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Return what concerns all tests together: several of one file may be several specimens."""
-        if not self.undivided:
-            return ()
-        names = ", ".join(test.test for test in _together(self.tests)[:6])
-        return (
-            f"the tests of one file are taken as those of one pad ({names}): if they are several "
-            "specimens, --pad-from REGEX finds the pads' names in the tests', or --pad "
-            "names the pad of each test",
-        )
+    remarks: tuple[str, ...] = ()
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -136,7 +112,7 @@ class Conversion:
             first = source if test.file.stem == test.test else f"{test.file.name} {source}"
             lost = [f"dropped: {of_lines(rows, why)}" for why, rows in test.dropped.items()]
             lines += [f"{test.test}: {line}" for line in (first, *test.findings, *lost)]
-        return (*lines, *self.remarks)
+        return (*self.remarks, *lines)
 
 
 def in_short(notices: Sequence[str]) -> list[str]:
@@ -158,17 +134,11 @@ def convert(
 ) -> Conversion:
     """Read machine files and convert them to tidy tests; ``kinds`` are all known by default."""
     kinds = known_formats() if kinds is None else kinds
-    given = [_pad_name(name) for name in answers.pads] or [DEFAULT_PAD]
-    pads = given * len(files) if len(given) == 1 else given
-    one_each = len(pads) == len(files)  # else one a test
     faults: dict[Path, InputError] = {}
     loaded: list[Loaded] = []
-    for file, pad in zip(files, pads if one_each else [""] * len(files), strict=True):
+    for file in files:
         try:
-            kind, recordings = _read(file, kinds, answers)
-            tests = usable_tests(file, kind, recordings, pad, answers)
-            pattern = answers.pad_from
-            loaded += [replace(t, pad=pad_in(t.named, pattern)) if pattern else t for t in tests]
+            loaded += usable_tests(file, *_read(file, kinds, answers), answers)
         except InputError as error:
             faults[file] = error
     read: list[Loaded] = []
@@ -177,44 +147,32 @@ def convert(
             read += oriented_tests([one for one in loaded if one.file == file], loaded, answers)
         except InputError as error:
             faults[file] = error
-    if not one_each and not faults:
-        if len(given) != len(read):
-            called = ", ".join(one.named for one in read)[:200]
-            raise InputError(
-                f"--pad names {len(given)} pads; the number of files is {len(files)}, that of "
-                f"tests {len(read)} ({called})",
-                remedy="give one name for all, one a file, or one a test in this order",
-            )
-        read = [replace(one, pad=pad) for one, pad in zip(read, given, strict=True)]
+    # no test may be left out of those that the user names one by one
+    one_by_one = bool(answers.tests) or len(answers.pads) not in (0, 1, len(files))
+    if not (one_by_one and faults):
+        read = with_pads(read, files, answers)
     read = with_sliding(without_copies(read))
     pairs = list(zip(read, zeros(read, answers), strict=True))
     for one, zero in pairs:
         if isinstance(zero, UnsureError):
             faults.setdefault(one.file, zero)
-    one_by_one = not one_each or bool(answers.tests)  # no test may be left out of those named
     if faults and (not without_faulty or len(faults) == len(set(files)) or one_by_one):
         raise next(faults[file] for file in files if file in faults)
     used = [(one, z) for one, z in pairs if one.file not in faults and isinstance(z, Zero)]
     if not used:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
+    kept = [one for one, _ in used]
     firsts = [_first_row(one, zero) for one, zero in used]
-    names = _names_of([one for one, _ in used], answers.tests)
-    units = used[0][0].units
-    tests_found = [
-        _tidied(one, zero, first, name, units, clock)
-        for (one, zero), first, name, clock in zip(
-            used, firsts, names, _clocks([one for one, _ in used], firsts), strict=True
-        )
+    names = names_of(kept, answers.tests)
+    units = kept[0].units
+    clocks, notes = clocks_of(kept, firsts)
+    tidied = [
+        _tidied(one, zero, firsts[k], names[k], units, clocks[k], notes.get(k))
+        for k, (one, zero) in enumerate(used)
     ]
-    pads_stated = bool(answers.pads) or answers.pad_from is not None
-    undivided = not pads_stated and bool(_together(tests_found))
-    return Conversion(tuple(tests_found), units, tuple(faults.values()), undivided)
-
-
-def _together(tests: Sequence[Tidied]) -> list[Tidied]:
-    """Return the tests of files that hold several."""
-    in_file = Counter(test.file for test in tests)
-    return [test for test in tests if in_file[test.file] > 1]
+    stated = answers.pads or answers.pad_from is not None
+    remarks = () if stated else remarks_on(kept, names, files)
+    return Conversion(tuple(_by_clock(tidied)), units, tuple(faults.values()), remarks)
 
 
 def _read(
@@ -263,7 +221,13 @@ def _first_row(one: Loaded, zero: Zero) -> int:
 
 
 def _tidied(
-    one: Loaded, zero: Zero, first: int, name: str, units: UnitSystem, start: float | None
+    one: Loaded,
+    zero: Zero,
+    first: int,
+    name: str,
+    units: UnitSystem,
+    start: float | None,
+    remark: str | None,
 ) -> Tidied:
     """Return a test with its name and zero, in the units of all tests, from its first row on."""
     if units.dimensionless != one.units.dimensionless:
@@ -286,108 +250,28 @@ def _tidied(
             f"{one.recording.time.name} row by row; the displacement is brought to the force's "
             "times"
         )
+    findings = [*one.findings, zero.finding, sampled, *([remark] if remark else [])]
+    if units != one.units:
+        way_in, load_in = units.displacement, units.force
+        findings.append(f"converted to {way_in} and {load_in}, the units of the first file")
     return Tidied(
         one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
         way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
-        one.dropped, (*one.findings, zero.finding, sampled),
+        one.dropped, tuple(findings),
     )  # fmt: skip
 
 
-def _clocks(read: Sequence[Loaded], firsts: Sequence[int]) -> list[float | None]:
-    """Return the pad's clock at each test's first row, where all its tests state their date.
-
-    Each must begin after the one before has ended, to the second.
-    """
-    starts: list[float | None] = [None] * len(read)
-    for pad in {one.pad for one in read}:
-        tests = [k for k, one in enumerate(read) if one.pad == pad]
-        dates = [one.recording.began for one in read if one.pad == pad]
-        began = [
-            date + float(read[k].time[firsts[k]])
-            for k, date in zip(tests, dates, strict=True)
-            if date is not None
-        ]
-        lasts = [float(read[k].time[-1] - read[k].time[firsts[k]]) for k in tests]
-        if len(began) == len(tests) > 1 and all(
-            after >= date + last - 1.0
-            for date, last, after in zip(began, lasts, began[1:], strict=False)
-        ):
-            for k, date in zip(tests, began, strict=True):
-                starts[k] = date - began[0]
-    return starts
-
-
-# Names of pads and tests
-
-
-def _pad_name(name: str) -> str:
-    """Return a pad's name; an InputError is raised where no folder can have it."""
-    if (fault := folder_fault(_checked(name))) is not None:
-        raise InputError(f"the pad's name '{name[:200]}' {fault[0]}", remedy=fault[1])
-    return name
-
-
-def pad_in(name: str, pattern: re.Pattern[str]) -> str:
-    """Return the pad's name in a test's: the pattern's first group, or its whole match."""
-    match = pattern.search(name)
-    pad = (match[1] if match and match.re.groups else match and match[0]) or ""
-    if not pad:
-        raise InputError(
-            f"the pattern '{pattern.pattern[:200]}' finds nothing in the name '{name}'",
-            remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
-        )
-    return _pad_name(pad)
-
-
-def suggested_pattern(names: Sequence[str]) -> str:
-    """Return a pattern that divides tests by their names among several pads."""
-    divided: dict[str, int] = {}
-    for text in _PATTERNS:
-        pattern = pattern_of(text)
-        with contextlib.suppress(InputError):
-            divided[text] = len({pad_in(name, pattern) for name in names})
-    several = [text for text, pads in divided.items() if pads > 1]
-    return next((text for text in several if divided[text] < len(names)), (*several, "")[0])
-
-
-def _names_of(tests: Sequence[Loaded], given: Sequence[str]) -> list[str]:
-    """Return a unique name for each test, from those that the user gives, or from the files."""
-    if given and len(given) != len(tests):
-        called = ", ".join(one.named for one in tests)[:200]
-        raise InputError(
-            f"--test names {len(given)} tests and there are {len(tests)} ({called})",
-            remedy="give one name a test, in this order",
-        )
-    several = len({one.file for one in tests}) > 1
-    names = [_checked(name) for name in given]
-    for one in () if given else tests:
-        name, stem = one.recording.name, one.file.name.removesuffix(".gz").rpartition(".")[0]
-        own = f"{one.file.stem} {name}" if several else name
-        names.append(_plain(own if name else stem or one.file.name))
-    folders: dict[str, str] = {}
-    pairs = Counter((one.pad, name) for one, name in zip(tests, names, strict=True))
-    for (pad, name), count in pairs.items():
-        if (other := folders.setdefault(same_folder(pad), pad)) != pad:
-            what = f"the pads '{other}' and '{pad}' differ in upper and lower case only"
-            raise InputError(what, remedy="write one name, or two that differ in more")
-        if count > 1:
-            what = f"two tests of pad '{pad}' are called '{name}'"
-            raise InputError(what, remedy="name them with --test, or the pads with --pad")
-    return names
-
-
-def _plain(name: str) -> str:
-    """Return a name without characters that a folder's name or a CSV cell must not have."""
-    seen = "".join(sign if prints(sign) else "\n" for sign in name)
-    plain = re.sub(r'[\\/,;"\n#]+', "-", seen).strip(" .")
-    return (plain.lstrip("=@+- .") if computed(plain) else plain) or "test"
-
-
-def _checked(name: str) -> str:
-    if _plain(name) != name:
-        remedy = f"write it as '{_plain(name)}'"
-        raise InputError(f"the name {name!r} cannot be used", remedy=remedy)
-    return name
+def _by_clock(tests: Sequence[Tidied]) -> list[Tidied]:
+    """Return tests in which those of a pad with a clock follow one another by it."""
+    ordered = list(tests)
+    for pad in {test.pad for test in tests}:
+        places = [k for k, test in enumerate(tests) if test.pad == pad]
+        own = [tests[k] for k in places]
+        if all(test.start_s is not None for test in own):
+            own.sort(key=lambda test: test.start_s or 0.0)
+            for k, test in zip(places, own, strict=True):
+                ordered[k] = test
+    return ordered
 
 
 # The tidy file

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import ClassVar, Literal, NoReturn, cast
+from typing import ClassVar, Literal, NoReturn, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,22 +29,14 @@ from qlvbayes.io.readings import (
     wrong_signs,
 )
 from qlvbayes.io.recording import UnsureError
-from qlvbayes.io.table import (
-    Form,
-    Labels,
-    Rows,
-    content,
-    digest,
-    head_of,
-    is_text,
-    parse_number,
-    read_rows,
-)
+from qlvbayes.io.table import Form, Labels, Rows, parse_number, read_rows
+from qlvbayes.io.text import content, digest, head_of, is_text
 from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import as_typed, listed, of_lines, prints
+from qlvbayes.io.wording import as_typed, joined, listed, of_lines, prints
 
 Role = Literal["fit", "validate"]
+Meaning = TypeVar("Meaning")
 
 
 class Control(StrEnum):
@@ -190,17 +182,14 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     """Return the tests of a machine's file, or None where the file is none."""
     if isinstance(tidy, Dialect) and not tidy.ignored:
         return None
+    refused = isinstance(tidy, InputError)
+    head = head_of(file)
     try:
-        head = head_of(file)
-    except InputError:
-        return None
-    whole = matching(head, (TWO_CLOCKS,) if isinstance(tidy, Dialect) else known_formats())
-    if len(whole) != 1:
-        if isinstance(tidy, InputError) and is_text(head):
+        if len(matching(head, known_formats() if refused else (TWO_CLOCKS,))) == 1:
+            return convert([file])
+        if refused and is_text(head):
             refuse_by_content(head, file)
         return None
-    try:
-        return convert([file])
     except UnsureError as error:
         again = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
         raise error.elsewhere(again) from error
@@ -245,7 +234,7 @@ def _pads(file: Path, dialect: Dialect, rows: Rows) -> tuple[tuple[Pad, ...], tu
         if fluids.setdefault(pad, fluid) != fluid:
             name = dialect.labels["fluid"].name
             what = f"{name} changes from '{fluids[pad] or ''}' to '{fluid or ''}'"
-            built.fail(0, what + built.where, f"write one {name} for all rows of a pad")
+            built.fail(0, what, f"write one {name} for all rows of a pad")
     pads = [Pad(name, tuple(of), dialect.units, fluids[name]) for name, of in tests.items()]
     return tuple(pads), tuple(notices)
 
@@ -287,38 +276,31 @@ class _Builder:
         """Return the test as text."""
         return f"test '{self.name}' of pad '{self.pad}'"
 
-    @property
-    def where(self) -> str:
-        """Return the place of a fault as text."""
-        return f" in {self.title}"
-
-    def fail(self, sample: int, message: str, remedy: str) -> NoReturn:
-        """Raise the error at a sample of the test."""
-        raise InputError(message, file=self.file, line=self.line(sample), remedy=remedy)
-
-    def line(self, sample: int) -> int:
-        """Return the line of the file that holds a sample."""
+    def fail(self, sample: int, message: str, remedy: str, *, alone: bool = False) -> NoReturn:
+        """Raise the error at a sample of the test, which the text names unless it is ``alone``."""
+        where = "" if alone else f" in {self.title}"
         rows = self.rows
-        return self.table.line(rows.start + sample if isinstance(rows, slice) else rows[sample])
+        row = rows.start + sample if isinstance(rows, slice) else rows[sample]
+        raise InputError(message + where, file=self.file, line=self.table.line(row), remedy=remedy)
 
     def check_names(self, before: Iterable[str]) -> None:
         """Refuse names that are empty, or that no folder can have beside those of other pads."""
         for key, name in (("pad", self.pad), ("test", self.name)):
             if not name:
-                self.fail(0, f"{key} is empty{self.where}", "write its name")
+                self.fail(0, f"{key} is empty", "write its name")
         if not all(map(prints, self.name)):
-            what = f"the test's name '{self.name}' has a character that does not print{self.where}"
+            what = f"the test's name '{self.name}' has a character that does not print"
             self.fail(0, what, "write it without")
         self.check_folder("pad", self.pad)
         for other in before:
             if other != self.pad and same_folder(other) == same_folder(self.pad):
                 what = f"the pads '{other}' and '{self.pad}' differ in upper and lower case only"
-                self.fail(0, what + self.where, "write one name, or two that differ in more")
+                self.fail(0, what, "write one name, or two that differ in more")
 
     def check_folder(self, what: str, name: str) -> None:
         """Refuse a name that no folder of results can have."""
         if (fault := folder_fault(name)) is not None:
-            self.fail(0, f"the {what}'s name '{name[:200]}' {fault[0]}", fault[1])
+            self.fail(0, f"the {what}'s name '{name[:200]}' {fault[0]}", fault[1], alone=True)
 
     def test(self, before: Test | None) -> Test:
         """Return the test; ``before`` is the pad's previous one."""
@@ -326,56 +308,56 @@ class _Builder:
             key: column[self.rows]
             for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
         }
-        self._drop_twins(columns)
-        time, force = columns["time"], columns["force"]
-        if unread := unread_rows(time, columns["displacement"], force):
+        for key in ("displacement", "force"):  # a quantity's column in another unit
+            other = columns.pop(f"{key} 2", None)
+            if other is not None and not same_readings(columns[key], other):
+                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
+                self.fail(0, f"two columns for {key}: {both}", "delete one of them", alone=True)
+        time, way, force = (columns[key] for key in ("time", "displacement", "force"))
+        if unread := unread_rows(time, way, force):
             lost = of_lines(unread, "rows before the channels were read, both exactly 0")
-            self.notices.append(f"{self.title}: dropped {lost} (line {self.line(0)})")
+            self.notices.append(f"{self.title}: dropped {lost}")
             rows = np.arange(len(self.table.columns[0]))[self.rows][unread:]
             return replace(self, rows=rows, late=float(time[unread] - time[0])).test(before)
-        controls, used = self._controls(time), self._used(time.size)
-        if (
-            not controls
-            and force[0] > 0.0
-            and np.ptp(force) == 0.0 < np.ptp(columns["displacement"])
-        ):
-            controls = (Prescribed(Control.FORCE, float(time[0]), float(time[-1])),)
+        controls = self._stretches("control", _CONTROLS)
+        if not controls and force[0] > 0.0 and np.ptp(force) == 0.0 < np.ptp(way):
+            controls = [(0, Control.FORCE)]
             self.notices.append(
                 f"{self.title}: {self._name('force')} is {force[0]:g} in every row: it is taken as "
                 "prescribed, and the test as creep; a column control that says displacement or "
                 "force states it"
             )
-        loaded = any(part.control == Control.FORCE for part in controls)
-        self._check(columns, used, loaded=loaded)
+        kept = self._stretches("use", _USED)
+        lengths = np.diff([*(sample for sample, _ in kept), time.size])
+        used = np.repeat([one for _, one in kept], lengths) if kept else np.ones(time.size, bool)
+        self._check(columns, used, loaded=any(one == Control.FORCE for _, one in controls))
         for values in columns.values():
             values.setflags(write=False)
         start = self._number("start")
         follows = 0.0 if before is None else before.start_s + float(np.ptp(before.time))
+        bounds = [float(0.5 * (time[k - 1] + time[k])) for k, _ in controls[1:]]
+        bounds = [float(time[0]), *bounds, float(time[-1])]
+        changes = map(Prescribed, (one for _, one in controls), bounds[:-1], bounds[1:])
+        role = self.label("role")
+        if role not in ("fit", "validate", ""):
+            self.fail(0, f"role '{role}' is unknown", "write fit, validate or nothing")
         return Test(
             name=self.name,
             pad=self.pad,
             time=time,
-            displacement=columns["displacement"],
+            displacement=way,
             force=force,
             force_sd=columns.get("force_sd"),
-            role=self._role(),
-            rate=self._rate(),
+            role=cast(Role, role) if role else None,
+            rate=self._number("rate", 0.0),
             start_s=follows if start is None else start + self.late,
             start_known=start is not None,
-            control=controls[0].control if len(controls) == 1 else None,
-            changes=controls if len(controls) > 1 else (),
-            contact_sd=self._contact_sd(),
+            control=controls[0][1] if len(controls) == 1 else None,
+            changes=tuple(changes) if len(controls) > 1 else (),
+            contact_sd=self._number("contact_sd", -1e-300) or None,
             contact_stage=self.label("contact_stage"),
             used=None if used.all() else used,
         )
-
-    def _drop_twins(self, columns: dict[str, Floats]) -> None:
-        """Drop a quantity's column in another unit, and refuse one that differs by more."""
-        for key in ("displacement", "force"):
-            other = columns.pop(f"{key} 2", None)
-            if other is not None and not same_readings(columns[key], other):
-                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
-                self.fail(0, f"two columns for {key}: {both}", "delete one of them")
 
     def _name(self, key: str) -> str:
         return self.dialect.numeric[key].name
@@ -387,59 +369,54 @@ class _Builder:
             missing = no_readings(columns[key][counts])
             if missing.count:
                 first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
-                times = f"{missing.count} rows, the first" if missing.count > 1 else "one row,"
-                what = f"{self._name(key)} is {missing.written}, a code for no reading, in {times} "
-                what += f"at {columns['time'][first]:.6g} s,{self.where}"
+                what = f"{self._name(key)} is {missing.written}, a code for no reading, in "
+                what += "one row," if missing.count == 1 else f"{missing.count} rows, the first"
+                what += f" at {time[first]:.6g} s,"
                 self.fail(first, what, "delete these rows")
-        self._check_time(time)
-        if (size := len(time)) < LEAST_SAMPLES:
-            what = f"{self.title} has {size} rows, at least {LEAST_SAMPLES} are needed"
-            self.fail(0, what, "add the missing rows or delete the test")
-        if (kept := np.count_nonzero(used)) < LEAST_SAMPLES:
-            what = f"the column use keeps {kept} rows of {self.title}, and "
-            what += f"at least {LEAST_SAMPLES} are needed"
-            self.fail(0, what, "write 1 in more of its rows or delete the test")
+        if slipped(time) is None:
+            self._refuse_time(time)
+        for size, by in ((time.size, ""), (np.count_nonzero(used), " to use")):
+            if size < LEAST_SAMPLES:
+                what = f"{self.title} has {size} rows{by}, at least {LEAST_SAMPLES} are needed"
+                self.fail(0, what, "add the missing rows or delete the test", alone=True)
         for key, values in (("displacement", way), ("force", force[used])):
             held = key == "force" and loaded and values.max() > 0.0
             if values.min() == values.max() and not held:
-                what = f"{self._name(key)} never changes{self.where}"
-                self.fail(0, what, "check the channel or delete the test")
+                remedy = "check the channel or delete the test"
+                self.fail(0, f"{self._name(key)} never changes", remedy)
         if "force_sd" in columns and columns["force_sd"].min() <= 0:
             bad = int(np.argmax(columns["force_sd"] <= 0))
             what = f"{self._name('force_sd')} is not positive ({columns['force_sd'][bad]:g})"
-            self.fail(bad, what, "write its standard deviation or delete the column")
+            self.fail(bad, what, "write its standard deviation or delete the column", alone=True)
         wrong = wrong_signs(way[used], force[used])
         if wrong and not (self.dialect.units.dimensionless and len(wrong) > 1):
             names = " and ".join(self._name(key) for key in wrong)
             what = f"in {self.title} the specimen is loaded with {names} of the wrong sign"
-            self.fail(0, what, f"multiply {names} by -1")
+            self.fail(0, what, f"multiply {names} by -1", alone=True)
         read = {self._name("displacement"): way, self._name("force"): force[used]}
         if (fault := out_of_range(time, read)) is not None:
-            self.fail(0, f"{fault}, which no rig measures,{self.where}", "check the units")
+            self.fail(0, f"{fault}, which no rig measures,", "check the units")
 
-    def _check_time(self, time: Floats) -> None:
-        """Refuse time that does not increase but for single slips, and say how it fails."""
-        if slipped(time) is not None:
-            return
+    def _refuse_time(self, time: Floats) -> NoReturn:
+        """Refuse time that does not increase, and say how it fails."""
         index = int(np.argmax(time[1:] <= time[:-1])) + 1
         before, now = float(time[index - 1]), float(time[index])
-        where = f"{self.where} ({now:.9g} s after {before:.9g} s)"
-        what, name = "restarts", self._name("time")
-        remedy = "give each test its own name"
+        what, remedy = "restarts", "give each test its own name"
         if "test" not in self.labels:
             remedy = "add a test column naming each test"
         if now == before:
             what, remedy = "repeats", "write time with more decimals or delete the repeated row"
         elif now - time[0] > 0.1 * (before - time[0]):
             what, remedy = "runs backwards", "sort the test's rows by time"
-        self.fail(index, f"{name} {what}{where}", remedy)
+        what = f"{self._name('time')} {what} in {self.title} ({now:.9g} s after {before:.9g} s)"
+        self.fail(index, what, remedy, alone=True)
 
     def label(self, key: str) -> str:
         """Return a label's text, the same in all rows of the test; empty without such a column."""
         (_, first), *others = self._labels(key)
         if others:
             name = self.dialect.labels[key].name
-            what = f"{name} changes from '{first}' to '{others[0][1]}'{self.where}"
+            what = f"{name} changes from '{first}' to '{others[0][1]}'"
             self.fail(others[0][0], what, f"write one {name} for all its rows")
         return first
 
@@ -451,62 +428,28 @@ class _Builder:
         starts = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist()]
         return [(at, self.labels[key].texts[codes[at]]) for at in starts]
 
-    def _role(self) -> Role | None:
-        role = self.label("role")
-        if role not in ("fit", "validate", ""):
-            self.fail(0, f"role '{role}' is unknown{self.where}", "write fit, validate or nothing")
-        return cast(Role, role) if role else None
-
-    def _controls(self, time: Floats) -> tuple[Prescribed, ...]:
-        """Return what was prescribed in each stretch of a test; nothing where no row says it."""
-        labels = self._labels("control")
+    def _stretches(self, key: str, known: Mapping[str, Meaning]) -> list[tuple[int, Meaning]]:
+        """Return what a label means from which sample on; nothing where no row says it."""
+        labels = self._labels(key)
         if labels == [(0, "")]:
-            return ()
+            return []
         for sample, text in labels:
-            if text not in _CONTROLS:
-                what = f"control '{text}' is unknown" if text else "control is empty"
-                remedy = "write displacement or force in all rows of the test, or nothing in all"
-                self.fail(sample, what + self.where, remedy)
-        ends = [float(0.5 * (time[k - 1] + time[k])) for k, _ in labels[1:]]
-        bounds = [float(time[0]), *ends, float(time[-1])]
-        controls = [_CONTROLS[text] for _, text in labels]
-        return tuple(map(Prescribed, controls, bounds[:-1], bounds[1:]))
+            if text.lower() not in known:
+                what = f"{key} '{text[:40]}' is unknown" if text else f"{key} is empty"
+                remedy = f"write {joined(list(known), 'or')} in all rows of the test, or nothing"
+                self.fail(sample, what, remedy)
+        return [(sample, known[text.lower()]) for sample, text in labels]
 
-    def _used(self, size: int) -> Mask:
-        """Return which samples' force is used (n,): all of them where no row says it."""
-        labels = self._labels("use")
-        if labels == [(0, "")]:
-            return np.ones(size, dtype=bool)
-        for sample, text in labels:
-            if text.lower() not in _USED:
-                what = f"use '{text[:40]}' is neither 1 nor 0" if text else "use is empty"
-                remedy = "write 1 (yes, true) or 0 (no, false) in all rows of the test, or nothing"
-                self.fail(sample, what + self.where, f"{remedy} in all")
-        lengths = np.diff([*(sample for sample, _ in labels), size])
-        return np.repeat([_USED[text.lower()] for _, text in labels], lengths)
-
-    def _number(self, key: str) -> float | None:
+    def _number(self, key: str, above: float = -math.inf) -> float | None:
         """Return the number declared for a test, or None where the cell is empty."""
-        text = self.label(key)
-        if not text:
+        if not (text := self.label(key)):
             return None
         value = parse_number(text, self.dialect.decimal)
         column = self.dialect.labels[key]
-        if value is None or not math.isfinite(value):
-            what = f"{column.name} is not a number ('{text[:40]}'){self.where}"
-            self.fail(0, what, "write a number or leave it empty")
+        if value is None or not math.isfinite(value) or value <= above:
+            what = "is not a number"
+            if value is not None and value <= above:
+                what = "is not positive" if above == 0.0 else "is negative"
+            message = f"{column.name} {what} ('{text[:40]}')"
+            self.fail(0, message, "write a number or leave it empty")
         return value * column.scale.up / column.scale.down
-
-    def _rate(self) -> float | None:
-        rate = self._number("rate")
-        if rate is not None and rate <= 0:
-            what = f"{self.dialect.labels['rate'].name} is not positive ({rate:g}){self.where}"
-            self.fail(0, what, "write the speed of loading without sign")
-        return rate
-
-    def _contact_sd(self) -> float | None:
-        sd = self._number("contact_sd")
-        if sd is not None and sd < 0:
-            what = f"{self.dialect.labels['contact_sd'].name} is negative ({sd:g}){self.where}"
-            self.fail(0, what, "write its standard error or leave it empty")
-        return sd or None

@@ -7,6 +7,7 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,25 +24,34 @@ from qlvbayes.io.catalogue import (
     run_checks,
 )
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import in_cells, is_tidy_name, plain_name, quantities
-from qlvbayes.io.layouts import Layout, columns_in
+from qlvbayes.io.columns import (
+    LABELS,
+    NamedColumn,
+    in_cells,
+    is_tidy_name,
+    measured,
+    plain_name,
+    quantities,
+    unsure_of_columns,
+)
+from qlvbayes.io.header import columns_in
+from qlvbayes.io.layouts import Layout
 from qlvbayes.io.recording import (
     AbstractFormat,
     Channel,
     Format,
     Recording,
     Sight,
-    unsure_of_columns,
 )
-from qlvbayes.io.table import (
+from qlvbayes.io.splitting import LEAST
+from qlvbayes.io.table import parse_number
+from qlvbayes.io.text import (
     HEAD,
     Lines,
-    content,
     decoded,
     head_of,
     is_like_number,
     is_text,
-    parse_number,
     with_tabs,
 )
 from qlvbayes.io.tidy import sniff
@@ -67,22 +77,13 @@ FORMATS: tuple[Format, ...] = (
     layouts.TABLE,
 )
 """Every known layout, in the order in which they are tried."""
-_RESULTS = {
-    "a relaxation modulus": (
-        r"[gek]( ?t| relax\w*)|relaxation modulus|relaxationsmodul|module de relaxation"
-        r"|modulo di rilassamento|modulo de (relajacion|relaxacion)"
-    ),
-    "a creep compliance": (
-        r"j( ?t| creep)?|(creep |kriech)?(compliance|nachgiebigkeit)|complaisance( en fluage)?"
-        r"|cedevolezza( a creep)?|(complianza|compliancia)( de fluencia)?"
-    ),
-    "storage and loss moduli": (
-        r"(storage|loss|complex|dynamic) modulus|(speicher|verlust)modul"
-        r"|module (de conservation|de perte|complexe)|modulo (conservativo|dissipativo)"
-        r"|modulo de (almacenamiento|perdida)"
-    ),
-}
-"""Quantities that some programs compute from measurements, with the simplified column names."""
+_COMPUTED = re.compile(
+    r"[gek] ?(t|relax\w*)|j( ?t| creep)?|((relaxation|storage|loss|complex|dynamic|creep) )?"
+    r"(modulus|compliance)|(relaxations|speicher|verlust)modul|(kriech)?nachgiebigkeit"
+    r"|(module|modulo|complaisance|cedevolezza|complianza|compliancia)"
+    r"( (de|di|en|a|conservativo|dissipativo|complexe).*)?"
+)
+"""Simplified names of what programs compute of measurements: moduli and compliances."""
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]{2,}[\])]$|[_ ](1/)?[kMG]?Pa$")  # (t) of G(t) is no unit
 _HEADER = 60  # lines among which the names of columns are
 _RISES = 0.8  # share of a column's rows that rise from the row before, at least, where it is a time
@@ -139,16 +140,14 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
     if is_text(head):
-        refuse_by_content(head, path)
-        if any(map(is_tidy_name, _first_names(head))):
+        refuse_by_content(head, path, unnamed=True)
+        if _is_nearly_tidy(head):
             sniff(path)  # its error says which column is to be renamed
             raise InputError(
                 "the file is tidy already",
                 file=path,
                 remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
             )
-        if names_in := columns_in(Lines.from_bytes(with_tabs(decoded(head).encode())[0])):
-            raise unsure_of_columns(names_in, path)
     raise InputError(
         "no known layout",
         file=path,
@@ -161,57 +160,65 @@ def _first_names(head: bytes) -> list[str]:
     """Return the cells of the first line that is no comment."""
     lines = decoded(head).splitlines()
     rows = (line for line in lines if line.strip() and not line.startswith(("#", "sep=")))
-    return [name.strip(' "') for name in re.split("[,;\t]", next(rows, ""))]
+    return [name.strip(' "') for name in re.split(r"[,;\t| ]", next(rows, ""))]
 
 
-def refuse_by_content(head: bytes, path: Path) -> None:
-    """Raise InputError for what a table holds in place of measurements, and for what it lacks."""
-    lines = Lines.from_bytes(decoded(head).encode())
-    for number, cells in lines.cells():
-        if number > _HEADER:
-            break
-        if len(cells) < 2 or {"force", "stress"} & set(quantities(in_cells(cells))):
-            continue
-        for cell in cells:
-            for what, words in _RESULTS.items():
-                if re.fullmatch(words, plain_name(_UNIT.sub("", cell))):
-                    raise InputError(
-                        f"'{cell}' is {what}: the file has no displacement (or strain) and no "
-                        "force (or stress) of a test, which this program fits",
-                        file=path,
-                        remedy="export the readings, strain and stress over time",
-                    )
-    _refuse_timeless(path)
+def _is_nearly_tidy(head: bytes) -> bool:
+    """Return whether the first line has a name of a tidy file, and not only words that it has."""
+    return any(is_tidy_name(name) for name in _first_names(head) if name not in LABELS)
 
 
-def _refuse_timeless(path: Path) -> None:
-    """Raise InputError where no column of a table rises from row to row, as a time does."""
-    data, _ = with_tabs(content(path))
-    lines = Lines.from_bytes(data)
-    cells = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
-    numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in cells]
-    named = columns_in(lines)
-    if len(cells) <= layouts.LEAST or len({len(row) for row in numbers}) > 1:
-        return
-    steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
-    rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
-    for k, name in enumerate(named[: len(rising)]):  # one in mm or N is no time
-        words = [word for word in re.split(r"[\s_,/()\[\]]+", name) if word]
-        kinds = ("displacement", "force", "stress")
-        rising[k] &= not any(unit_of(word, kind) for word in words for kind in kinds)
-    if not rising.any():
+def refuse_by_content(head: bytes, path: Path, *, unnamed: bool = False) -> None:
+    """Raise InputError for what a table that is not tidy holds in place of measurements, or lacks.
+
+    A file whose first line has names of a tidy one is left to the reader of those, and so is one
+    that begins with numbers, unless the columns of ``unnamed`` tables are asked for too.
+    """
+    whole = head if len(head) < HEAD else head.rpartition(b"\n")[0]
+    lines = Lines.from_bytes(with_tabs(decoded(whole).encode())[0])
+    for _, cells in islice(lines.cells(), _HEADER):
+        results = (c for c in cells if _COMPUTED.fullmatch(plain_name(_UNIT.sub("", c))))
+        found = next(results, None) if len(cells) > 1 else None
+        if found is not None and not {"force", "stress"} & set(quantities(in_cells(cells))):
+            raise InputError(
+                f"'{found}' is computed of measurements: the file has no displacement (or strain) "
+                "and no force (or stress) of a test, which this program fits",
+                file=path,
+                remedy="export the readings, strain and stress over time",
+            )
+    columns = columns_in(lines)
+    if (line := _line_without_time(lines, columns)) is not None:
         raise InputError(
             "there is no time: no column rises from row to row as one does (the file has: "
-            f"{', '.join(named)[:200]})",
+            f"{', '.join(column.written for column in columns)[:200]})",
             file=path,
-            line=cells[0][0] + 1,
+            line=line,
             remedy="export the time of every sample",
         )
+    named = unnamed or sum(map(is_like_number, _first_names(head))) < 2
+    a_table = len(columns) > 2 or any(measured(columns).values())
+    if a_table and named and not _is_nearly_tidy(head):
+        raise unsure_of_columns(columns, path)
+
+
+def _line_without_time(lines: Lines, columns: Sequence[NamedColumn]) -> int | None:
+    """Return the first line of rows of which no column rises as a time does; None if one does."""
+    rows = [(n, row) for n, row in lines.cells() if len(row) > 2 and all(map(is_like_number, row))]
+    if len(rows) <= LEAST or len({len(row) for _, row in rows}) > 1:
+        return None
+    numbers = [[parse_number(c.replace(",", "."), ".") for c in row] for _, row in rows]
+    steps = np.diff(np.array(numbers, dtype=np.float64), axis=0)  # a clock of hh:mm:ss is NaN
+    rising = np.count_nonzero(~(steps <= 0.0), axis=0) >= _RISES * len(steps)
+    for k, column in enumerate(columns[: len(rising)]):  # one in mm or N is no time
+        words = re.split(r"[\s_,/()\[\]]+", column.written)
+        kinds = ("displacement", "force", "stress")
+        rising[k] &= not any(unit_of(word, kind) for word in words if word for kind in kinds)
+    return None if rising.any() else rows[0][0] + 1
 
 
 # The rules of a format
 
-_WORDS = ("name", "machine", "marks", "reads", "reference")
+_WORDS = ("name", "machine", "reference")
 _TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +17,21 @@ from qlvbayes.io.columns import is_mean
 from qlvbayes.io.contact import (
     FirstContact,
     Signs,
-    contact_after_sliding,
-    find_contact,
     find_signs,
     force_at_start,
-    is_dead,
     rest_of,
     scatter,
 )
-from qlvbayes.io.layouts import named_columns
+from qlvbayes.io.header import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
-    ClockError,
     Sampling,
     no_readings,
     on_one_clock,
     out_of_range,
     rising,
-    same_readings,
     sampling_of,
     unread_rows,
-    wrong_signs,
 )
 from qlvbayes.io.recording import Channel, Format, Recording, UnsureError
 from qlvbayes.io.units import (
@@ -48,7 +43,7 @@ from qlvbayes.io.units import (
     unit_of,
     unit_system,
 )
-from qlvbayes.io.wording import joined, listed, of_lines, plain
+from qlvbayes.io.wording import of_lines
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
 """Choices of the columns that change sign, with the factors of displacement and force."""
@@ -143,6 +138,15 @@ class Loaded:
         return self.recording.name or self.file.stem
 
     @property
+    def as_written(self) -> str:
+        """Return its columns with their units, as the file writes them."""
+        one = self.recording
+        columns = [
+            f"{c.name} ({c.unit})" if c.unit else c.name for c in (one.time, one.way, one.load)
+        ]
+        return ", ".join(columns)
+
+    @property
     def of_layout(self) -> tuple[str, str, str]:
         """Return what is equal for recordings whose columns have the same signs."""
         return self.kind.name, self.recording.way.name, self.recording.load.name
@@ -203,7 +207,7 @@ class Loaded:
 
 
 def usable_tests(
-    file: Path, kind: Format, recordings: Sequence[Recording], pad: str, answers: Answers
+    file: Path, kind: Format, recordings: Sequence[Recording], answers: Answers
 ) -> list[Loaded]:
     """Return the tests of a file in which something moves, in tidy units and in order."""
     means = [recording for recording in recordings if is_mean(recording.name)]
@@ -224,7 +228,7 @@ def usable_tests(
             file=file,
             remedy="check the channels or export it again",
         )
-    loaded = [_in_order(file, kind, recording, pad, answers) for recording in moving]
+    loaded = [_in_order(file, kind, recording, answers) for recording in moving]
     loaded[0].dropped.update(lost)
     return loaded
 
@@ -245,12 +249,7 @@ def _without_missing(recording: Recording) -> Recording:
         if one.count:
             what = f"a code for no reading ({one.written})" if one.codes else "no number"
             dropped[f"rows with {what} in {channel.name}"] = one.count
-    kept = {
-        part: replace(channel, values=channel.values[~lost])
-        for part in ("time", "way", "load", "load_time")
-        if (channel := getattr(recording, part)) is not None
-    }
-    return replace(recording, dropped=dropped, **kept)
+    return replace(recording.changed(itemgetter(~lost)), dropped=dropped)
 
 
 def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
@@ -261,21 +260,18 @@ def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
     return bool(np.ptp(load) == 0.0) and not (prescribed and load[0] != 0.0)
 
 
-def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers: Answers) -> Loaded:
+def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) -> Loaded:
     units, columns, finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, *own = columns
     lag = None
-    try:
-        if own:
-            lag = float(np.median(own[0] - time)) if len(own[0]) == len(time) else None
-            time, (way,) = rising(time, [way], {})
-            own_time, (load,) = rising(own[0], [load], dropped)
-            way, kept = on_one_clock(time, way, own_time, dropped)
-            time, load = own_time[kept], load[kept]
-        time, (way, load) = rising(time, [way, load], dropped)
-    except ClockError as error:
-        raise InputError(str(error), file=file, remedy=error.remedy) from error
+    if own:
+        lag = float(np.median(own[0] - time)) if len(own[0]) == len(time) else None
+        time, (way,) = rising(time, [way], {}, file)
+        own_time, (load,) = rising(own[0], [load], dropped, file)
+        way, kept = on_one_clock(time, way, own_time, dropped, file)
+        time, load = own_time[kept], load[kept]
+    time, (way, load) = rising(time, [way, load], dropped, file)
     if unread := unread_rows(time, way, load):
         dropped["rows before the channels were read, both exactly 0"] = unread
         time, way, load = time[unread:], way[unread:], load[unread:]
@@ -283,7 +279,7 @@ def _in_order(file: Path, kind: Format, recording: Recording, pad: str, answers:
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     return Loaded(
-        file, kind, pad, recording, units, time, way, load, sampling_of(time, lag), dropped,
+        file, kind, "", recording, units, time, way, load, sampling_of(time, lag), dropped,
         find_signs(way, load), (f"units {finding}",),
     )  # fmt: skip
 
@@ -296,50 +292,43 @@ def _in_units(
 ) -> tuple[UnitSystem, list[Floats], str]:
     """Return columns in tidy units: time, way, load and, where it exists, the load's own clock."""
     given = answers.units or (None, None, None)
-    channels = [recording.time, recording.way, recording.load]
-    units = [_unit(file, channel, stated) for channel, stated in zip(channels, given, strict=True)]
-    if recording.load_time is not None:
-        channels.append(recording.load_time)
-        units.append(_unit(file, recording.load_time, given[0]))
+    stated = dict(zip(recording.channels, (*given, given[0]), strict=False))
+    units = [_unit(file, channel, said) for channel, said in stated.items()]
     clock = {"ms": 1e-3, "min": 60.0}
     factors = [unit.factor * clock.get(unit.tidy, 1.0) for unit in units]
     columns = [
-        c.values * factor if factor != 1.0 else c.values
-        for c, factor in zip(channels, factors, strict=True)
+        channel.values * factor if factor != 1.0 else channel.values
+        for channel, factor in zip(stated, factors, strict=True)
     ]
     way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
-    named = ", ".join(
-        f"{c.name} in {_written(c, said)}" for c, said in zip(channels[:3], given, strict=True)
-    )
+    written = [
+        f"{c.name} in {c.unit if _meant(c.unit, c) else f'{said} (as stated by the user)'}"
+        for c, said in stated.items()
+    ]
     system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
-    return system, columns, f"{named}; written as {way.tidy or '1'} and {load.tidy}"
+    return (
+        system,
+        columns,
+        f"{', '.join(written[:3])}; written as {way.tidy or '1'} and {load.tidy}",
+    )
 
 
-def _written(channel: Channel, stated: str | None) -> str:
-    """Return the unit of a channel as the file or the user states it, and who does."""
-    known = any(unit_of(channel.unit, quantity) for quantity in _quantities(channel))
-    return channel.unit if known else f"{stated} (as stated by the user)"
-
-
-def _quantities(channel: Channel) -> tuple[str, ...]:
-    """Return the quantities that a channel may hold: a strain may be called displacement."""
-    either = (both for both in QUANTITIES if channel.quantity == both[0])
-    return next(either, (channel.quantity,))
+def _meant(text: str | None, channel: Channel) -> Unit | None:
+    """Return the unit that a text means for a channel: a strain may be called displacement."""
+    either = next((both for both in QUANTITIES if channel.quantity == both[0]), (channel.quantity,))
+    units = [unit_of(text, quantity) for quantity in either] if text else []
+    return next((unit for unit in units if unit is not None), None)
 
 
 def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
     """Return the unit of a channel, as the file or the user states it; both must agree."""
-    found: list[Unit | None] = []
-    for text in (channel.unit, stated):
-        units = [unit_of(text, quantity) for quantity in _quantities(channel)] if text else []
-        found.append(next((unit for unit in units if unit is not None), None))
-    own, said = found
-    others = [kind for both in QUANTITIES[1:] for kind in both] if own is None else []
-    of_other = next((kind for kind in others if unit_of(channel.unit, kind)), None)
-    if of_other is not None and channel.quantity != "time":
-        what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a unit"
-        remedy = "name the columns of --columns in the order time, displacement, force"
-        raise InputError(f"{what} of {of_other}", file=file, remedy=remedy)
+    own, said = _meant(channel.unit, channel), _meant(stated, channel)
+    if own is None and channel.quantity != "time":
+        others = (kind for both in QUANTITIES[1:] for kind in both)
+        if of_other := next((kind for kind in others if unit_of(channel.unit, kind)), None):
+            what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a "
+            remedy = "name the columns of --columns in the order time, displacement, force"
+            raise InputError(f"{what}unit of {of_other}", file=file, remedy=remedy)
     if own is not None and stated is not None and own != said:
         what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
         raise InputError(what, file=file, remedy="leave --units out")
@@ -376,153 +365,3 @@ def _with_area(
         return way, Unit("stress", "kPa"), values * (1e3 * newtons / area)
     megapascals = UnitSystem("1", load.tidy).factor_to(UnitSystem("1", "MPa"), "force")
     return way, Unit("force", "N"), values * (megapascals * area)  # 1 MPa is 1 N/mm2
-
-
-# Signs
-
-
-class _DeadForceError(InputError):
-    """Exception for a test in which the force does not answer to the displacement."""
-
-
-def oriented_tests(
-    own: Sequence[Loaded], every: Sequence[Loaded], answers: Answers
-) -> list[Loaded]:
-    """Return a file's tests in which pressing is positive; dead ones go where others are not."""
-    prepared: list[Loaded] = []
-    dead: list[InputError] = []
-    lost: list[Recording] = []
-    for one in own:
-        try:
-            prepared.append(_oriented(one, _signs(one, every, answers), answers))
-        except _DeadForceError as error:
-            dead.append(error)
-            lost.append(one.recording)
-    if not prepared:
-        raise dead[0]
-    live = [one for one in prepared if not is_dead(one.way, one.load)] or prepared
-    lost += [one.recording for one in prepared if one not in live]
-    live[0].dropped.update(own[0].dropped)
-    for test in lost:
-        name = f"rows of '{test.name}', in which the force does not answer"
-        live[0].dropped[name] = len(test.time.values)
-    return live
-
-
-def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
-    """Return a recording in which pressing is positive, with the contact that it shows."""
-    way, load = one.way * signs.way, one.load * signs.load
-    wrong = wrong_signs(way, load)
-    if wrong and not (one.units.dimensionless and len(wrong) > 1):
-        what = f"the specimen is pressed with {joined([*wrong])} negative"
-        if answers.sign is None:
-            raise _unsure_of_sign(one.file, what)
-        remedy = "leave --sign out"
-        raise InputError(f"with --sign {answers.sign} {what}", file=one.file, remedy=remedy)
-    constant = float(np.ptp(load)) == 0.0
-    contact = sliding = None
-    if not (one.units.dimensionless or constant):
-        contact = find_contact(way, load, at_zero=one.begins_at_zero)
-        if contact is None or not contact.is_beyond(float(way[0])):
-            sliding = contact_after_sliding(way, load)
-    unused = one.recording.unused
-    findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
-    findings.append(_sign_finding(one, signs, answers))
-    if constant:
-        findings.append(
-            f"the force is {plain(float(one.load[0]))} {one.units.force} in every row: it is taken "
-            "as prescribed, and the test as creep (column control)"
-        )
-    return replace(
-        one, way=way, load=load, signs=signs, contact=contact, sliding=sliding,
-        findings=tuple(findings),
-    )  # fmt: skip
-
-
-def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:
-    """Return the signs of a recording: one for a file and layout, from parts that begin at rest."""
-    if answers.sign is not None:
-        of_way, of_load = SIGNS[answers.sign]
-        return replace(one.signs, way=of_way, load=of_load, doubt="")
-    if one.recording.pressing:
-        return replace(one.signs, way=1, load=1, doubt="")
-    if one.signs.doubt and is_dead(one.way, one.load):
-        raise _DeadForceError(
-            f"the force does not answer to the displacement: its {len(one.load)} readings scatter "
-            f"by {plain(float(np.std(one.load)), 2)} about one level",
-            file=one.file,
-            remedy="check the load cell and its cable, or leave the file out",
-        )
-    alike = [other for other in every if other.of_layout == one.of_layout and other.signs.rank]
-    within = [other for other in alike if other.file == one.file]
-    if within:
-        first = max(within, key=lambda other: (other.signs.rank, float(np.ptp(other.load))))
-        return replace(one.signs, way=first.signs.way, load=first.signs.load, doubt="")
-    found = {(other.signs.way, other.signs.load) for other in alike}
-    if len(found) != 1:
-        raise _unsure_of_sign(one.file, one.signs.doubt)
-    way, load = found.pop()
-    return replace(one.signs, way=way, load=load, doubt="")
-
-
-def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
-    return UnsureError(
-        f"the direction that presses cannot be determined: {doubt}",
-        file=file,
-        option="sign",
-        question="which columns are to be turned over so that pressing is positive "
-        f"({', '.join(SIGNS)})",
-        say="|".join(SIGNS),
-    )
-
-
-def _sign_finding(one: Loaded, signs: Signs, answers: Answers) -> str:
-    pairs = ((one.recording.way, signs.way), (one.recording.load, signs.load))
-    turned = [channel.name for channel, factor in pairs if factor < 0]
-    what = f"sign turned over: {' and '.join(turned)}" if turned else "sign kept as written"
-    if answers.sign is not None:
-        return f"{what}, as stated by the user"
-    if one.recording.pressing:
-        return f"{what}: this layout fixes it"
-    if not one.signs.rank:
-        return f"{what}: taken from the parts or files of this layout that begin at rest"
-    return (
-        f"{what}: taken as pressing, with the largest force at {signs.travel:.0%} of the travel "
-        "(a test in tension would look the same)"
-    )
-
-
-def without_copies(read: Sequence[Loaded]) -> list[Loaded]:
-    """Return the records without those that are equal, after conversion, to one before of the pad.
-
-    A machine may write one force in N and in kgf, side by side, below one another or in two files.
-    """
-    kept: list[Loaded] = []
-    for one in read:
-        same = next((k for k, other in enumerate(kept) if _equal(one, other)), None)
-        if same is None:
-            kept.append(one)
-            continue
-        names = f"{one.recording.way.name} and {one.recording.load.name}"
-        finding = f"'{one.named}' ({names}) has the same readings and is left out"
-        other = kept[same]
-        recording = other.recording
-        if recording.name.isdecimal() and other.file == one.file:
-            recording = replace(recording, name="")  # a number that told them apart
-        findings = (*other.findings, finding)
-        kept[same] = replace(other, recording=recording, findings=findings)
-    return kept
-
-
-def _equal(one: Loaded, other: Loaded) -> bool:
-    """Return whether two records are equal within the digits in which they are written."""
-    units = one.units.dimensionless == other.units.dimensionless
-    if one.pad != other.pad or len(one.time) != len(other.time) or not units:
-        return False
-    way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
-    return (
-        one.recording.began == other.recording.began
-        and same_readings(one.time - one.time[0], other.time - other.time[0])
-        and same_readings(one.way * way, other.way)
-        and same_readings(one.load * load, other.load)
-    )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.table import LARGEST_SHARE
 
 LEAST_SAMPLES = 10
@@ -62,21 +64,14 @@ def _slip(time: Floats, fall: int) -> int | None:
     return None
 
 
-class ClockError(ValueError):
-    """Exception for a clock that cannot be put in order; the text says why, ``remedy`` what to do.
-
-    Rows must not be sorted by a time that falls: those of two tests would be mixed.
-    """
-
-    def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.remedy = remedy
-
-
 def rising(
-    time: Floats, columns: list[Floats], dropped: dict[str, int]
+    time: Floats, columns: list[Floats], dropped: dict[str, int], file: Path
 ) -> tuple[Floats, list[Floats]]:
-    """Return the rows without repeated and slipped times, which are counted in ``dropped``."""
+    """Return the rows without repeated and slipped times, which are counted in ``dropped``.
+
+    An InputError is raised where a clock cannot be put in order. Rows must not be sorted by a time
+    that falls: those of two tests would be mixed.
+    """
     steps = np.diff(time)
     slips = slipped(time) if (steps < 0).any() else None
     if slips is not None:
@@ -85,16 +80,17 @@ def rising(
         steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0)) + 1
-        raise ClockError(
+        raise InputError(
             f"time falls from {time[row - 1]:.6g} to {time[row]:.6g} s at row {row + 1}",
-            "if another test begins there, export each to a file of its own; if not, mend its "
-            "clock",
+            file=file,
+            remedy="if another test begins there, export each to a file of its own; if not, mend "
+            "its clock",
         )
     same = np.append(False, steps == 0)
     count = int(np.count_nonzero(same))
     if count > _REPEATED * len(time):
         what = f"{count} of {len(time)} rows have the time of the row above"
-        raise ClockError(what, "export with more decimals of time")
+        raise InputError(what, file=file, remedy="export with more decimals of time")
     if not count:
         return time, columns
     dropped["rows with the time of the row above"] = count
@@ -102,15 +98,16 @@ def rising(
 
 
 def on_one_clock(
-    time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int]
+    time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int], file: Path
 ) -> tuple[Floats, slice]:
     """Return displacement at the force's times, and the rows of the force that it covers."""
     inside = np.flatnonzero((load_time >= time[0]) & (load_time <= time[-1]))
     if 2 * len(inside) < len(load_time):
-        raise ClockError(
+        raise InputError(
             f"the two clocks do not overlap ({time[0]:.6g} to {time[-1]:.6g} s, "
             f"{load_time[0]:.6g} to {load_time[-1]:.6g} s)",
-            "export both with one clock",
+            file=file,
+            remedy="export both with one clock",
         )
     kept = slice(int(inside[0]), int(inside[-1]) + 1)
     if lost := len(load_time) - len(inside):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -30,10 +30,21 @@ class Sight:
         """Return whether the file is of this layout."""
         return bool(self.found) and not self.missing
 
-    @property
-    def share(self) -> float:
-        """Return the share of the marks that are there, 0 to 1."""
-        return len(self.found) / max(len(self.found) + len(self.missing), 1)
+
+@dataclass(frozen=True)
+class Stated:
+    """Statements of a file on a test: ``specimen``, and when it ``began`` (s since 1970).
+
+    ``began`` is on the machine's own clock, and None without a date and a time of the day.
+    ``either`` is a date in which day and month may be exchanged, as written: ``began`` then serves
+    within that day alone. ``named`` and ``dated`` are the lines of which both were taken.
+    """
+
+    specimen: str = ""
+    began: float | None = None
+    either: str = ""
+    named: str = ""
+    dated: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +65,7 @@ class Recording:
     way: Channel  # displacement or strain
     load: Channel  # force or stress
     name: str = ""  # the test's name; empty where the file states none
-    # date of time zero (s since 1970); None where the file does not state it
-    began: float | None = None
+    stated: Stated = Stated()  # the specimen, and when time was zero
     load_time: Channel | None = None  # the load's own clock, where it has one
     # the number of rows that are no measurements, by reason
     dropped: Mapping[str, int] = field(default_factory=dict)
@@ -63,6 +73,18 @@ class Recording:
     # whether this layout fixes the signs of both, so that the user is not asked: pressing is
     # positive, and shear has the sign of its force
     pressing: bool = False
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Return time, displacement and force, and the force's own clock where it has one."""
+        own = () if self.load_time is None else (self.load_time,)
+        return (self.time, self.way, self.load, *own)
+
+    def changed(self, change: Callable[[Floats], Floats]) -> Recording:
+        """Return the recording with other values of each channel, in the order of `channels`."""
+        changed = [replace(one, values=change(one.values)) for one in self.channels]
+        time, way, load, *own = changed
+        return replace(self, time=time, way=way, load=load, load_time=own[0] if own else None)
 
 
 class UnsureError(InputError):
@@ -81,19 +103,6 @@ class UnsureError(InputError):
         """Return the same error for a command that lacks the option, naming one that has it."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
-
-
-def unsure_of_columns(names: Sequence[str], file: Path) -> UnsureError:
-    """Return the question which columns are time, displacement and force."""
-    shown = ", ".join(names)[:200]
-    return UnsureError(
-        "the names and units do not show which columns are time, displacement and force (the file "
-        f"has: {shown})",
-        file=file,
-        option="columns",
-        question=f"columns of time, displacement and force, by name or number, as 1,2,3 ({shown})",
-        say="1,2,3 (their numbers or names in this order, and with --units s,mm,N their units)",
-    )
 
 
 class Format(Protocol):
@@ -121,15 +130,13 @@ class Format(Protocol):
 class AbstractFormat(ABC):
     """Layout of the files of a testing machine or program.
 
-    ``name`` is what messages call it, ``machine`` whose files these are, ``marks`` how they are
-    recognised and ``reads`` what is read from them, each in one line. ``reference`` is where the
-    layout is described. ``general`` is true where every other layout that fits takes precedence.
+    ``name`` is what messages call it, ``machine`` whose files these are and ``reference`` where the
+    layout is described, each in one line. ``general`` is true where every other layout that fits
+    takes precedence.
     """
 
     name: ClassVar[str]
     machine: ClassVar[str]
-    marks: ClassVar[str]
-    reads: ClassVar[str]
     reference: ClassVar[str]
     general: ClassVar[bool] = False
 

@@ -1,4 +1,4 @@
-"""Read tables of text: bytes to lines, lines to cells, cells to columns of numbers and labels.
+"""Read tables of text: rows of cells to columns of numbers and labels.
 
 Tidy files, machines' text and the sheets of workbooks all pass `read_rows`. pandas reads rows that
 are all good. Where one may be bad, a slower way looks at each line: it refuses the first bad row of
@@ -7,18 +7,13 @@ a tidy file, and leaves out and counts the lines of a machine's file that are no
 
 from __future__ import annotations
 
-import csv
-import gzip
-import hashlib
 import io
 import math
 import re
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, cast
 
 import numpy as np
 import pandas as pd
@@ -26,27 +21,14 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.text import CLOCK, cells_of, is_like_number
 
-HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
 SHOWN = 60  # characters of a line that an error shows
 LARGEST_SHARE = 0.02  # share of a test's readings that may be bad; with more it is not reliable
 EXPORT = "export the measurements again"
-_MOST_CELLS = 2000  # cells of a line: more than a machine has channels
-_HEADER_LINES = 400  # more lines than any header has
-_MARKS = "\t;|,"
-_BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
-_COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
 _NO_ROW = re.compile(rb"(?m)^(#.*|[ \t]*)\n")  # a comment or a blank line of a tidy file
-_NAME = re.compile(  # a quoted name, or one with its unit
-    r"\"[^\"]*\"|[^\s(\[\"]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]"
-)
 _MINUS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[\d.,])")
 _BETWEEN_THOUSANDS = re.compile(r"(?<=\d)[ \u00a0\u202f\u2009\u2007](?=\d{3}(?!\d))")
-_CLOCK = re.compile(  # ISO 8601, or the date as in German, French or English
-    r"(\d{4}-\d\d-\d\d[T ]|\d\d?[./]\d\d?[./]\d{4} )?(\d+):(\d\d):(\d\d([.,]\d+)?)"
-    r"(Z|[+-]\d\d:?\d\d)?"
-)
-_LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + _CLOCK.pattern)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -57,148 +39,12 @@ _FOOTER, _SUMMED = 8, 3  # lines at the end in which a summary may stand, and it
 _NO_NUMBERS, _EMPTY = "lines without numbers", "rows with an empty cell"
 
 
-def digest(path: Path) -> str:
-    """Return the SHA-256 of the file's bytes on the disk."""
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise _unreadable(path, error) from error
-
-
-def head_of(path: Path, size: int = HEAD) -> bytes:
-    """Return the first bytes of a file, unzipped; all of them where the size is -1."""
-    try:
-        with path.open("rb") as raw:
-            zipped = raw.read(2) == b"\x1f\x8b"
-            raw.seek(0)
-            with cast(BinaryIO, gzip.open(raw)) if zipped else raw as stream:
-                return stream.read(size)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        remedy = "copy or compress it again"
-        raise InputError(
-            "the gzip data are cut off or damaged", file=path, remedy=remedy
-        ) from error
-    except OSError as error:
-        raise _unreadable(path, error) from error
-
-
-def content(path: Path) -> bytes:
-    """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone."""
-    data = head_of(path, -1)
-    if data.isascii() and b"\0" not in data:
-        return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
-    return decoded(data).encode()
-
-
-def _unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error of a file that the system does not let read."""
-    if path.is_dir():
-        return InputError("this is a folder", file=path, remedy="name the files in it")
-    if isinstance(error, FileNotFoundError):
-        return InputError("no such file", file=path, remedy="check the path")
-    return InputError(
-        f"cannot be read ({error.strerror or error})", file=path, remedy="check its permissions"
-    )
-
-
-def decoded(data: bytes) -> str:
-    """Return bytes as text: UTF-8, UTF-16 or Windows, without NULs; it never fails."""
-    start = data[:64]
-    if data.startswith(b"\xff\xfe") or (len(start) > 16 and not any(start[1::2])):
-        text = data.removeprefix(b"\xff\xfe").decode("utf-16-le", "replace")
-    elif data.startswith(b"\xfe\xff") or (len(start) > 16 and not any(start[::2])):
-        text = data.removeprefix(b"\xfe\xff").decode("utf-16-be", "replace")
-    else:
-        data = data.removeprefix(b"\xef\xbb\xbf")
-        try:
-            text = data.decode()
-        except UnicodeDecodeError as error:  # the last letter of a head may be cut
-            cut = error.start > len(data) - 4
-            text = data.decode("utf-8" if cut else "cp1252", "replace")
-    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def is_text(head: bytes) -> bool:
-    """Return whether the first bytes of a file are text: without signs that none has."""
-    return _BINARY.search(decoded(head)) is None
-
-
-def cells_of(line: str, separator: str) -> list[str]:
-    """Return the cells of a line without quotation marks and blanks, or an endless line itself."""
-    if line.count(separator) >= _MOST_CELLS:
-        return [line]
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    try:
-        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error:  # an overlong field
-        return [line]
-    return [cell.strip() for cell in cells]
-
-
-def separator_of(line: str) -> str:
-    """Return the tab, semicolon, bar or comma that separates three cells or more of a line."""
-    several = (mark for mark in _MARKS if line.count(mark) > 1)
-    return next(several, max(_MARKS, key=line.count))
-
-
-@dataclass(frozen=True)
-class Lines:
-    """Lines at the beginning of a text, and the offset in bytes at which each starts."""
-
-    texts: tuple[str, ...]
-    starts: tuple[int, ...]
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> Lines:
-        """Return the first lines of a text as ``content`` gives it."""
-        parts = data.split(b"\n", _HEADER_LINES)[:_HEADER_LINES]
-        starts = np.cumsum([0, *(len(part) + 1 for part in parts)])
-        return cls(
-            tuple(part.decode("utf-8", "replace") for part in parts),
-            tuple(min(int(start), len(data)) for start in starts),
-        )
-
-    def cells(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield each line's number (from 0) and its cells, separated by its own separator."""
-        for number, text in enumerate(self.texts):
-            yield number, cells_of(text, separator_of(text))
-
-
-def with_tabs(data: bytes) -> tuple[bytes, bool]:
-    """Return a text with tabs where blanks separate its numbers, and whether they do."""
-    data = _COMMENT.sub(b"", data)
-    lines = Lines.from_bytes(data)
-    for number, line in enumerate(lines.texts):
-        cells = [cell.strip('"') for cell in line.split()]
-        alone = all(is_like_number(cell) and cell[-1] not in ",;" for cell in cells)
-        if len(cells) < 3 or not alone:
-            continue
-        if "\t" in line:
-            return data, False
-        names = map(_NAME.findall, lines.texts[:number])
-        head = [
-            "\t".join(some) if len(some) in (len(cells), len(cells) - 1) else text
-            for some, text in zip(names, lines.texts, strict=False)
-        ]
-        rows = re.sub(rb"[ \t]+", b"\t", data[lines.starts[number] :])
-        rows = re.sub(rb"(?m)^\t|\t$", b"", rows)
-        return "".join(f"{line}\n" for line in head).encode() + rows, True
-    return data, False
-
-
 # Cells
 
 
 def plain_number(text: str) -> str:
     """Return numbers with ASCII's minus and without spaces at thousands: '1 234,5' -> '1234,5'."""
     return _BETWEEN_THOUSANDS.sub("", _MINUS.sub("-", text))
-
-
-def is_like_number(cell: str) -> bool:
-    """Return whether a cell may be a number, with whatever decimal mark, or a time of hh:mm:ss."""
-    return _LIKE_NUMBER.fullmatch(cell) is not None
 
 
 def are_numbers(cells: Sequence[str], indices: Sequence[int]) -> bool:
@@ -215,7 +61,7 @@ def parse_number(text: str, decimal: str) -> float | None:
 
 def with_point(cell: str, decimal: str) -> str:
     """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
-    if clock := _CLOCK.fullmatch(cell):
+    if clock := CLOCK.fullmatch(cell):
         minutes = 60 * int(clock[2]) + int(clock[3])  # the rows tell where a day ends
         return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:
@@ -414,17 +260,17 @@ def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | Non
         value = parse_number(cell, decimal)
         if value is not None and math.isfinite(value):
             continue
+        what = "is not a number"
         if not cell:
             return f"{name} is empty", write
         if cell.lower() in _MISSING:
-            return f"{name} is missing ('{cell}')", write
-        if value is not None or _INFINITE.fullmatch(cell):
-            return f"{name} is not finite ('{cell[:40]}')", write
-        if parse_number(cell, other) is not None:
-            mark = "decimal comma" if other == "," else "decimal point"
-            what = f"{name} has a {mark} ('{cell}')"
-            return what, f"write '{decimal}' as the decimal mark throughout"
-        return f"{name} is not a number ('{cell[:40]}')", write
+            what = "is missing"
+        elif value is not None or _INFINITE.fullmatch(cell):
+            what = "is not finite"
+        elif parse_number(cell, other) is not None:
+            what = "has a decimal comma" if other == "," else "has a decimal point"
+            write = f"write '{decimal}' as the decimal mark throughout"
+        return f"{name} {what} ('{cell[:40]}')", write
     return None
 
 

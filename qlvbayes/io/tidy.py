@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import LABELS, split_name
+from qlvbayes.io.columns import LABELS, in_cells, quantities, split_name
 from qlvbayes.io.files import stem_of
-from qlvbayes.io.table import (
-    EXPORT,
-    HEAD,
-    THOUSANDS,
-    cells_of,
-    content,
-    decoded,
-    head_of,
-    is_text,
-)
+from qlvbayes.io.table import EXPORT, THOUSANDS
+from qlvbayes.io.text import HEAD, cells_of, content, decoded, head_of, is_like_number, is_text
 from qlvbayes.io.units import (
     PAD,
     SAME,
@@ -38,17 +30,9 @@ _HEAD = 1 << 19  # bytes in which the header stands, below the comments of a con
 _SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _SEPARATOR_LINE = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _FRACTION = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _TWICE = ("displacement", "force", "strain", "stress")  # what may stand there in two units
 _COUNTERPART = {"strain": "displacement", "stress": "force"}
 _COUNTERPART |= {other: one for one, other in _COUNTERPART.items()}
-_OTHER_WORDS = {
-    "time": ("t",),
-    "displacement": ("disp", "position", "depth", "indentation", "stroke", "extension"),
-    "force": ("load", "f"),
-    "strain": ("eps", "epsilon"),
-    "stress": ("sigma",),
-}
 
 
 @dataclass(frozen=True)
@@ -118,20 +102,11 @@ def sniff(path: Path) -> Dialect:
         raise InputError("there are no rows below the header", file=path, line=line, remedy=EXPORT)
     used = {column.index for column in (*numeric.values(), *labels.values())}
     ignored = tuple(name for i, name in enumerate(names) if i not in used and name)
-    decimal = "."
-    for _, row in chain(written[1:], rows):
-        cells = cells_of(row, separator)
-        several = [cells[c.index] for c in numeric.values() if c.index < len(cells)]
-        # "1,234" in a comma-separated file may well be a thousand
-        marks = [
-            match[1]
-            for cell in several
-            if (separator != "," or not THOUSANDS.fullmatch(cell))
-            and (match := _FRACTION.fullmatch(cell))
-        ]
-        if marks:
-            decimal = marks[0]
-            break
+    below = (cells_of(row, separator) for _, row in chain(written[1:], rows))
+    numbers = (row[c.index] for row in below for c in numeric.values() if c.index < len(row))
+    # "1,234" in a comma-separated file may well be a thousand
+    plain = (x for x in numbers if separator != "," or not THOUSANDS.fullmatch(x))
+    decimal = next((match[1] for cell in plain if (match := _FRACTION.fullmatch(cell))), ".")
     return Dialect(units, numeric, labels, ignored, len(names), separator, decimal, line)
 
 
@@ -140,115 +115,79 @@ def _columns(
 ) -> tuple[UnitSystem, dict[str, Column], dict[str, Column]]:
     """Return the file's own units, and the columns of numbers and of labels."""
     fail = partial(InputError, file=file, line=line)
-    if sum(bool(_NUMBER.fullmatch(name)) for name in names) > 1:
-        raise fail(
-            "the first line has numbers, not column names",
-            remedy="add a header line such as time_s,displacement_mm,force_N",
-        )
+    if sum(map(is_like_number, names)) > 1:
+        remedy = "add a header line such as time_s,displacement_mm,force_N"
+        raise fail("the first line has numbers, not column names", remedy=remedy)
     found: dict[str, Column] = {}
     unknown: list[tuple[str, str, str]] = []
     for index, name in enumerate(names):
-        if (parts := split_name(name)) is None:
-            continue
-        quantity, suffix = parts
+        quantity, suffix = split_name(name) or ("", "")
         scales = SUFFIXES.get(quantity, {"": SAME})
-        if suffix not in scales:
+        if quantity and suffix not in scales:
             unknown.append((quantity, suffix, name))
-            continue
-        twin = f"{quantity} 2"  # of a quantity that stands there in two units
-        if quantity in _TWICE and quantity in found and found[quantity].suffix != suffix:
-            quantity = twin if twin not in found else quantity
-        if quantity in found:
-            both = f"'{found[quantity].name}' and '{name}'"
-            raise fail(f"two columns for {quantity}: {both}", remedy="delete one of them")
-        found[quantity] = Column(index, name, suffix, scales[suffix])
+        elif quantity:
+            if quantity in _TWICE and quantity in found and found[quantity].suffix != suffix:
+                quantity += " 2"
+            if quantity in found:
+                both = f"'{found[quantity].name}' and '{name}'"
+                raise fail(f"two columns for {quantity}: {both}", remedy="delete one of them")
+            found[quantity] = Column(index, name, suffix, scales[suffix])
     for quantity, suffix, name in unknown:
         if quantity not in found and _COUNTERPART.get(quantity) not in found:  # no force_raw
             what = f"the unit '{suffix}' of '{name}' is unknown" if suffix else (
                 f"'{name}' has no unit"
             )  # fmt: skip
-            remedy = f"rename it to {_spellings(quantity)} and convert its values to that unit"
+            remedy = f"rename it to {_spelled(quantity)} and convert its values to that unit"
             raise fail(what, remedy=remedy)
-    kind = _kind(found, fail)
-    _refuse_missing(names, found, kind, file, fail)
+    kind, other = (STRAIN, PAD) if {"strain", "stress"} & set(found) else (PAD, STRAIN)
+    alien = [other.displacement_name, other.force_name, f"{other.force_name}_sd"]
+    if "rate" in found and (found["rate"].suffix == "1_s") != (kind is STRAIN):
+        alien.append("rate")
+    if wrong := [found[key].name for key in alien if key in found]:
+        what = f"'{wrong[0]}' does not go with {kind.displacement_name} and {kind.force_name}"
+        remedy = "give displacement, force and rate_mm_s, or strain, stress and rate_1_s"
+        raise fail(what, remedy=remedy)
     keys = {"time": "time", "displacement": kind.displacement_name, "force": kind.force_name}
+    if missing := [key for key in keys.values() if key not in found]:
+        what = f"no column for {' and '.join(missing)} (the file has: {', '.join(names)[:200]})"
+        raise fail(what, remedy=_remedy(missing, names, file))
     keys["force_sd"] = f"{kind.force_name}_sd"
     keys |= {f"{key} 2": f"{keys[key]} 2" for key in ("displacement", "force")}
-    numeric = {key: found[own] for key, own in keys.items() if own in found}
-    labels = {key: found[key] for key in (*LABELS, "rate", "start", "contact_sd") if key in found}
-    way, load = numeric["displacement"], numeric["force"]
-    system = unit_system("1" if kind is STRAIN else way.suffix, load.suffix)
+    way, load = found[keys["displacement"]], found[keys["force"]]
     own = dict.fromkeys(("displacement", "displacement 2", "rate", "contact_sd"), way.scale)
     own |= dict.fromkeys(("force", "force 2", "force_sd"), load.scale)
-
-    def scaled(columns: dict[str, Column]) -> dict[str, Column]:
-        return {
-            key: replace(column, scale=column.scale.over(own.get(key, SAME)))
-            for key, column in columns.items()
-        }
-
-    return system, scaled(numeric), scaled(labels)
-
-
-def _kind(found: Mapping[str, Column], fail: partial[InputError]) -> UnitSystem:
-    """Return whether a file has displacement and force, or strain and stress."""
-    for one, other in (("displacement", "strain"), ("force", "stress")):
-        if one in found and other in found:
-            both = f"'{found[one].name}' and '{found[other].name}'"
-            raise fail(f"two columns for one quantity: {both}", remedy="delete one of them")
-    kind, not_this = (STRAIN, PAD) if {"strain", "stress"} & set(found) else (PAD, STRAIN)
-    for key in (not_this.displacement_name, not_this.force_name, f"{not_this.force_name}_sd"):
-        if key in found:
-            pair = f"{kind.displacement_name} and {kind.force_name}"
-            raise fail(
-                f"'{found[key].name}' does not go with {pair}",
-                remedy="give displacement with force, or strain with stress",
-            )
-    if "rate" in found and (found["rate"].suffix == "1_s") != (kind is STRAIN):
-        right = "1_s" if kind is STRAIN else "mm_s"
-        raise fail(f"'{found['rate'].name}' is of the wrong unit", remedy=f"give rate_{right}")
-    return kind
+    declared = (*LABELS, "rate", "start", "contact_sd")
+    keys |= dict(zip(declared, declared, strict=True))
+    scaled = {
+        key: replace(column, scale=column.scale.over(own.get(key, SAME)))
+        for key, name in keys.items()
+        if (column := found.get(name)) is not None
+    }
+    labels = {key: scaled.pop(key) for key in declared if key in scaled}
+    system = unit_system("1" if kind is STRAIN else way.suffix, load.suffix)
+    return system, scaled, labels
 
 
-def _refuse_missing(
-    names: Sequence[str],
-    found: Mapping[str, Column],
-    units: UnitSystem,
-    file: Path,
-    fail: partial[InputError],
-) -> None:
-    needed = ("time", units.displacement_name, units.force_name)
-    missing = [quantity for quantity in needed if quantity not in found]
-    if not missing:
-        return
-    remedies = [remedy for quantity in missing if (remedy := _rename(quantity, names))]
+def _remedy(missing: Sequence[str], names: Sequence[str], file: Path) -> str:
+    """Return how columns that lack are named, where others mean them, or how they are stated."""
     if len(names) == 1:
-        remedies = ["separate the columns by commas"]
-    elif len(remedies) < len(missing):
-        wanted = (column_name(quantity, next(iter(SUFFIXES[quantity]))) for quantity in missing)
+        return "separate the columns by commas"
+    meant = {key: column for key, column in quantities(in_cells(names)).items() if key in missing}
+    remedies = [
+        f"rename '{names[one.index]}' to "
+        + (column_name(key, one.unit) if one.unit in SUFFIXES[key] else _spelled(key))
+        for key, one in meant.items()
+    ]
+    if len(meant) < len(missing):
+        wanted = (column_name(key, next(iter(SUFFIXES[key]))) for key in missing)
         remedies.append(f"the columns needed are {', '.join(wanted)}")
-    if len(names) >= len(needed):
+    if len(names) > 2:
         typed = as_typed("qlvbayes", "look", str(file))
         remedies.append(f"or name three of them: {typed} --columns T,X,F -o tidy.csv")
-    shown = ", ".join(names[:12])[:200]
-    what = f"no column for {' and '.join(missing)} (the file has: {shown})"
-    raise fail(what, remedy="; ".join(remedies))
+    return "; ".join(remedies)
 
 
-def _rename(quantity: str, names: Sequence[str]) -> str | None:
-    """Return the remedy for a column that means the quantity but is spelled 'Force [N]'."""
-    words = (quantity, *_OTHER_WORDS[quantity])
-    for name in names:
-        first, *rest = re.findall(r"[A-Za-zµμ]+|$", name)
-        if first.lower() in words:
-            units = [re.sub("[µμ]", "u", unit) for unit in rest]
-            known = [unit for unit in units if unit and unit in SUFFIXES[quantity]]
-            new = column_name(quantity, known[-1]) if known else _spellings(quantity)
-            return f"rename '{name}' to {new}"
-    return None
-
-
-def _spellings(quantity: str) -> str:
+def _spelled(quantity: str) -> str:
     return " or ".join(column_name(quantity, suffix) for suffix in SUFFIXES[quantity])
 
 

@@ -157,20 +157,17 @@ class Scale:
 
 SAME = Scale()
 
+
+def _scales(first: str, *others: str) -> dict[str, Scale]:
+    """Return the ratio of each unit to the first one."""
+    decades = {unit: _decades(unit, first) for unit in (first, *others)}
+    return {unit: Scale(10 ** max(n, 0), 10 ** max(-n, 0)) for unit, n in decades.items()}
+
+
 _TIME = {"s": SAME, "ms": Scale(down=1000), "min": Scale(up=60)}
-_LENGTH = {
-    "mm": SAME,
-    "um": Scale(down=1000),
-    "nm": Scale(down=1_000_000),
-    "m": Scale(up=1000),
-}
-_FORCE = {
-    "N": SAME,
-    "mN": Scale(down=1000),
-    "uN": Scale(down=1_000_000),
-    "nN": Scale(down=1_000_000_000),
-}
-_STRESS = {"kPa": SAME, "MPa": Scale(up=1000), "Pa": Scale(down=1000)}
+_LENGTH = _scales("mm", "um", "nm", "m")
+_FORCE = _scales("N", "mN", "uN", "nN")
+_STRESS = _scales("kPa", "MPa", "Pa")
 
 SUFFIXES: dict[str, dict[str, Scale]] = {
     "time": _TIME,

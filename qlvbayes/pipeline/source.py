@@ -22,7 +22,7 @@ from qlvbayes.io.formats import known_formats, matching
 from qlvbayes.io.layouts import TWO_CLOCKS
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.recording import Format
-from qlvbayes.io.table import head_of
+from qlvbayes.io.text import head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
 from qlvbayes.io.wording import UNNAMED, as_typed, listed

@@ -17,7 +17,7 @@ from qlvbayes.fitting.results import load
 from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.io.table import digest
+from qlvbayes.io.text import digest
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: bench not opened")
 for needed in ("starlette", "uvicorn", "python_multipart"):

@@ -23,7 +23,7 @@ from qlvbayes.io.formats import (
 )
 from qlvbayes.io.layouts import BLUEHILL_3
 from qlvbayes.io.recording import AbstractFormat
-from qlvbayes.io.table import HEAD
+from qlvbayes.io.text import HEAD
 from qlvbayes.io.units import unit_of
 
 TEST = STORED

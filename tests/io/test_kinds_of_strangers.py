@@ -114,7 +114,7 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
     found = convert([path])
     assert [test.test for test in found.tests] == ["vitesse lente", "vitesse moyenne"]
     (dropped,) = found.tests[0].dropped
-    assert dropped == "rows of the mean specimen's sheet 'Moyenne'"
+    assert dropped == "rows of the mean specimen 'Moyenne'"
 
 
 @pytest.mark.parametrize(

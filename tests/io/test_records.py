@@ -12,9 +12,10 @@ from qlvbayes.comparison.side import Side, unheld_times
 from qlvbayes.fitting.optimum import find_start
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import find_contact, is_dead
-from qlvbayes.io.conversion import convert, pad_in, suggested_pattern
+from qlvbayes.io.conversion import convert
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.loading import Answers, pattern_of
+from qlvbayes.io.naming import pad_in, suggested_pattern
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices

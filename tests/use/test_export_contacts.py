@@ -13,7 +13,7 @@ from simulators import of_drake, of_mujoco
 from support.endtoend import PADS, call
 from support.exported_pad import exported, write_fit
 
-from qlvbayes.io.table import digest
+from qlvbayes.io.text import digest
 from qlvbayes.use.exports.reduction import pressing
 from qlvbayes.use.exports.simulators import Drake, MuJoCo, hunt_crossley, soft_constraint
 from qlvbayes.use.exports.target import Geometry

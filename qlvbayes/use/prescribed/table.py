@@ -10,7 +10,8 @@ import numpy as np
 from qlvbayes.comparison.programmes import RAMP_POINTS, hold
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import split_name
-from qlvbayes.io.table import content, parse_number
+from qlvbayes.io.table import parse_number
+from qlvbayes.io.text import content
 from qlvbayes.io.units import SUFFIXES, UnitSystem, column_name
 from qlvbayes.use.prescribed.program import MOST, Program
 

@@ -1,0 +1,216 @@
+"""Split the rows below a table's names into tests: side by side, one below another, by specimen."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.arrays import Array as Floats
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.columns import (
+    NamedColumn,
+    chosen,
+    in_cells,
+    measured,
+    on_clock,
+    plain_name,
+    recording,
+    sheared_instead,
+    side_by_side,
+)
+from qlvbayes.io.header import NAMES, Header, are_units
+from qlvbayes.io.recording import Channel, Recording
+from qlvbayes.io.table import SHOWN, Form, Labels, read_rows
+from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
+from qlvbayes.io.units import unit_of
+
+LEAST = 10  # lines that a test has at least
+_SAME = 0.05  # of the travel, and of the force's range, within which a block goes on,
+_LOADED = 0.1  # and of the largest force, above which a test has not ended
+_MOST_TESTS = 200  # of one file: a column that changes more often is a counter
+_LETTERS = re.compile(rb"(?m)^[\"'(\[# ]*[^\d\s.,;+\-][^\n]*$")  # lines that begin with a letter
+_SPECIMEN = re.compile(
+    r"(specimen|sample|probe|prufling|eprouvette|echantillon|probeta|muestra|provino|campione|pad"
+    r"|test|trial|run|versuch|essai|prova|ensayo)( ?(id|name|label|number|no|nr|nummer|numero))?"
+)
+
+
+def tests_below(
+    header: Header, data: bytes, lines: Lines, file: Path, name: str, above: int, part: str
+) -> list[Recording]:
+    """Return the tests of a text below its header, mostly one, whose names begin with ``name``.
+
+    Where the names are repeated and time goes on, the test goes on; where the clock begins anew, so
+    does a test. ``above`` is the number of the file's lines before this text; ``part`` is what a
+    part of several is called.
+    """
+    table = _Table.below(header, lines, file, name, above)
+    names = lines.texts[header.line] if header.line < header.first else "\0"
+    units = "\n".join(lines.texts[header.line + 1 : header.first]).encode()
+    first = above + header.first + 1
+    parts: list[list[Recording]] = []
+    below = data[lines.starts[header.first] :]
+    for rows in re.split(b"(?m)^" + re.escape(names.encode()) + b"\n", below):
+        if units.strip() and rows.startswith(units + b"\n"):
+            rows = b"\n" * (units.count(b"\n") + 1) + rows[len(units) + 1 :]
+        if not parts or rows.count(b"\n") >= LEAST:  # else names left over at the end
+            table.refuse_other_header(rows, first)
+            tests = table.tests(rows, first)
+            if parts and _goes_on(parts[-1], tests, file, first - 1):
+                parts[-1] = [_together(*pair) for pair in zip(parts[-1], tests, strict=True)]
+            else:
+                parts.append(tests)
+        first += rows.count(b"\n") + 1
+    if len(parts) == 1:
+        return parts[0]
+    return [
+        replace(test, name=f"{part} {number} {test.name}".strip())
+        for number, tests in enumerate(parts, 1)
+        for test in tests
+    ]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Table whose tests are side by side in ``groups`` of columns, each with its title.
+
+    ``label`` is the column that names specimens, where there is one group.
+    """
+
+    header: Header
+    separator: str
+    file: Path
+    name: str
+    groups: Sequence[tuple[str, dict[str, NamedColumn]]]
+    label: NamedColumn | None
+
+    @classmethod
+    def below(cls, header: Header, lines: Lines, file: Path, name: str, above: int) -> _Table:
+        """Return the table below a header."""
+        columns, separator = header.columns, separator_of(lines.texts[header.line])
+        if header.picked is not None:
+            return cls(header, separator, file, name, [("", header.picked)], None)
+        groups = side_by_side(columns, chosen(columns, file, above + header.line + 1))
+        if len(groups) == 1:
+            label = next((c for c in columns if _SPECIMEN.fullmatch(plain_name(c.name))), None)
+            return cls(header, separator, file, name, [("", groups[0])], label)
+        over = cells_of(lines.texts[header.line - 1], separator) if header.line else []
+        titles = list(dict.fromkeys(title.strip() for title in over if title.strip()))
+        if len(titles) != len(groups):
+            titles = [str(k + 1) for k in range(len(groups))]
+        return cls(header, separator, file, name, list(zip(titles, groups, strict=True)), None)
+
+    def tests(self, rows: bytes, first: int) -> list[Recording]:
+        """Return the tests in rows, of which the first is on that line of the file."""
+        columns, clock = self.header.columns, self.header.clock
+        width = max(column.index for column in columns) + 1
+        labels = [] if self.label is None else [self.label.index]
+        found = []
+        for title, one in self.groups:
+            sheared = None if self.header.picked else sheared_instead(columns, one)
+            used = [*one.values(), *(sheared or {}).values(), *([clock] if clock else [])]
+            form = Form(self.separator, [(c.index, c.name) for c in used], labels, names=width)
+            read = read_rows(rows, form, self.file, first)
+            values = read.columns[:NAMES]
+            if sheared and _shear_moved(values[1], read.columns[NAMES + 1], sheared["strain"]):
+                one, values = sheared, read.columns[NAMES:]
+            own = on_clock(one, read.clocks, self.file)
+            test = recording(columns, own, values, read.dropped, f"{self.name} {title}".strip())
+            if clock is not None:
+                own_time = Channel("time", read.columns[NAMES], clock.unit, clock.name)
+                unused = tuple(c for c in test.unused if c != clock.name)
+                test = replace(test, load_time=own_time, unused=unused)
+            found += (
+                [test] if self.label is None else _by_specimen(test, self.label, read.labels[0])
+            )
+        return found
+
+    def refuse_other_header(self, rows: bytes, first: int) -> None:
+        """Raise InputError where names or units other than those of the columns are among rows."""
+        columns = self.header.columns
+        for found in _LETTERS.finditer(rows):
+            text = found[0].decode("utf-8", "replace")
+            cells = cells_of(text, self.separator)
+            if len(cells) < NAMES or any(map(is_like_number, cells)):
+                continue
+            same = [cell.strip("()[]") for cell in cells] == [column.unit for column in columns]
+            named = in_cells(cells)
+            pairs = zip(named, columns, strict=False)
+            agree = all(one.name in ("", other.name) for one, other in pairs)  # a cut last line
+            if (all(measured(named).values()) and not agree) or (are_units(cells) and not same):
+                raise InputError(
+                    f"names or units other than those above begin here ('{text.strip()[:SHOWN]}')",
+                    file=self.file,
+                    line=first + rows.count(b"\n", 0, found.start()),
+                    remedy="export each test to a file of its own",
+                )
+
+
+def _shear_moved(gap: Floats, strain: Floats, named: NamedColumn) -> bool:
+    """Return whether a rheometer sheared a specimen rather than squeezed it."""
+    unit = unit_of(named.unit, "strain")
+    squeezed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
+    return float(np.ptp(strain)) * (unit.factor if unit else 1.0) > squeezed
+
+
+def _by_specimen(test: Recording, label: NamedColumn, named: Labels) -> list[Recording]:
+    """Return a test for each stretch of rows with one name of a specimen, or the test itself."""
+    cuts = [0, *(np.flatnonzero(np.diff(named.codes)) + 1).tolist(), len(named.codes)]
+    if not 2 < len(cuts) <= _MOST_TESTS + 1 or min(np.diff(cuts)) < LEAST:
+        return [test]
+    unused = tuple(name for name in test.unused if name != label.name)
+    tests = []
+    for begin, end in pairwise(cuts):
+        text = named.texts[named.codes[begin]]
+        own = f"{label.name} {text}" if text.isdigit() else text
+        part = test.changed(itemgetter(slice(begin, end)))
+        full, dropped = f"{test.name} {own}".strip(), {} if begin else test.dropped
+        tests.append(replace(part, name=full, dropped=dropped, unused=unused))
+    return tests
+
+
+def _goes_on(
+    before: Sequence[Recording], after: Sequence[Recording], file: Path, line: int
+) -> bool:
+    """Return whether a part below repeated names goes on with the tests of the part before.
+
+    It does where time does. Where the clock begins anew although displacement and force go on under
+    load, nobody knows how long the pause was: that is refused.
+    """
+    if len(before) != len(after):
+        return False
+    pairs = list(zip(before, after, strict=True))
+    if all(new.time.values[0] >= old.time.values[-1] for old, new in pairs):
+        return True
+    if all(_continues(old, new) for old, new in pairs):
+        what = "the clock begins anew here, and displacement and force go on from the rows above"
+        remedy = (
+            "export the test with one clock, or each part to a file of its own if the specimen was "
+            "unloaded between them"
+        )
+        raise InputError(what, file=file, line=line, remedy=remedy)
+    return False
+
+
+def _continues(old: Recording, new: Recording) -> bool:
+    """Return whether a part begins where the part before ended, which was still loaded."""
+    way, load = old.way.values, old.load.values
+    peak = float(np.abs(load).max())
+    if abs(float(load[-1])) < _LOADED * peak or peak == 0.0:
+        return False
+    moved = abs(float(new.way.values[0] - way[-1])) > _SAME * float(np.ptp(way))
+    return not moved and abs(float(new.load.values[0] - load[-1])) < 2.0 * _SAME * peak
+
+
+def _together(before: Recording, after: Recording) -> Recording:
+    """Return two parts of one test as one."""
+    more = iter(channel.values for channel in after.channels)
+    joint = before.changed(lambda values: np.append(values, next(more)))
+    return replace(joint, dropped=dict(Counter(before.dropped) + Counter(after.dropped)))
