@@ -85,7 +85,7 @@ def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **chan
         pad="B", noise=NOISE, verdict=verdict, effects=tuple(added), group=tuple(added[-1:]),
         base=Base(*LAWS, 0.99), bases=(Base(*LAWS, 0.99),), alternatives=(), outside=0.0,
         stages=tuple(stages), ranking=ranking(added[-1] if added else "friction"),
-        not_identifiable=(Unseen("own_effect", "no test unloads"),), biases=(), coincident=(),
+        not_identifiable=(Unseen("own_effect", "no test unloads"),), biases=(),
         worst=Worst(tests[0], "ramp", 12.0 * NOISE, 0.0), settings=USED,
     )  # fmt: skip
     return replace(found, **changes)

@@ -187,7 +187,9 @@ def _memory_terms() -> Iterator[Term]:
             f"{formula}, dq{{n}}/dt = {memory.formula} - q{{n}}/tau{{n}}"
             if not memory.lags
             else f"{formula}, dq{{n}}/dt = ({memory.formula} - q{{n}})/tau{{n}}",
-            "q{n} * (depth > 0.0)" if enters == "force" else "q{n}",  # a pad off the platen adds none
+            "q{n} * (depth > 0.0)"
+            if enters == "force"
+            else "q{n}",  # a pad off the platen adds none
             unit,
             (Shape("tau", "time", "memory", "LogUniform(*resolved_times(scales))"),),
             memory,
