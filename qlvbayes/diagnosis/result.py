@@ -203,15 +203,8 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
     support: Support | None = None
 
 
-class Unseen(Part, frozen=True):
-    """An effect that these tests cannot show, with the reason."""
-
-    effect: str
-    reason: str
-
-
-class Refused(Part, frozen=True):
-    """An effect that is probable but not named, with the reason."""
+class Excluded(Part, frozen=True):
+    """An effect that the tests cannot show, or one that is probable but not named: why."""
 
     effect: str
     reason: str
@@ -382,9 +375,9 @@ class DiagnosisResult(
     constants: dict[str, Estimate] = msgspec.field(default_factory=dict)
     stages: Annotated[tuple[Stage, ...], msgspec.Meta(min_length=1)]
     ranking: tuple[Ranked, ...]
-    not_identifiable: tuple[Unseen, ...]
+    not_identifiable: tuple[Excluded, ...]
     biases: tuple[ParameterBias, ...] = ()
-    refused: tuple[Refused, ...] = ()
+    refused: tuple[Excluded, ...] = ()
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
     discrepancy: float = 0.0

@@ -289,17 +289,11 @@ def averaged(
     .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
     """
     weights = softmax(np.asarray(log_weights, dtype=float))
-    first, *others = hypotheses
-    return {
-        name: _mixture(weights, [own[name] for own in hypotheses])
-        for name in first
-        if all(name in own for own in others)
-    }
-
-
-def _mixture(weights: Array, estimates: Sequence[Estimate]) -> Estimate:
-    """Return mean and sd of a mixture of estimates."""
-    means, sds = (np.array([getattr(e, key) for e in estimates]) for key in ("mean", "sd"))
-    mean = float(weights @ means)
-    variance = float(weights @ (sds**2 + (means - mean) ** 2))
-    return Estimate(estimates[0].unit, mean, variance**0.5)
+    found = {}
+    for name, first in hypotheses[0].items():
+        if all(name in own for own in hypotheses):
+            means, sds = np.array([(own[name].mean, own[name].sd) for own in hypotheses]).T
+            mean = float(weights @ means)
+            variance = float(weights @ (sds**2 + (means - mean) ** 2))
+            found[name] = Estimate(first.unit, mean, variance**0.5)
+    return found

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.result import ParameterBias, Unseen
+from qlvbayes.diagnosis.result import Excluded, ParameterBias
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Parameters
@@ -76,10 +76,10 @@ def _response(
     return Response(name, own.names[amplitude.constant], size, total, information, shift)
 
 
-def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
+def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Excluded]:
     """Return the effects that these tests cannot show, with the reason."""
     return [
-        Unseen(
+        Excluded(
             one.effect,
             type(search.density.space.effects[one.effect]).blind(protocol)
             or f"{TOO_ALIKE} (2 ln Bayes factor {one.evidence:.1f} expected at 5 % of the peak "
@@ -90,10 +90,10 @@ def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list
     ]
 
 
-def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Unseen]:
+def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Excluded]:
     """Return effects of a velocity or acceleration that displacement records do not give."""
     reasons = {kind.name: kind.unmeasured(protocol) for kind in kinds}
-    return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
+    return [Excluded(name, reason) for name, reason in reasons.items() if reason is not None]
 
 
 def parameter_biases(some: Sequence[Response], baseline: Candidate) -> list[ParameterBias]:

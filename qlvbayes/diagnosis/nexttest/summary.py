@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Rig, names_of
@@ -10,7 +11,6 @@ from qlvbayes.diagnosis.nexttest.records import ReadingErrors
 from qlvbayes.diagnosis.nexttest.result import (
     Bits,
     ExplanationSummary,
-    Limits,
     NextTests,
     Proposed,
     Width,
@@ -57,7 +57,7 @@ def summarize(
         units=units,
         constants=goal.constants,
         cause=goal.cause,
-        limits=Limits(rig.depth, rig.speed, rig.acceleration, rig.interval, rig.rows),
+        limits=rig,
         minutes=minutes,
         seed=seed,
         screened=series.screened,
@@ -68,9 +68,6 @@ def summarize(
         outside=belief.outside,
         missed=errors.missed,
         tests=tuple(tests),
-        considered=tuple(
-            _proposed(f"option-{k + 1}", one, units, goal) for k, one in enumerate(series.options)
-        ),
         together=_bits(*(float(value[0]) for value in (constants, *bounds))),
         widths=_widths(belief, series, units),
         notices=tuple(_notices(belief, errors, series, units)),
@@ -84,14 +81,7 @@ def _proposed(name: str, one: Option, units: UnitSystem, goal: Goal) -> Proposed
     return Proposed(
         name=name,
         words=design.words(units),
-        depth=design.depth,
-        speed=design.speed,
-        acceleration=design.acceleration,
-        hold=design.hold,
-        share=design.share,
-        rest=design.rest,
-        cycles=design.cycles,
-        pause=design.wait,
+        **asdict(design),
         duration=design.duration,
         minutes=design.minutes,
         constants=one.constants,

@@ -24,7 +24,7 @@ from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
     Base,
     DiagnosisResult,
-    Refused,
+    Excluded,
     Suggestion,
     Worst,
 )
@@ -62,7 +62,7 @@ def summarize(
         pad=experiment.pad,
         units=experiment.units,
         noise=experiment.floor.total,
-        refused=tuple(Refused(name, why) for name, why in refused),
+        refused=tuple(Excluded(name, why) for name, why in refused),
         **_decided(outcome, decision, selected),
         ranking=ranking,
         **_left(outcome, selected, path),
