@@ -63,9 +63,7 @@ class Series:
 
     tests: tuple[Option, ...]
     screened: int  # number of designs that fitted
-    # now, after: products of no test and of all tests
-    now: Products
-    after: Products
+    after: Products  # products of all tests
 
     @property
     def minutes(self) -> float:
@@ -107,7 +105,7 @@ def plan_series(
     options = _options(belief, designs, products, goal, none)
     plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST_TESTS))
     chosen, after = plan.extend(_best(options, goal, plan.allowed_first(options)))
-    return Series(tuple(chosen), int(finite.sum()), none, after)
+    return Series(tuple(chosen), int(finite.sum()), after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,5 +193,5 @@ def _best(options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]) -> 
     values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)
     if not goal.cause:
         return options[int(np.argmax(values))]
-    near = np.flatnonzero(values >= values.max() - _AS_GOOD)
+    near = np.flatnonzero(values >= values.max() - _AS_GOOD).tolist()
     return min((options[k] for k in near), key=lambda one: one.design.minutes)

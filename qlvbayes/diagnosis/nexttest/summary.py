@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
+import numpy as np
+
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Rig, names_of
 from qlvbayes.diagnosis.nexttest.records import ReadingErrors
@@ -103,7 +105,7 @@ def _bits(constants: float, low: float, high: float) -> Bits:
 def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Width]:
     """Return the sds of the constants now and after all tests."""
     one = belief.explanations[0]
-    now, after = (p.sds(0, one.gradient)[0] for p in (series.now, series.after))
+    now, after = np.linalg.norm(one.gradient, axis=1), series.after.sds(0, one.gradient)[0]
     return {
         name: Width(units.of(kind), float(mean), float(a), float(b))
         for name, kind, mean, a, b in zip(one.names, one.kinds, one.centre, now, after, strict=True)
