@@ -66,7 +66,7 @@ class Fitted:
 
     @cached_property
     def left_out(self) -> list[LeftOut]:
-        """What fits to all but one part predict of that part."""
+        """The prediction of each part by a fit to all others."""
         return predicted(self.samples, leave_out(self.density, self.samples), self.mode)
 
     @property
