@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from results import JOBS, Origin, Table, finished
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.heldout import held_out
+from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
 from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
@@ -238,8 +238,9 @@ def _lowered(diagnosis: Diagnosis, effect: str) -> Case:
     fewer = work.search.without(selected, effect)
     if fewer is None:
         return {"effect": effect, "fall_N2": None, "error_N2": None}
+    parts = leave_out(work.search.density, work.samples)
     with_it, without = (
-        np.array(held_out(work.search.density, work.samples, one).by_part) ** 2
+        np.array([error([part]) ** 2 for part in predicted(work.samples, parts, one.mode)])
         for one in (selected, fewer)
     )
     fall, error = paired(without, with_it)

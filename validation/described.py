@@ -28,7 +28,8 @@ from results import Origin, Table, commits_of, share
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.decision import Verdict
-from qlvbayes.diagnosis.description.describe import Described, FittedHypothesis
+from qlvbayes.diagnosis.description.describe import Described
+from qlvbayes.diagnosis.description.fits import Fitted
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.io.files import write_json
 from qlvbayes.model.choices import Choices
@@ -78,7 +79,7 @@ def _described(study: Study, law: Described) -> Case:
     return found | {"fresh": errors}
 
 
-def fresh_error(study: Study, fitted: FittedHypothesis) -> float:
+def fresh_error(study: Study, fitted: Fitted) -> float:
     """Return the root mean square error (N) on the fresh tests."""
     whole = prepare(replace(study.pad, tests=(*study.pad.tests, *study.fresh)))
     names = {test.name for test in study.fresh}

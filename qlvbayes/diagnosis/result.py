@@ -203,15 +203,8 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
     support: Support | None = None
 
 
-class Unseen(Part, frozen=True):
-    """An effect that these tests cannot show, with the reason."""
-
-    effect: str
-    reason: str
-
-
-class Refused(Part, frozen=True):
-    """An effect that is probable but not named, with the reason."""
+class Excluded(Part, frozen=True):
+    """An effect that the tests cannot show, or one that is probable but not named: why."""
 
     effect: str
     reason: str
@@ -340,7 +333,6 @@ class DiagnosisResult(
         "stages": "steps",
         "biases": "hidden_in_constants",
         "discrepancy": "discrepancy_sd_N",
-        "heldout_of_all": "heldout_of_all_rmse_N",
     },
 ):
     """Result of the diagnosis of one pad's model: ``diagnosis.json``.
@@ -354,21 +346,18 @@ class DiagnosisResult(
     base: Laws of the selected hypothesis; bases: All probable pairs of laws, the most probable
     first; outside: Probability that something unmodelled is there; alternatives: The most probable
     hypotheses; not_ruled_out: The most probable sets of effects; constants: Constants of the base
-    laws, averaged over all hypotheses with these laws; heldout_of_all: Error on tests left out of
-    the prediction of all probable hypotheses together, each with its probability given the other
-    tests; None where only one is probable; stages: Hypotheses from the baseline to the selected
-    one; ranking: Inclusion probabilities of ``none`` and all candidate effects; not_identifiable:
-    Effects that the tests cannot show; biases: Effects that would hide in the constants;
-    coincident: Groups of effects that look alike in these tests; refused: Effects that are
-    probable, and why they are not named; notices: What one should know of the tests; suggestions:
-    Tests that would separate the members of the group; discrepancy: Most probable size of what the
-    selected hypothesis leaves; direct_evidence: What the readings show without any model; scatter:
-    Relative sd from test to test of the ``stiffness``, and of the strength of each effect of the
-    selected hypothesis, where these differ; tolerance: Share of the peak force below which that
-    does not matter; remainder: Size of the structure that the selected hypothesis leaves; worst:
-    Where the baseline model fails worst; description: The law that describes what no listed effect
-    explains; could_remove: What terms of each kind could remove of the error at most; settings: The
-    settings that were used.
+    laws, averaged over all hypotheses with these laws; stages: Hypotheses from the baseline to the
+    selected one; ranking: Inclusion probabilities of ``none`` and all candidate effects;
+    not_identifiable: Effects that the tests cannot show; biases: Effects that would hide in the
+    constants; refused: Effects that are probable, and why they are not named; notices: What one
+    should know of the tests; suggestions: Tests that would separate the members of the group;
+    discrepancy: Most probable size of what the selected hypothesis leaves; direct_evidence: What
+    the readings show without any model; scatter: Relative sd from test to test of the
+    ``stiffness``, and of the strength of each effect of the selected hypothesis, where these
+    differ; tolerance: Share of the peak force below which that does not matter; remainder: Size of
+    the structure that the selected hypothesis leaves; worst: Where the baseline model fails worst;
+    description: The law that describes what no listed effect explains; could_remove: What terms of
+    each kind could remove of the error at most; settings: The settings that were used.
     """
 
     pad: str
@@ -384,13 +373,11 @@ class DiagnosisResult(
     alternatives: tuple[Alternative, ...]
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = msgspec.field(default_factory=dict)
-    heldout_of_all: float | None = None
     stages: Annotated[tuple[Stage, ...], msgspec.Meta(min_length=1)]
     ranking: tuple[Ranked, ...]
-    not_identifiable: tuple[Unseen, ...]
+    not_identifiable: tuple[Excluded, ...]
     biases: tuple[ParameterBias, ...] = ()
-    coincident: tuple[tuple[str, ...], ...] = ()
-    refused: tuple[Refused, ...] = ()
+    refused: tuple[Excluded, ...] = ()
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
     discrepancy: float = 0.0

@@ -10,7 +10,7 @@ from support.hidden_pads import FEW, hidden_pad, with_changes
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.checks.adequacy import adequacy
-from qlvbayes.diagnosis.checks.heldout import held_out
+from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
@@ -194,14 +194,14 @@ def test_left_out_is_predicted_from_the_others_only(drag):
     """A test's own readings have no part in its prediction."""
     work = drag.work
     search, selected = work.search, work.selected
-    expected = held_out(search.density, work.samples, selected).by_part[0]
+    parts = leave_out(search.density, work.samples)
+    expected = error(predicted(work.samples, parts[:1], selected.mode))
     trials = work.experiment.trials
     other = replace(trials[0], test=replace(trials[0].test, force=trials[0].test.force + 0.5))
     shifted = replace(work.experiment, trials=(other, *trials[1:]))
     moved = build_search(shifted, kinds=(type(search.density.space.effects["viscous_drag"]),))
-    found = held_out(
-        moved.density, Samples.from_experiment(shifted, moved.density.space), selected
-    ).by_part[0]
+    samples = Samples.from_experiment(shifted, moved.density.space)
+    found = error(predicted(samples, leave_out(moved.density, samples)[:1], selected.mode))
     assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
 
@@ -228,7 +228,8 @@ def test_of_one_test_alone_phases_are_left_out():
     """The error reported for parts left out is never the error of the fit."""
     found = diagnose(measured(rates=(20.0,)), kinds=FEW)
     work = found.work
-    left_out = held_out(work.search.density, work.samples, work.selected)
-    assert len(left_out.by_part) == len(work.experiment.trials[0].phases)
-    assert left_out.rmse > found.result.stages[-1].rmse
-    assert found.result.stages[-1].heldout_rmse == pytest.approx(left_out.rmse, rel=1e-12)
+    parts = leave_out(work.search.density, work.samples)
+    assert len(parts) == len(work.experiment.trials[0].phases)
+    expected = error(predicted(work.samples, parts, work.selected.mode))
+    assert expected > found.result.stages[-1].rmse
+    assert found.result.stages[-1].heldout_rmse == pytest.approx(expected, rel=1e-12)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 from support.endtoend import PADS, call, one_line
@@ -271,7 +272,7 @@ def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
 def test_more_noise_tells_less(pad):
     loud = replace(ERRORS, floor=NoiseFloor(0.012, 0.016, 0.5))
     assert np.all(bits(pad, loud) < bits(pad, ERRORS))
-    few = screen(pad, [PRESS], replace(RIG, rows=100), ERRORS, 0.0)[0]
+    few = screen(pad, [PRESS], structs.replace(RIG, rows=100), ERRORS, 0.0)[0]
     assert bits_for_constants(pad, few, ("m", "b"))[0] < bits(pad, ERRORS)[0]
 
 

@@ -15,12 +15,11 @@ from qlvbayes.diagnosis.result import (
     Base,
     CellError,
     DiagnosisResult,
+    Excluded,
     LawPair,
     Ranked,
-    Refused,
     Stage,
     StructuredPhase,
-    Unseen,
     Used,
     Worst,
 )
@@ -85,7 +84,7 @@ def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **chan
         pad="B", noise=NOISE, verdict=verdict, effects=tuple(added), group=tuple(added[-1:]),
         base=Base(*LAWS, 0.99), bases=(Base(*LAWS, 0.99),), alternatives=(), outside=0.0,
         stages=tuple(stages), ranking=ranking(added[-1] if added else "friction"),
-        not_identifiable=(Unseen("own_effect", "no test unloads"),), biases=(), coincident=(),
+        not_identifiable=(Excluded("own_effect", "no test unloads"),), biases=(),
         worst=Worst(tests[0], "ramp", 12.0 * NOISE, 0.0), settings=USED,
     )  # fmt: skip
     return replace(found, **changes)
@@ -264,7 +263,7 @@ def test_a_group_is_framed_and_refused_effects_are_crossed():
     above = replace(
         diagnosed(verdict="unexplained", effects=(), group=()),
         ranking=tuple(ranks[n] for n in order),
-        refused=(Refused("friction", "it predicts no better"),),
+        refused=(Excluded("friction", "it predicts no better"),),
     )  # fmt: skip
     figure = page(plot_evidence, above)
     assert "friction ×" in bars(figure)

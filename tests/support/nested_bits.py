@@ -19,8 +19,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from qlvbayes.diagnosis.nexttest.belief import STEP
-from qlvbayes.diagnosis.nexttest.information import whitening
-from qlvbayes.diagnosis.nexttest.records import record_of
+from qlvbayes.diagnosis.nexttest.records import record_of, whitening
 
 _STEPS = 2  # Gauss-Newton steps to the mode
 _FARTHEST = 4.0  # sds of the belief: longest step

@@ -52,8 +52,7 @@ class CellTest:
     test: str
     phase: str
     start: float  # begin of the phase (s)
-    curves: int  # number of curves that were tried
-    p_value: float  # p-value of their statistic
+    p_value: float  # p-value of the statistic of its curves
 
 
 @dataclass(frozen=True)
@@ -67,11 +66,6 @@ class Adequacy:
     def is_sound(self, settings: DiagnosisSettings) -> bool:
         """Return whether chance explains all structure that is left."""
         return self.p_value >= settings.false_alarms
-
-    @property
-    def worst(self) -> CellTest:
-        """The cell with the smallest p-value."""
-        return min(self.cells, key=lambda cell: cell.p_value)
 
 
 def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTests) -> Adequacy:
@@ -92,9 +86,7 @@ def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTe
         p_values.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.average([ps for ps, _ in p_values], axis=0, weights=weights)
     whole = np.average([p for _, p in p_values], axis=0, weights=weights)
-    tested = tuple(
-        CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
-    )
+    tested = tuple(CellTest(*cell, float(p)) for (cell, _), p in zip(cells, cell_ps, strict=True))
     return Adequacy(tested, float(whole), floor.testable)
 
 

@@ -13,13 +13,7 @@ from scipy.special import logsumexp, softmax
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import (
-    HeldOutPart,
-    Predicted,
-    errors,
-    leave_out,
-    predictions,
-)
+from qlvbayes.diagnosis.checks.heldout import LeftOut, Part, error, leave_out, predicted
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities, require
@@ -47,7 +41,6 @@ from qlvbayes.motion.facts import OF_UNLOADING, loaded_once
 
 LEAST = 0.02
 """Probability (odds of 50 to 1) below which something is not reported."""
-_TOGETHER = 0.05  # probability from which a hypothesis takes part in a joint prediction
 _SETS = 3  # sets of effects that are reported as not ruled out
 _ALTERNATIVES = 10  # hypotheses that are reported
 _NEGLIGIBLE = 10.0  # log posterior behind the best from which averages leave a hypothesis out
@@ -74,7 +67,7 @@ class SearchOutcome:
         self.weights = require(known, self.measured)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
-        self._predictions: dict[Hypothesis, list[Predicted]] = {}
+        self._left_out: dict[Hypothesis, list[LeftOut]] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self.unpredicted: set[Hypothesis] = set()
         self._adequacies: dict[Hypothesis, Adequacy] = {}
@@ -84,16 +77,12 @@ class SearchOutcome:
         """Effects that follow the largest depth, where only one test loads, and only once."""
         return OF_UNLOADING if loaded_once(self.experiment) else ()
 
-    def heldout(self, candidate: Candidate) -> float:
-        """Return the error on tests left out (N)."""
-        return errors(self.samples, self._parts, [self._predicted(candidate)]).rmse
-
-    def heldout_residuals(self, candidate: Candidate) -> list[Array]:
-        """Return measured minus predicted force (N) of each part, by a fit to all others."""
-        return [
-            self.samples.observed[part.test][part.rows] - one.force
-            for part, one in zip(self._parts, self._predicted(candidate), strict=True)
-        ]
+    def left_out(self, candidate: Candidate) -> list[LeftOut]:
+        """Return what a candidate predicts of each part by a fit to all others."""
+        hypothesis = candidate.hypothesis
+        if hypothesis not in self._left_out:
+            self._left_out[hypothesis] = predicted(self.samples, self._parts, candidate.mode)
+        return self._left_out[hypothesis]
 
     def acting(self, candidate: Candidate, effect: str) -> list[Array]:
         """Return the force (N) of an effect of a candidate at the samples of each part."""
@@ -103,26 +92,9 @@ class SearchOutcome:
         return [(having[part.test][0] - rest[part.test][0])[part.rows] for part in self._parts]
 
     @cached_property
-    def _parts(self) -> list[HeldOutPart]:
+    def _parts(self) -> list[Part]:
         """The parts that are left out in turn."""
         return leave_out(self.search.density, self.samples)
-
-    def heldout_of_all(self) -> float | None:
-        """Return the error on tests left out (N) of the probable hypotheses together."""
-        some = [self.candidates[k] for k in np.flatnonzero(self.shares >= _TOGETHER)]
-        if len(some) < 2:
-            return None
-        prior = [self.search.log_prior(one.hypothesis) for one in some]
-        predicted = [self._predicted(one) for one in some]
-        return finite_or_none(errors(self.samples, self._parts, predicted, prior).rmse)
-
-    def _predicted(self, candidate: Candidate) -> list[Predicted]:
-        """Return what a candidate predicts of each part left out, refitted once."""
-        hypothesis = candidate.hypothesis
-        if hypothesis not in self._predictions:
-            predicted = predictions(self.samples, self._parts, candidate)
-            self._predictions[hypothesis] = predicted
-        return self._predictions[hypothesis]
 
     def residuals(self, candidate: Candidate) -> list[Array]:
         """Return measured minus predicted force (N) of each test's samples."""
@@ -169,7 +141,7 @@ class SearchOutcome:
             base=LawPair(*candidate.hypothesis.base),
             effects=tuple(self._ordered(candidate)),
             rmse=self.samples.error(residuals),
-            heldout_rmse=finite_or_none(self.heldout(candidate)),
+            heldout_rmse=finite_or_none(error(self.left_out(candidate))),
             log_evidence=finite_or_none(candidate.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
@@ -317,17 +289,11 @@ def averaged(
     .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
     """
     weights = softmax(np.asarray(log_weights, dtype=float))
-    first, *others = hypotheses
-    return {
-        name: _mixture(weights, [own[name] for own in hypotheses])
-        for name in first
-        if all(name in own for own in others)
-    }
-
-
-def _mixture(weights: Array, estimates: Sequence[Estimate]) -> Estimate:
-    """Return mean and sd of a mixture of estimates."""
-    means, sds = (np.array([getattr(e, key) for e in estimates]) for key in ("mean", "sd"))
-    mean = float(weights @ means)
-    variance = float(weights @ (sds**2 + (means - mean) ** 2))
-    return Estimate(estimates[0].unit, mean, variance**0.5)
+    found = {}
+    for name, first in hypotheses[0].items():
+        if all(name in own for own in hypotheses):
+            means, sds = np.array([(own[name].mean, own[name].sd) for own in hypotheses]).T
+            mean = float(weights @ means)
+            variance = float(weights @ (sds**2 + (means - mean) ** 2))
+            found[name] = Estimate(first.unit, mean, variance**0.5)
+    return found

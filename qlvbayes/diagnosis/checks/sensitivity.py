@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.result import ParameterBias, Unseen
+from qlvbayes.diagnosis.result import Excluded, ParameterBias
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Parameters
@@ -21,7 +21,6 @@ SEEN = 10.0
 TOO_ALIKE = "too small here, or too much like a change of the constants"
 _FREE_RIDE = 0.15  # share of an effect's force that is left once the constants are refitted
 _LEAST_BIAS = 0.01  # relative change of a constant from which it is reported
-_COINCIDE = 0.98  # correlation of two effects' visible parts from which they look alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,6 @@ class Response:
     effect: str
     amplitude: str
     size: float  # the prior sd of the amplitude
-    left: Array  # the whitened force (n,) that is left once the constants are refitted
     # total, information: squared norm of the whitened force before and after that
     total: float
     information: float
@@ -73,16 +71,15 @@ def _response(
     change = np.nan_to_num(density.whitener(force[None])[0])
     jacobian, prior = baseline.point.jacobian, baseline.point.prior.curvature
     shift = np.linalg.solve(jacobian @ jacobian.T + prior, jacobian @ change)
-    left = change - shift @ jacobian
     information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)
     total = float(change @ change)
-    return Response(name, own.names[amplitude.constant], size, left, total, information, shift)
+    return Response(name, own.names[amplitude.constant], size, total, information, shift)
 
 
-def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
+def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Excluded]:
     """Return the effects that these tests cannot show, with the reason."""
     return [
-        Unseen(
+        Excluded(
             one.effect,
             type(search.density.space.effects[one.effect]).blind(protocol)
             or f"{TOO_ALIKE} (2 ln Bayes factor {one.evidence:.1f} expected at 5 % of the peak "
@@ -93,10 +90,10 @@ def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list
     ]
 
 
-def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Unseen]:
+def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> list[Excluded]:
     """Return effects of a velocity or acceleration that displacement records do not give."""
     reasons = {kind.name: kind.unmeasured(protocol) for kind in kinds}
-    return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
+    return [Excluded(name, reason) for name, reason in reasons.items() if reason is not None]
 
 
 def parameter_biases(some: Sequence[Response], baseline: Candidate) -> list[ParameterBias]:
@@ -118,20 +115,3 @@ def parameter_biases(some: Sequence[Response], baseline: Candidate) -> list[Para
             seen = one.evidence >= SEEN
             biases.append(ParameterBias(one.effect, one.amplitude, one.size, left, changes, seen))
     return biases
-
-
-def coincident(some: Sequence[Response]) -> list[tuple[str, ...]]:
-    """Return groups of effects whose visible parts have the same shape (correlation above 0.98)."""
-    visible = [one for one in some if one.information > 0.0]
-    if len(visible) < 2:
-        return []
-    left = np.stack([one.left / np.linalg.norm(one.left) for one in visible])
-    alike = np.abs(left @ left.T) > _COINCIDE
-    groups: list[tuple[str, ...]] = []
-    taken: set[str] = set()
-    for row in alike:
-        members = tuple(one.effect for one, same in zip(visible, row, strict=True) if same)
-        if len(members) > 1 and not taken & set(members):
-            groups.append(members)
-            taken |= set(members)
-    return groups

@@ -59,8 +59,8 @@ def support(outcome: SearchOutcome, effect: str, index: int) -> Support | None:
     total = float(sum(one.sum() for one in weights))
     adds = total > 0.0 and math.isfinite(total)
     squares = [
-        np.array([w @ np.square(r) for w, r in zip(weights, left, strict=True)])
-        for left in map(outcome.heldout_residuals, (without, having))
+        np.array([w @ np.square(part.residual) for w, part in zip(weights, left, strict=True)])
+        for left in map(outcome.left_out, (without, having))
     ]
     noise = outcome.experiment.floor.total
     return Support(

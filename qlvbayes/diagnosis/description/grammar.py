@@ -18,7 +18,7 @@ The reference values make k the force (N) that a term adds at the pad's own dept
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 
@@ -47,7 +47,8 @@ class Memory:
     formula: str
     along: str  # what is followed at all points of a motion
     first: str  # the same at the first displacement
-    after: str  # the same after a line, from ``was``, its last value, and ``place``, the last depth
+    # the same after a line, from its last value, and ``place``, the last depth
+    after: str
     lags: bool
 
 
@@ -56,7 +57,8 @@ class Term:
     """One term of a described law, with the text of its formula and of its code.
 
     ``value`` is the expression that the amplitude multiplies, ``response`` its largest value at
-    given scales (of ``depth``, ``speed``, ``acceleration`` over the references).
+    given scales (of ``depth``, ``speed``, ``acceleration`` over the references). In each text
+    ``{n}`` stands for the number of the term, which ends the names of its constants.
     """
 
     name: str
@@ -70,6 +72,15 @@ class Term:
     signed: bool = True
     needs: str = "displacement"
     stepped: bool = True
+    number: str = ""  # "1" or "2" in a law of two terms
+
+    def numbered(self, number: str) -> Term:
+        """Return the term with a number on its constants."""
+        memory = self.memory
+        if memory is not None:
+            memory = replace(memory, after=memory.after.replace("{n}", number))
+        formula, value = (text.replace("{n}", number) for text in (self.formula, self.value))
+        return replace(self, number=number, formula=formula, value=value, memory=memory)
 
     def joins(self, other: Term) -> bool:
         """Return whether both may be terms of one law: they act at places that one layer holds."""
@@ -84,8 +95,8 @@ _DEPTHS = (
     ("_of_depth_cubed", " d^3", " * depth**3", "depth**3", ()),
     (
         "_exponential_in_depth",
-        " e^(a (d - 1))",
-        " * xp.exp({a} * (depth - 1.0))",
+        " e^(a{n} (d - 1))",
+        " * xp.exp(self.a{n} * (depth - 1.0))",
         "1.0",
         (Shape("a", "fraction", "growth over the reference depth", "HalfNormal(3.0)"),),
     ),
@@ -96,7 +107,7 @@ _EXPONENT = Shape("n", "fraction", "exponent of the speed", "Uniform(0.05, 2.0)"
 
 _SPEEDS = (
     ("sliding_friction", "sgn v", "xp.sign(velocity)", "1.0", ()),
-    ("power_drag", "|v|^n sgn v", "_power(velocity, {n})", "speed", (_EXPONENT,)),
+    ("power_drag", "|v|^n{n} sgn v", "_power(velocity, self.n{n})", "speed", (_EXPONENT,)),
     ("linear_drag", "v", "velocity", "speed", ()),
     ("quadratic_drag", "v^2 sgn v", "velocity * xp.abs(velocity)", "speed**2", ()),
     ("moving_mass", "acceleration", "acceleration", "acceleration", ()),
@@ -115,7 +126,7 @@ _MEMORIES = (
     ),
     Memory(
         "largest_depth", "largest d", "largest(moved.displacement) / DEPTH",
-        "displacement / DEPTH", "xp.maximum(was, line.displacement / DEPTH)", lags=True,
+        "displacement / DEPTH", "xp.maximum(own{n}.depth, line.displacement / DEPTH)", lags=True,
     ),
     Memory(
         "velocity", "dd/dt", "moved.displacement / DEPTH", "displacement / DEPTH",
@@ -123,15 +134,15 @@ _MEMORIES = (
     ),
     Memory(
         "speed", "|dd/dt|", "xp.cumsum(xp.abs(xp.steps(moved.displacement))) / DEPTH",
-        "xp.zeros_like(displacement)", "was + xp.abs(line.displacement - place) / DEPTH",
+        "xp.zeros_like(displacement)", "own{n}.depth + xp.abs(line.displacement - place) / DEPTH",
         lags=False,
     ),
 )  # fmt: skip
 
 _ENTERS = (
-    ("force", "F += k q", "1.0"),
-    ("factor", "F *= 1 + k q", "scales.force"),
-    ("shift", "delta -= k D q", "scales.stiffness * DEPTH"),
+    ("force", "F += k{n} q{n}", "1.0"),
+    ("factor", "F *= 1 + k{n} q{n}", "scales.force"),
+    ("shift", "delta -= k{n} D q{n}", "scales.stiffness * DEPTH"),
 )
 """How a memory enters: as what, formula, and what one unit of it adds to the force (N)."""
 
@@ -157,7 +168,7 @@ def _rate_terms() -> Iterator[Term]:
                 ("rig_" if off else "") + name + suffix,
                 "mass" if mass else "friction" if "sliding" in name else "drag",
                 enters,
-                f"F += k{of_depth} {formula}" + (", also off the pad" if off else ""),
+                f"F += k{{n}}{of_depth} {formula}" + (", also off the pad" if off else ""),
                 value + factor,
                 f"{response} * {reached}",
                 (*own, *growth),
@@ -173,10 +184,12 @@ def _memory_terms() -> Iterator[Term]:
             f"{enters}_of_remembered_{memory.name}",
             "memory",
             enters,
-            f"{formula}, dq/dt = {memory.formula} - q/tau"
+            f"{formula}, dq{{n}}/dt = {memory.formula} - q{{n}}/tau{{n}}"
             if not memory.lags
-            else f"{formula}, dq/dt = ({memory.formula} - q)/tau",
-            "q * (depth > 0.0)" if enters == "force" else "q",  # a pad off the platen adds none
+            else f"{formula}, dq{{n}}/dt = ({memory.formula} - q{{n}})/tau{{n}}",
+            "q{n} * (depth > 0.0)"
+            if enters == "force"
+            else "q{n}",  # a pad off the platen adds none
             unit,
             (Shape("tau", "time", "memory", "LogUniform(*resolved_times(scales))"),),
             memory,
@@ -189,7 +202,7 @@ def _clock_terms() -> Iterator[Term]:
             f"{'force' if adds else 'factor'}_of_{name}",
             "clock",
             "guide" if adds else "factor",  # a sensor drifts off the pad too
-            f"F += k {formula}, also off the pad" if adds else f"F *= 1 + k {formula}",
+            f"F += k{{n}} {formula}, also off the pad" if adds else f"F *= 1 + k{{n}} {formula}",
             value,
             reached if adds else f"{reached} * scales.force",
             stepped=name == "clock",

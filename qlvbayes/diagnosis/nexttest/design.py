@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from msgspec import structs
 from scipy.stats import qmc
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import Part
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment
@@ -185,9 +187,11 @@ SET_POINTS = 1000.0
 _SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
 
 
-@dataclass(frozen=True)
-class Rig:
-    """The limits of a test on a rig."""
+class Rig(Part, frozen=True, rename={
+    "depth": "depth_mm", "speed": "speed_mm_s", "acceleration": "acceleration_mm_s2",
+    "interval": "interval_s", "done": "tests_before",
+}):  # fmt: skip
+    """The limits of a test on a rig, in the file's units."""
 
     # depth, speed, acceleration: greatest depth (mm), speed (mm/s) and acceleration (mm/s2)
     depth: float
@@ -218,7 +222,7 @@ class Rig:
         for name, value in given.items():
             if value is not None and not (value > 0.0 and math.isfinite(value)):
                 raise InputError(f"--limits {name}={value:g}", remedy="give it above 0")
-        return replace(
+        return structs.replace(
             self,
             depth=depth or self.depth,
             speed=speed or self.speed,

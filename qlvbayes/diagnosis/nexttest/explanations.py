@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from qlvbayes.diagnosis.candidate import Candidate, described
 from qlvbayes.diagnosis.nexttest.belief import Explanation
-from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.forces import Forces
-from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model
@@ -24,18 +24,11 @@ _LEAST_EFFECTIVE = 60.0  # draws; weights are tempered where there are fewer
 
 
 def explanation_of_mode(
-    density: Density,
-    hypothesis: Hypothesis,
-    point: Point,
-    covariance: Array,
-    size: float,
-    probability: float,
-    words: str,
-    cause: str = "",
+    density: Density, candidate: Candidate, probability: float, cause: str = ""
 ) -> Explanation:
     """Return the explanation from a hypothesis about one of its modes."""
-    space, own = density.space, point.own
-    mean, root = _moments(density, hypothesis, point, covariance, size)
+    space, hypothesis, own = density.space, candidate.hypothesis, candidate.point.own
+    mean, root = _moments(density, candidate)
     kept = len(own.names) - len(own.noise.units)  # the noise's come last and are fixed
 
     def constants(z: Array) -> Array:
@@ -49,7 +42,7 @@ def explanation_of_mode(
     model = own.model_at(centre)
     fractions, rates = model.relaxation.spectrum()
     return Explanation(
-        words,
+        described(hypothesis),
         probability,
         root.shape[1],
         tuple(own.names[:kept]),
@@ -62,16 +55,14 @@ def explanation_of_mode(
     )
 
 
-def _moments(
-    density: Density, hypothesis: Hypothesis, point: Point, covariance: Array, size: float
-) -> tuple[Array, Array]:
+def _moments(density: Density, candidate: Candidate) -> tuple[Array, Array]:
     """Return the mean (F,) of the free parameters, and a root (F, F) of their covariance."""
-    mean, root = point.theta, _root(covariance)
+    mean, root = candidate.point.theta, _root(candidate.evidence.covariance)
     rng = np.random.default_rng(0)
     for k in range(_ROUNDS):
         normal = rng.standard_normal((_DRAWS, mean.size))
         theta = mean + _WIDER * normal @ root.T
-        log = _log_density(density, hypothesis, point, theta, size) + 0.5 * np.sum(normal**2, 1)
+        log = _log_density(density, candidate, theta) + 0.5 * np.sum(normal**2, 1)
         if not np.isfinite(log).any() or (k == 0 and _effective(log) > _SOUND * _DRAWS):
             break
         weights = _tempered(log)
@@ -81,15 +72,13 @@ def _moments(
     return mean, root
 
 
-def _log_density(
-    density: Density, hypothesis: Hypothesis, point: Point, theta: Array, size: float
-) -> Array:
+def _log_density(density: Density, candidate: Candidate, theta: Array) -> Array:
     """Return the log posterior density (K,) of rows theta (K, F), up to a constant."""
-    own = point.own
+    point, own, hypothesis = candidate.point, candidate.point.own, candidate.hypothesis
     inside = np.all((theta >= own.lowest) & (theta <= own.highest), axis=1)
     change = point.predicted - density.space.forces(hypothesis, own.constants(own.within(theta)))
     left = density.whitener(np.nan_to_num(change, posinf=0.0, neginf=0.0)) + point.residual
-    misfit = density.discrepancy.at(size, point.separation).squares(left)
+    misfit = density.discrepancy.at(candidate.mode.size, point.separation).squares(left)
     apart, prior = theta - point.theta, point.prior
     loss = apart @ prior.gradient + 0.5 * np.einsum("kf,fg,kg->k", apart, prior.curvature, apart)
     sound = inside & np.isfinite(change).all(axis=(1, 2))

@@ -29,13 +29,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Design, Rig
-from qlvbayes.diagnosis.nexttest.records import ReadingErrors, Whitening, record_of
+from qlvbayes.diagnosis.nexttest.records import ReadingErrors, record_of, whitening
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.record import Record
 
@@ -223,12 +222,3 @@ def _products(
 
     with ThreadPoolExecutor(2) as pool:
         return np.stack(list(pool.map(product, range(len(designs)))))
-
-
-def whitening(
-    design: Design, index: int, record: Record, rig: Rig, errors: ReadingErrors, force: Array
-) -> Whitening:
-    """Return the whitening of a design, which is the test ``index`` of a record."""
-    own = jax.tree.map(lambda x: np.asarray(x)[index], record)
-    covariance = errors.covariance(design, rig, own, force)
-    return Whitening(np.asarray(own.blocks.real), covariance)

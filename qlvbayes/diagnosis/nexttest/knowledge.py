@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as with_fields
 
-from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
 from qlvbayes.diagnosis.nexttest.design import Design, Rig
 from qlvbayes.diagnosis.nexttest.explanations import explanation_of_draws, explanation_of_mode
@@ -19,7 +18,6 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
-from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Run, RunLog, Saved, load
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -178,9 +176,8 @@ def _knowledge_from_diagnosis(
         )
     choices = Choices.from_dict(run.choices)
     experiment = as_chosen(choices.prepare(study.pad(result.pad)), choices)
-    search = build_search(
-        experiment, choices, kinds=choices.candidates, settings=_thresholds(result)
-    )
+    thresholds = result.settings.thresholds if result.settings else None
+    search = build_search(experiment, choices, kinds=choices.candidates, settings=thresholds)
     explanations = explanations_at_modes(search, probable or result.alternatives[:1])
     scales = experiment.scales
     return Knowledge(
@@ -192,10 +189,6 @@ def _knowledge_from_diagnosis(
         result.discrepancy,
         scales.clock,
     )
-
-
-def _thresholds(result: DiagnosisResult) -> DiagnosisSettings | None:
-    return result.settings.thresholds if result.settings else None
 
 
 def _run(out: Path) -> Run:
@@ -211,31 +204,16 @@ def _run(out: Path) -> Run:
 def explanations_at_modes(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
     """Return the alternatives at their most probable modes; those without a mode are left out."""
     search.begin()
-    baseline = search.baseline
     explanations = []
     for one in alternatives:
-        hypothesis = Hypothesis(
-            one.base.elastic, one.base.relaxation, baseline.effects | set(one.effects)
-        )
-        base = Hypothesis(*one.base.pair, baseline.effects)
+        base = Hypothesis(*one.base.pair, search.baseline.effects)
+        hypothesis = replace(base, effects=base.effects | set(one.effects))
         search.evaluate(base)
         if base in search.modes:
             search.evaluate(hypothesis, base)
-        if hypothesis not in search.modes:
-            continue
-        best = search.modes[hypothesis][0]
-        explanations.append(
-            explanation_of_mode(
-                search.density,
-                hypothesis,
-                best.point,
-                best.evidence.covariance,
-                best.mode.size,
-                one.probability,
-                described(hypothesis),
-                cause_of(one.effects, search.families),
-            )
-        )
+        if hypothesis in search.modes:
+            best, cause = search.modes[hypothesis][0], cause_of(one.effects, search.families)
+            explanations.append(explanation_of_mode(search.density, best, one.probability, cause))
     if not explanations:
         raise InputError(
             "none of the diagnosis's explanations fits any more",

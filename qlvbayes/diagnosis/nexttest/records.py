@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array as JaxArray
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.diagnosis.nexttest.design import Design, Rig
@@ -142,20 +141,17 @@ class ReadingErrors:
         return np.asarray(total)
 
 
-@dataclass(frozen=True, eq=False)
-class Whitening:
-    """The map from block means (B,) of one design to independent values (n,) of unit variance."""
+def whitening(
+    design: Design, index: int, record: Record, rig: Rig, errors: ReadingErrors, force: Array
+) -> Callable[[Array], Array]:
+    """Return the whitening of a design, which is the test ``index`` of a record.
 
-    real: NDArray[np.bool_]  # which block means (B,) are no padding
-    covariance: Array  # covariance (n, n) of these (N^2)
+    It takes block means (K, B) to independent values (K, n) of unit variance, without the padding.
+    """
+    own = jax.tree.map(lambda x: np.asarray(x)[index], record)
+    real, root = own.blocks.real, np.linalg.cholesky(errors.covariance(design, rig, own, force))
 
-    @cached_property
-    def _root(self) -> Array:
-        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
+    def white(vectors: Array) -> Array:
+        return solve_triangular(root, vectors[:, real].T, lower=True, check_finite=False).T
 
-    def __call__(self, vectors: Array) -> Array:
-        """Return whitened vectors (..., n) of vectors (..., B)."""
-        flat = vectors[..., self.real].reshape(-1, int(self.real.sum()))
-        white = solve_triangular(self._root, flat.T, lower=True, check_finite=False).T
-        shaped: Array = white.reshape(*vectors.shape[:-1], -1).astype(np.float64)
-        return shaped
+    return white

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from qlvbayes.diagnosis.nexttest.design import Rig
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 
@@ -28,22 +29,9 @@ class Bits(Part, frozen=True):
     cause_error: float
 
 
-class Limits(Part, frozen=True, rename={
-    "depth": "depth_mm", "speed": "speed_mm_s", "acceleration": "acceleration_mm_s2",
-    "interval": "interval_s",
-}):  # fmt: skip
-    """The limits of the rig, in the file's units."""
-
-    depth: float
-    speed: float
-    acceleration: float
-    interval: float
-    rows: int
-
-
 class Proposed(Part, frozen=True, rename={
     "depth": "depth_mm", "speed": "speed_mm_s", "acceleration": "acceleration_mm_s2",
-    "hold": "hold_s", "rest": "rest_s", "pause": "pause_s", "duration": "duration_s",
+    "hold": "hold_s", "rest": "rest_s", "wait": "pause_s", "duration": "duration_s",
     "share": "retraction_share", "evidence": "expected_2_ln_bayes_factor",
 }):  # fmt: skip
     """A proposed test and the information that is expected of it."""
@@ -60,8 +48,8 @@ class Proposed(Part, frozen=True, rename={
     share: float
     rest: float
     cycles: int
-    # pause, duration, minutes: time before the test (s), of the test (s), and of both (min)
-    pause: float
+    # wait, duration, minutes: time before the test (s), of the test (s), and of both (min)
+    wait: float
     duration: float
     minutes: float
     # constants, cause, cause_most: bits in closed form beyond those of the tests before it; of the
@@ -96,7 +84,7 @@ class NextTests(Result, frozen=True, kw_only=True):
     # constants, cause: constants that were asked for, and whether the cause was
     constants: tuple[str, ...]
     cause: bool
-    limits: Limits
+    limits: Rig  # limits of the rig, and how many tests were done before
     minutes: float
     seed: int
     screened: int  # number of designs that fitted
@@ -105,7 +93,6 @@ class NextTests(Result, frozen=True, kw_only=True):
     outside: float  # probability that something unmodelled is there
     missed: float  # size of what the explanations leave (N), which counts as an error of every test
     tests: tuple[Proposed, ...]
-    considered: tuple[Proposed, ...]  # the best tests for the first of the series
     together: Bits  # bits of all proposed tests, with the errors of the closed form
     widths: dict[str, Width]  # sds of the constants now and after all tests
     notices: tuple[str, ...] = ()  # what one should know

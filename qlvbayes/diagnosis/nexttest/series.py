@@ -18,8 +18,6 @@ from qlvbayes.io.checks import InputError
 
 SCREENED = 1024
 """Number of designs that are drawn."""
-BEST = 5
-"""Number of the best designs for the first test that are reported."""
 _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest test is taken then
 
 
@@ -64,11 +62,8 @@ class Series:
     """A planned series of tests."""
 
     tests: tuple[Option, ...]
-    options: tuple[Option, ...]  # the best options for the first test, the best first
     screened: int  # number of designs that fitted
-    # now, after: products of no test and of all tests
-    now: Products
-    after: Products
+    after: Products  # products of all tests
 
     @property
     def minutes(self) -> float:
@@ -109,10 +104,8 @@ def plan_series(
 
     options = _options(belief, designs, products, goal, none)
     plan = _Plan(belief, goal, designs, products, finite, minutes, min(tests, MOST_TESTS))
-    order = _best_first(options, goal, plan.allowed_first(options))
-    chosen, after = plan.extend(options[order[0]])
-    best = tuple(options[k] for k in order[:BEST])
-    return Series(tuple(chosen), best, int(finite.sum()), none, after)
+    chosen, after = plan.extend(_best(options, goal, plan.allowed_first(options)))
+    return Series(tuple(chosen), int(finite.sum()), after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +130,7 @@ class _Plan:
         length = np.array([one.design.minutes for one in options])
         masks = [self.finite, self.finite & (length <= self.minutes / self.tests)]
         kept = [mask for mask in masks if mask.any()]
-        firsts = [options[int(_best_first(options, self.goal, mask)[0])] for mask in kept]
+        firsts = [_best(options, self.goal, mask) for mask in kept]
         totals = [sum(bits(one, self.goal) for one in self.extend(one)[0]) for one in firsts]
         return kept[int(np.argmax(totals))]
 
@@ -155,9 +148,8 @@ class _Plan:
             fits = share if self.goal.cause and share.any() else self.finite & (length <= left)
             if not fits.any():
                 break
-            k = int(_best_first(more, self.goal, fits)[0])
-            chosen.append(more[k])
-            total = total + self.products[np.array([k])]
+            chosen.append(best := _best(more, self.goal, fits))
+            total = total + self.products[np.array([more.index(best)])]
         return chosen, total
 
 
@@ -195,15 +187,11 @@ def _options(
     return [Option(*row) for row in rows]
 
 
-def _best_first(
-    options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]
-) -> NDArray[np.intp]:
-    """Return the indices of the allowed options, the best first."""
+def _best(options: Sequence[Option], goal: Goal, allowed: NDArray[np.bool_]) -> Option:
+    """Return the best of the allowed options."""
     worth = bits if goal.cause else rate
     values = np.where(allowed, [worth(one, goal) for one in options], -np.inf)
-    order = np.argsort(-values, kind="stable")[: int(allowed.sum())]
     if not goal.cause:
-        return order
-    near = [k for k in order if values[k] >= values[order[0]] - _AS_GOOD]
-    first = min(near, key=lambda k: options[k].design.minutes)
-    return np.array([first, *(k for k in order if k != first)])
+        return options[int(np.argmax(values))]
+    near = np.flatnonzero(values >= values.max() - _AS_GOOD).tolist()
+    return min((options[k] for k in near), key=lambda one: one.design.minutes)

@@ -45,20 +45,7 @@ def suggest(
 def equal_belief(density: Density, candidates: Sequence[Candidate]) -> Belief:
     """Return a belief in which all candidates are equally probable."""
     ordered = sorted(candidates, key=lambda one: described(one.hypothesis))
-    return Belief.from_explanations(
-        [
-            explanation_of_mode(
-                density,
-                one.hypothesis,
-                one.point,
-                one.evidence.covariance,
-                one.mode.size,
-                1.0,
-                described(one.hypothesis),
-            )
-            for one in ordered
-        ]
-    )
+    return Belief.from_explanations([explanation_of_mode(density, one, 1.0) for one in ordered])
 
 
 def expected_evidence(

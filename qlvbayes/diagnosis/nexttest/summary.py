@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Rig, names_of
@@ -10,7 +13,6 @@ from qlvbayes.diagnosis.nexttest.records import ReadingErrors
 from qlvbayes.diagnosis.nexttest.result import (
     Bits,
     ExplanationSummary,
-    Limits,
     NextTests,
     Proposed,
     Width,
@@ -57,7 +59,7 @@ def summarize(
         units=units,
         constants=goal.constants,
         cause=goal.cause,
-        limits=Limits(rig.depth, rig.speed, rig.acceleration, rig.interval, rig.rows),
+        limits=rig,
         minutes=minutes,
         seed=seed,
         screened=series.screened,
@@ -68,9 +70,6 @@ def summarize(
         outside=belief.outside,
         missed=errors.missed,
         tests=tuple(tests),
-        considered=tuple(
-            _proposed(f"option-{k + 1}", one, units, goal) for k, one in enumerate(series.options)
-        ),
         together=_bits(*(float(value[0]) for value in (constants, *bounds))),
         widths=_widths(belief, series, units),
         notices=tuple(_notices(belief, errors, series, units)),
@@ -84,14 +83,7 @@ def _proposed(name: str, one: Option, units: UnitSystem, goal: Goal) -> Proposed
     return Proposed(
         name=name,
         words=design.words(units),
-        depth=design.depth,
-        speed=design.speed,
-        acceleration=design.acceleration,
-        hold=design.hold,
-        share=design.share,
-        rest=design.rest,
-        cycles=design.cycles,
-        pause=design.wait,
+        **asdict(design),
         duration=design.duration,
         minutes=design.minutes,
         constants=one.constants,
@@ -113,7 +105,7 @@ def _bits(constants: float, low: float, high: float) -> Bits:
 def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Width]:
     """Return the sds of the constants now and after all tests."""
     one = belief.explanations[0]
-    now, after = (p.sds(0, one.gradient)[0] for p in (series.now, series.after))
+    now, after = np.linalg.norm(one.gradient, axis=1), series.after.sds(0, one.gradient)[0]
     return {
         name: Width(units.of(kind), float(mean), float(a), float(b))
         for name, kind, mean, a, b in zip(one.names, one.kinds, one.centre, now, after, strict=True)

@@ -12,7 +12,6 @@ from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.naming import contact_notices, final_decision, is_gap
 from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import (
-    coincident,
     parameter_biases,
     responses,
     unmeasured,
@@ -25,7 +24,7 @@ from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.result import (
     Base,
     DiagnosisResult,
-    Refused,
+    Excluded,
     Suggestion,
     Worst,
 )
@@ -63,7 +62,7 @@ def summarize(
         pad=experiment.pad,
         units=experiment.units,
         noise=experiment.floor.total,
-        refused=tuple(Refused(name, why) for name, why in refused),
+        refused=tuple(Excluded(name, why) for name, why in refused),
         **_decided(outcome, decision, selected),
         ranking=ranking,
         **_left(outcome, selected, path),
@@ -71,11 +70,9 @@ def summarize(
         notices=_notices(outcome, decision, selected),
         direct_evidence=shown,
     )
-    adequacies = tuple(outcome.adequacy(one) for one in path)
     law = _law(outcome, decision, selected, bonded, report)
     result = structs.replace(result, description=law.record, could_remove=law.families)
-    work = DiagnosisWork(experiment, search, outcome.samples, path, adequacies, law)
-    return Diagnosis(result, work)
+    return Diagnosis(result, DiagnosisWork(experiment, search, outcome.samples, path, law))
 
 
 def _law(
@@ -116,7 +113,6 @@ def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]
     remainder, worst = outcome.remainder(selected), stages[0].worst
     return {
         "stages": stages,
-        "heldout_of_all": outcome.heldout_of_all(),
         "discrepancy": selected.mode.size,
         "scatter": selected.scatter,
         "tolerance": remainder.tolerance,
@@ -140,7 +136,6 @@ def _not_shown(
             *unmeasured(candidates, protocol),
         ),
         "biases": tuple(parameter_biases(added, baseline)),
-        "coincident": tuple(coincident(added)),
     }
 
 

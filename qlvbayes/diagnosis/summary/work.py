@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.description.describe import NOTHING, Described
 from qlvbayes.diagnosis.search import Search
@@ -21,7 +20,6 @@ class DiagnosisWork:
     samples: Samples  # samples of every test, and what predicts them
     # the hypotheses from the baseline to the selected one, each at its highest mode
     path: tuple[Candidate, ...]
-    adequacies: tuple[Adequacy, ...]  # adequacy test of each hypothesis of the path
     law: Described = NOTHING  # what describes what no listed effect explains
 
     @property
