@@ -215,9 +215,9 @@ def errors_given_fit(
 ) -> tuple[Array, Array]:
     r"""Return draws of the discrepancy (R, N) in N, and of C contacts' errors (R, C) in their sds.
 
-    One of each is drawn for a row of constants. Given a discrepancy of size s and a floor of scale phi,
-    the coefficients w of its smooth functions are normal given the fitted tests' whitened residuals
-    r (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
+    Each row of constants has draws of its own. Given a discrepancy of size s and a floor of scale
+    phi, the coefficients w of its smooth functions are normal given the fitted tests' whitened
+    residuals r (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
     leave out a part of the smooth functions (namely the function of the sample's own test, if that
     was not fitted). Together with the rough part it has the variance
 
