@@ -217,9 +217,9 @@ def errors_given_fit(
 
     Each row of constants has draws of its own. Given a discrepancy of size s and a floor of scale
     phi, the coefficients w of its smooth functions are normal given the fitted tests' whitened
-    residuals r (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features phi(x)
-    leave out a part of the smooth functions (namely the function of the sample's own test, if that
-    was not fitted). Together with the rough part it has the variance
+    residuals r (`discrepancy.Discrepancy.weights`, at the size s / phi). At a sample x the features
+    phi(x) leave out a part of the smooth functions (namely the function of the sample's own test,
+    if that was not fitted). Together with the rough part it has the variance
 
     .. math:: s^2 \left(g^2 - \phi(x)^T \phi(x) + \rho\right).
 
