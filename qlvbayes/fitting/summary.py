@@ -202,12 +202,12 @@ def as_latex(entries: Sequence[Entry]) -> str:
     pads = list(dict.fromkeys(e.pad for e in shown))
     known = {e.pad for e in shown if e.reference is not None}
     heads = [f"pad {tex(pad)}{' & reference' if pad in known else ''}" for pad in pads]
-    entry_of = {(e.pad, e.parameter): e for e in shown}
-    units = {e.parameter: e.unit for e in shown}
+    entry_of = {(e.pad, e.parameter, e.unit): e for e in shown}
+    # pads in other units, or of other laws, have a row of their own
     rows = [
         [symbol(name), "" if unit == "1" else tex(unit)]
-        + [cell for pad in pads for cell in _cells(entry_of.get((pad, name)), pad in known)]
-        for name, unit in units.items()
+        + [cell for pad in pads for cell in _cells(entry_of.get((pad, name, unit)), pad in known)]
+        for name, unit in dict.fromkeys((e.parameter, e.unit) for e in shown)
     ]
     lines = [
         "% needs \\usepackage{booktabs}; median [90 \\% highest-density interval]",

@@ -375,10 +375,12 @@ class _Builder:
                 self.fail(first, what, "delete these rows")
         if slipped(time) is None:
             self._refuse_time(time)
-        for size, by in ((time.size, ""), (np.count_nonzero(used), " to use")):
+        of_file = time.size, "", "add the missing rows"
+        kept = np.count_nonzero(used), " to use", "write 1 in more rows of the column use"
+        for size, by, remedy in (of_file, kept):
             if size < LEAST_SAMPLES:
                 what = f"{self.title} has {size} rows{by}, at least {LEAST_SAMPLES} are needed"
-                self.fail(0, what, "add the missing rows or delete the test", alone=True)
+                self.fail(0, what, f"{remedy} or delete the test", alone=True)
         for key, values in (("displacement", way), ("force", force[used])):
             held = key == "force" and loaded and values.max() > 0.0
             if values.min() == values.max() and not held:

@@ -30,11 +30,11 @@ def plot_constants(
 
     ``entries`` are those of ``constants_table`` (constants of the noise are left out),
     ``reference`` names the references in the legend, ``width`` is in mm; returns a panel for each
-    constant.
+    constant, and for each of its units.
     """
     shown = [entry for entry in entries if not entry.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(entry.pad for entry in shown))
-    names = list(dict.fromkeys(entry.parameter for entry in shown))
+    names = list(dict.fromkeys((entry.parameter, entry.unit) for entry in shown))
     columns = min(_COLUMNS_TIGHT if narrow(width) else _COLUMNS, max(len(names), 1))
     rows = -(-len(names) // columns)
     with style():
@@ -45,7 +45,7 @@ def plot_constants(
             axis.remove()
         axes = list(grid[: len(names)])
         for axis, name in zip(axes, names, strict=True):
-            own = [entry for entry in shown if entry.parameter == name]
+            own = [entry for entry in shown if (entry.parameter, entry.unit) == name]
             wide = max(len(_values_text(entry)) for entry in own) > (width / columns - 8) / _LETTER
             _draw(axis, own, pads, shortened(reference, 36), gap="\n" if wide else " ")
         for axis in axes:

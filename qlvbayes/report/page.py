@@ -70,9 +70,8 @@ def page(results: Results) -> str:
         source=source_name(results),
         pads=[_view(pad, embed) for pad in results.pads],
         answers=answers(results, remedies),
-        constants=questions.constant_names(results.pads),
+        constants=questions.constants_in_units(results.pads),
         meanings=questions.meanings(results.pads),
-        units=_units(results),
         compared=compared,
         figures={name: embed(results.out, name) for name in ("constants", "forces_at_rates")},
         methods=methods_of(results),
@@ -91,12 +90,6 @@ def _view(pad: PadResults, embed: Embedder) -> PadView:
         {name: embed(pad.folder, name, pad.title) for name in _PAD_FIGURES},
         _relaxation(pad),
     )
-
-
-def _units(results: Results) -> dict[str, str]:
-    """Return the unit of each constant, empty for a pure number."""
-    known = {name: c.unit for pad in results.pads for name, c in pad.parameters.items()}
-    return {name: "" if unit == "1" else unit for name, unit in known.items()}
 
 
 def _relaxation(pad: PadResults) -> tuple[str, ...]:

@@ -56,6 +56,20 @@ def constant_names(pads: Sequence[PadResults]) -> list[str]:
     return sorted(dict.fromkeys(name for pad in pads for name in pad.parameters), key=_rank)
 
 
+def constants_in_units(pads: Sequence[PadResults]) -> list[tuple[str, str]]:
+    """Return every constant of the pads with its unit; one of several units is several times in it.
+
+    Pads may be in other units, and a constant of the same name has another unit in another law.
+    """
+    return [
+        (name, unit)
+        for name in constant_names(pads)
+        for unit in dict.fromkeys(
+            pad.parameters[name].unit for pad in pads if name in pad.parameters
+        )
+    ]
+
+
 def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     """Return what each constant of the pads means."""
     known = {
@@ -91,7 +105,7 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     came = [e for e in pad.final.effects if e not in pad.baseline.effects]
     reshaped = any(map(_reshapes, came))
     before, after = (_alike(one.summary, reshaped) for one in (pad.baseline, pad.final))
-    names = [n for n in sorted(before, key=_rank) if n in after]
+    names = [n for n in sorted(before, key=_rank) if n in after and before[n].unit == after[n].unit]
     if not names:
         return None
     changes = {n: before[n].median / after[n].median - 1.0 for n in names}

@@ -377,9 +377,9 @@ def test_a_column_that_says_nothing_leaves_nothing_out(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (",no\n", ",maybe\n", "line 252: use 'maybe' is neither 1 nor 0 in test 't' .*; write 1 "),
-        (",no\n", ",\n", "line 252: use is empty in test 't' of pad 'pad'; write 1 .yes, true. or"),
-        (",yes\n", ",no\n", "line 2: the column use keeps 0 rows of test 't' .*; write 1 in more"),
+        (",no\n", ",maybe\n", "line 252: use 'maybe' is unknown in test 't' .*; write 1, "),
+        (",no\n", ",\n", "line 252: use is empty in test 't' of pad 'pad'; write 1, yes, true"),
+        (",yes\n", ",no\n", "line 2: test 't' .* has 0 rows to use, .*; write 1 in more"),
     ],
 )
 def test_a_bad_column_is_refused_with_its_line(tmp_path, old, new, message):

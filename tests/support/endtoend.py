@@ -104,7 +104,6 @@ def undrawn(but=()):
         if path.name in but:
             return draw(figure, path, *kinds)
         image = path.with_name(f"{path.name}.png")
-        image.parent.mkdir(parents=True, exist_ok=True)
         Image.new("L", (1, 1)).save(image)
         path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
         return image

@@ -160,7 +160,12 @@ def _knowledge_from_diagnosis(
     out: Path, result: DiagnosisResult, probable: Sequence[Alternative], data: Path | None
 ) -> Knowledge:
     run = _run(out)
-    source = data or Path(run.source)
+    source, sha256 = Path(run.source), run.sha256
+    if not sha256:  # of several files, of which the pad's fit names its own
+        fits = [out / result.pad / within / "posterior.nc" for within in ("plain", "")]
+        saved = next((load(fit) for fit in fits if fit.is_file()), None)
+        source, sha256 = (Path(saved.source), saved.sha256) if saved else (source, "")
+    source = data or source
     if not source.is_file():
         raise InputError(
             "the measurements that were diagnosed are not there",
@@ -168,7 +173,7 @@ def _knowledge_from_diagnosis(
             remedy="say where they are with --data FILE",
         )
     study = read_measurements(source)
-    if study.sha256 != run.sha256:
+    if sha256 and study.sha256 != sha256:
         raise InputError(
             "not the measurements that were diagnosed",
             file=source,
