@@ -260,6 +260,8 @@ def _notices(fit: Fit) -> Iterator[str]:
     sds = {trial.name: trial.test.contact_sd for trial in fit.trials if trial.test.contact_sd}
     if sds and (isinstance(fit.posterior.noise, Floor) or fit.method == "least-squares"):
         listed = ", ".join(f"{name} {plain(sd, 2)}" for name, sd in sds.items())
+        if len(set(sds.values())) == 1 and len(sds) == len(fit.trials):
+            listed = plain(next(iter(sds.values())), 2)
         yield (
             f"pad {fit.pad}: the contact point is uncertain, and the constants' intervals include "
             f"this (standard error in {fit.experiment.units.displacement}: {listed})"

@@ -116,7 +116,8 @@ def _columns(
     """Return the file's own units, and the columns of numbers and of labels."""
     fail = partial(InputError, file=file, line=line)
     if sum(map(is_like_number, names)) > 1:
-        remedy = "add a header line such as time_s,displacement_mm,force_N"
+        remedy = "add a header line such as time_s,displacement_mm,force_N, or say which columns "
+        remedy += "they are, as --columns 1,2,3 --units s,mm,N"
         raise fail("the first line has numbers, not column names", remedy=remedy)
     found: dict[str, Column] = {}
     unknown: list[tuple[str, str, str]] = []

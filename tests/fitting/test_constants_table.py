@@ -57,6 +57,17 @@ def test_the_paper_s_table_is_what_the_simulator_uses():
             assert found[pad, f"v[{k}]"] == Reference(rate, "1/s")
 
 
+def test_a_constant_of_two_units_has_two_rows():
+    """Of pads in mm and in um, or of two laws."""
+    pads = [
+        summary("P", m=constant("N/mm^n", 1.43, 1.40, 1.46)),
+        summary("Q", m=constant("N/um", 0.000798, 0.000794, 0.000801)),
+    ]
+    rows = as_latex(constants_table(pads)).splitlines()[5:7]
+    assert rows[0].split(" & ")[1::2] == ["N/mm\\textasciicircum{}n", "-- \\\\"]
+    assert rows[1].split(" & ")[1:3] == ["N/um", "--"]
+
+
 def test_csv_holds_every_constant_with_interval_and_reference_and_quotes_names(tmp_path):
     entries = constants_table([SUMMARY], KNOWN)
     files = write_constants(tmp_path, entries)
