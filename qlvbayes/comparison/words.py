@@ -36,7 +36,10 @@ def _verdict(comparison: Comparison) -> str:
     one, other = comparison.names
     region = f"{100 * comparison.region:g} %"
     if comparison.differ is None and comparison.omnibus is None:
-        return f"Cannot tell whether {one} and {other} differ: they share no constant."
+        return (
+            f"Cannot tell whether {one} and {other} differ as a whole: they share no constant that "
+            "a joint test could compare. One by one:"
+        )
     if comparison.differ:
         return f"Yes: {one} and {other} differ ({_test(comparison)}).{_most(comparison, region)}"
     if comparison.differ is None:

@@ -216,6 +216,8 @@ def in_a_line(comparison: Comparison) -> str:
         "open": "undecided in",
     }
     where = "; ".join(f"{words[k]} {joined(by_answer[k])}" for k in words if k in by_answer)
+    if comparison.omnibus is None and comparison.differ is None:
+        return f"{pair} share no constant that a joint test could compare; one by one: {where}."
     if comparison.differ and where.startswith("different "):
         return f"{pair} differ {where.removeprefix('different ')}."
     head = {
