@@ -179,8 +179,7 @@ class Search:
                 found += find_modes(self.density, hypothesis, theta, math.inf, known=found)
             return self.candidates_from(hypothesis, found)
 
-        for hypothesis, new in zip(known, in_threads(look, list(known)), strict=True):
-            self.keep(hypothesis, new)
+        self._keep_each(look, list(known))
 
     def _lacks(self, hypothesis: Hypothesis) -> frozenset[str]:
         """Return the effects that the record shows and a hypothesis has in no form."""
@@ -299,8 +298,7 @@ class Search:
         some = [one for one in some if one != base and (base, one) not in self._tried]
         self._tried.update((base, one) for one in some)
         look = partial(self._candidates_from_base, base, self.lowest_loss)
-        for hypothesis, new in zip(some, in_threads(look, some), strict=True):
-            self.keep(hypothesis, new)
+        self._keep_each(look, some)
 
     def _candidates_from_base(
         self, base: Hypothesis, lowest: float, hypothesis: Hypothesis
@@ -341,8 +339,7 @@ class Search:
             new = redrawn_modes(self.density, hypothesis, known, self.seed, draws)
             return self.candidates_from(hypothesis, [mode for mode in new if mode not in known])
 
-        for hypothesis, new in zip(some, in_threads(look, some), strict=True):
-            self.keep(hypothesis, new)
+        self._keep_each(look, some)
 
     def candidates_from(self, hypothesis: Hypothesis, some: Iterable[Mode]) -> list[Candidate]:
         """Return candidates at those of some modes that come near the highest of them."""
@@ -351,6 +348,13 @@ class Search:
         tolerance = self.settings.tolerance
         new = [candidate_at(self.density, hypothesis, mode, tolerance) for mode in near]
         return [one for one in new if math.isfinite(one.log_evidence)]
+
+    def _keep_each(
+        self, look: Callable[[Hypothesis], list[Candidate]], some: Sequence[Hypothesis]
+    ) -> None:
+        """Look for candidates of hypotheses in parallel, and keep them in their order."""
+        for hypothesis, new in zip(some, in_threads(look, some), strict=True):
+            self.keep(hypothesis, new)
 
     def keep(self, hypothesis: Hypothesis, new: Sequence[Candidate]) -> None:
         """Add candidates of a hypothesis to its modes, of which only the highest are kept."""

@@ -153,7 +153,7 @@ class FirstContact:
     level: float  # share of the peak force up to which the rise is fitted
     choice: float = 0.0  # error due to this share
     spacing: float = 0.0  # error due to the rows' distance
-    sliding: float = 0.0
+    sliding: float = 0.0  # force, of a contact after sliding alone
     slid: int = 0
 
     @property
@@ -197,6 +197,16 @@ def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstCo
     spread = float(np.std([fit.position for fit in fits]))
     sd = float(np.sqrt(middle.sd**2 + spread**2 + spacing**2))
     return replace(middle, sd=sd, rows=row, choice=spread, spacing=spacing)
+
+
+def first_rises(
+    way: Floats, load: Floats, *, at_zero: bool
+) -> tuple[FirstContact | None, FirstContact | None]:
+    """Return the first contact of a test, and the one after sliding if what rises first may rub."""
+    contact = find_contact(way, load, at_zero=at_zero)
+    if contact is not None and contact.is_beyond(float(way[0])):
+        return contact, None
+    return contact, contact_after_sliding(way, load)
 
 
 def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:

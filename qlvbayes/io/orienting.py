@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.contact import Signs, contact_after_sliding, find_contact, is_dead
+from qlvbayes.io.contact import Signs, first_rises, is_dead
 from qlvbayes.io.loading import SIGNS, Answers, Loaded
 from qlvbayes.io.readings import same_readings, wrong_signs
 from qlvbayes.io.recording import Recording, UnsureError
@@ -57,9 +57,7 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
     constant = float(np.ptp(load)) == 0.0
     contact = sliding = None
     if not (one.units.dimensionless or constant):
-        contact = find_contact(way, load, at_zero=one.begins_at_zero)
-        if contact is None or not contact.is_beyond(float(way[0])):
-            sliding = contact_after_sliding(way, load)
+        contact, sliding = first_rises(way, load, at_zero=one.begins_at_zero)
     unused = one.recording.unused
     findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
     findings.append(_sign_finding(one, signs, answers))

@@ -108,7 +108,7 @@ def _slope_of(test: Test) -> Slope | None:
     beyond = 0.0 if test.contact_sd is None else np.inf
     contact, slope = find_contact(way, force) if way[0] < beyond else None, None
     for _ in range(_ROUNDS):
-        if contact is None or contact.sliding:  # it begins in contact, or its guide rubs
+        if contact is None:  # it begins in contact
             return None
         way_in = contact.position - float(way[0])
         spare = max(_CLEAR * way_in, min(2.0 * contact.sd, 0.5 * way_in))

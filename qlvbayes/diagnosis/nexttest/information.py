@@ -24,7 +24,6 @@ convex:
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -36,6 +35,7 @@ from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import Design, Rig
 from qlvbayes.diagnosis.nexttest.records import ReadingErrors, record_of, whitening
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.runtime import in_threads
 from qlvbayes.motion.record import Record
 
 _LN2 = float(np.log(2.0))
@@ -220,5 +220,4 @@ def _products(
         white = whitening(designs[k], k, record, rig, errors, own[0])(own)
         return np.asarray(white @ white.T)
 
-    with ThreadPoolExecutor(2) as pool:
-        return np.stack(list(pool.map(product, range(len(designs)))))
+    return np.stack(in_threads(product, range(len(designs))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qlvbayes.io.contact import FirstContact, contact_after_sliding, find_contact, most_slide
+from qlvbayes.io.contact import FirstContact, first_rises, most_slide
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import CLEAR, DirectEvidence, Place, names_of, pooled
@@ -30,10 +30,7 @@ def _contact_of(
         return None, None
     way, force = trial.test.displacement, trial.test.force
     at_zero = abs(float(way[0])) <= _AT_ZERO * experiment.depth
-    contact = find_contact(way, force, at_zero=at_zero)
-    if contact is not None and contact.is_beyond(float(way[0])):
-        return contact if contact.is_finite else None, None
-    later = contact_after_sliding(way, force)
+    contact, later = first_rises(way, force, at_zero=at_zero)
     return contact if contact is not None and contact.is_finite else None, later
 
 
