@@ -77,9 +77,8 @@ class CompareStep:
                 first[1], second[1], names=names, region=self.region, depth=self.depth,
                 rates=self.rates, frequencies=self.frequencies, seed=self.seed,
             )  # fmt: skip
-            folder.mkdir(parents=True, exist_ok=True)
-            figure = save_figure(plot_contrasts(comparison), folder / "contrasts")
-            files = [*write_comparison(folder, comparison), figure]
+            files = write_comparison(folder, comparison)  # which makes the folder
+            files.append(save_figure(plot_contrasts(comparison), folder / "contrasts"))
         record_finished(out, self.name, folder.name, key, {f.name: digest_of(f) for f in files})
         return comparison
 
