@@ -187,13 +187,13 @@ class Contacts:
 
     def changes(self, blocks: Blocks) -> np.ndarray:
         """Return what one standard error of each contact changes of the fitted tests (C, T', B)."""
-        own = np.asarray(blocks.zero) + np.asarray(blocks.stage)
-        return np.where((self.fitted == np.arange(self.count)[:, None])[..., None], own, 0.0)
+        own = (self.fitted == np.arange(self.count)[:, None])[..., None]
+        return np.where(own, np.asarray(blocks.contact), 0.0)
 
     def moved(self, record: Record, zeros: np.ndarray) -> tuple[np.ndarray, Record]:
         """Return the change (R, T, B) in N by errors (R, C), and the record without them."""
         blocks, known = record.blocks, (self.predicted < self.count)[:, None]
-        own = np.where(known, np.asarray(blocks.zero) + np.asarray(blocks.stage), 0.0)
+        own = np.where(known, np.asarray(blocks.contact), 0.0)
         every = np.concatenate([zeros, np.zeros((len(zeros), 1))], axis=1)
         rest = [np.where(known, 0.0, np.asarray(one)) for one in (blocks.zero, blocks.stage)]
         left = replace(blocks, zero=held(rest[0]), stage=held(rest[1]))
