@@ -227,8 +227,9 @@ def contact_moves(
     if not has_uncertain_zeros(model, trials):
         return np.zeros((0, theta.size))
     blocks = with_zero_errors(predictor.record, trials, model).blocks
-    of_tests = np.eye(len(trials))[:, :, None] * np.asarray(blocks.zero)
-    changes = np.concatenate([of_tests, stage_changes(trials, blocks)])
+    tests = np.eye(len(trials))[:, :, None]
+    zero, tare = np.asarray(blocks.zero), np.asarray(blocks.tare)
+    changes = np.concatenate([tests * zero, tests * tare, stage_changes(trials, blocks)])
     scaled = (changes / scale)[:, predictor.space.real]
     _, slopes = residuals_and_slopes(predictor, scale, theta)
     return np.asarray(np.linalg.lstsq(slopes, scaled[scaled.any(axis=1)].T)[0].T)

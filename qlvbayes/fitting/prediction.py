@@ -140,8 +140,9 @@ def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -
     noise = filled(predictor.noise, matrix.T[-count:, :, None, None])
     shape = (len(matrix), *samples.weight.shape)
     errors: np.ndarray = noise.sample_sd(samples) * rng.standard_normal(shape)
-    if samples.contact.any():
-        errors += samples.contact * rng.standard_normal((*shape[:2], 1))
+    for zero in (samples.contact, samples.tare):
+        if zero.any():
+            errors += zero * rng.standard_normal((*shape[:2], 1))
     return errors
 
 
@@ -268,8 +269,9 @@ def realisations(
     )
     errors += extra * rng.standard_normal((len(floors), 1))
     errors += timing * rng.standard_normal(shape)
-    if (contact := np.asarray(samples.contact)).any():
-        errors += contact * rng.standard_normal((len(floors), 1))
+    for zero in (np.asarray(samples.contact), np.asarray(samples.tare)):
+        if zero.any():
+            errors += zero * rng.standard_normal((len(floors), 1))
     return np.asarray(errors)
 
 

@@ -41,6 +41,7 @@ class Tidied:
     row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
     the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
     standard error, where it was measured. Tests of one ``contact_stage`` share that error.
+    ``tare_sd`` is the standard error of the force that was subtracted, 0 where none was.
     """
 
     file: Path
@@ -58,6 +59,7 @@ class Tidied:
     zero: float
     zero_sd: float | None
     contact_stage: str
+    tare_sd: float
     sampling: Sampling
     dropped: dict[str, int]
     findings: tuple[str, ...]
@@ -81,6 +83,7 @@ class Tidied:
             "zero": self.zero,
             "zero_sd": self.zero_sd,
             "contact_stage": self.contact_stage or None,
+            "tare_sd": self.tare_sd,
             "rows": len(self.time),
             "step_s": self.sampling.step,
             "lag_s": self.sampling.lag,
@@ -239,10 +242,11 @@ def _tidied(
     if first:
         one.dropped[f"rows of the approach, more than {_LEAD:g} s before contact"] = first
     way, load = one.way[first:] - zero.position, one.load[first:] - zero.force
-    sd = zero.sd
+    sd, tare_sd = zero.sd, zero.force_sd
     if units != one.units:
         length, newtons = (one.units.factor_to(units, kind) for kind in ("displacement", "force"))
-        way, load, sd = way * length, load * newtons, None if sd is None else sd * length
+        way, load, tare_sd = way * length, load * newtons, tare_sd * newtons
+        sd = None if sd is None else sd * length
     clock, lag, sampled = one.recording.load_time, one.sampling.lag, one.sampling.describe()
     if clock is not None and lag is not None:
         sampled += (
@@ -256,8 +260,8 @@ def _tidied(
         findings.append(f"converted to {way_in} and {load_in}, the units of the first file")
     return Tidied(
         one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
-        way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, one.sampling,
-        one.dropped, tuple(findings),
+        way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, tare_sd,
+        one.sampling, one.dropped, tuple(findings),
     )  # fmt: skip
 
 
@@ -301,6 +305,9 @@ def tidy_text(conversion: Conversion) -> bytes:
             None if t.zero_sd is None else f"{t.zero_sd:.3g}" for t in tests
         ],
         "contact_stage": [None if t.zero_sd is None else t.contact_stage for t in tests],
+        column_name("tare_sd", units.force): [
+            f"{t.tare_sd:.3g}" if t.tare_sd else None for t in tests
+        ],
         "control": ["force" if t.prescribed_force else None for t in tests],
     }
     optional = {

@@ -80,9 +80,10 @@ class Test:
     changes within the test; else empty; contact_sd: Standard error of the displacement's zero, in
     the unit of displacement; None where it was not measured; contact_stage: Name of the stage whose
     contact is the test's zero, where it shares that error with the pad's other tests of that name;
-    empty where its error is its own; used: (n,) whether the force of each sample is used; None
-    where all are. The displacement is the specimen's history and always is; anew: (n,) whether the
-    displacement of each sample was read anew; None where all were.
+    empty where its error is its own; tare_sd: Standard error of the force's zero, in the unit of
+    force, where it was measured and subtracted; else 0; used: (n,) whether the force of each sample
+    is used; None where all are. The displacement is the specimen's history and always is; anew:
+    (n,) whether the displacement of each sample was read anew; None where all were.
     """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it
@@ -101,6 +102,7 @@ class Test:
     changes: tuple[Prescribed, ...] = ()
     contact_sd: float | None = None
     contact_stage: str = ""
+    tare_sd: float = 0.0
     used: Mask | None = None
     anew: Mask | None = None
 
@@ -210,6 +212,7 @@ def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measure
                 tidied.test, tidied.pad, tidied.time, tidied.displacement, tidied.force,
                 start_s=start, start_known=tidied.start_s is not None,
                 contact_sd=tidied.zero_sd, contact_stage=tidied.contact_stage,
+                tare_sd=tidied.tare_sd,
                 control=Control.FORCE if tidied.prescribed_force else None,
             )
         )  # fmt: skip
@@ -356,6 +359,7 @@ class _Builder:
             changes=tuple(changes) if len(controls) > 1 else (),
             contact_sd=self._number("contact_sd", -1e-300) or None,
             contact_stage=self.label("contact_stage"),
+            tare_sd=self._number("tare_sd", -1e-300) or 0.0,
             used=None if used.all() else used,
         )
 

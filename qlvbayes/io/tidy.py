@@ -156,8 +156,8 @@ def _columns(
     keys |= {f"{key} 2": f"{keys[key]} 2" for key in ("displacement", "force")}
     way, load = found[keys["displacement"]], found[keys["force"]]
     own = dict.fromkeys(("displacement", "displacement 2", "rate", "contact_sd"), way.scale)
-    own |= dict.fromkeys(("force", "force 2", "force_sd"), load.scale)
-    declared = (*LABELS, "rate", "start", "contact_sd")
+    own |= dict.fromkeys(("force", "force 2", "force_sd", "tare_sd"), load.scale)
+    declared = (*LABELS, "rate", "start", "contact_sd", "tare_sd")
     keys |= dict(zip(declared, declared, strict=True))
     scaled = {
         key: replace(column, scale=column.scale.over(own.get(key, SAME)))

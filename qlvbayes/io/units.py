@@ -179,6 +179,7 @@ SUFFIXES: dict[str, dict[str, Scale]] = {
     "stress_sd": _STRESS,
     "start": _TIME,
     "contact_sd": _LENGTH,
+    "tare_sd": _FORCE,
     "rate": {**{f"{unit}_s": scale for unit, scale in _LENGTH.items()}, "1_s": SAME},
 }
 """Suffixes of each quantity, the default one first, each with its ratio to the default."""

@@ -177,11 +177,12 @@ def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: 
 
 @dataclass(frozen=True)
 class Zero:
-    """Zeros subtracted from displacement and force, and the displacement's standard error.
+    """Zeros subtracted from displacement and force, and their standard errors.
 
-    ``position`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
-    how it was found; ``contact`` is where the file's own rise of the force shows it. ``stage``
-    names the contact whose error all recordings of that name share.
+    ``position`` is the displacement, and ``sd`` is None where it was not measured; ``force_sd`` is
+    0 where no force was subtracted. ``finding`` says how it was found; ``contact`` is where the
+    file's own rise of the force shows it. ``stage`` names the contact whose error all recordings of
+    that name share.
     """
 
     position: float
@@ -190,6 +191,7 @@ class Zero:
     sd: float | None = None
     contact: FirstContact | None = None
     stage: str = ""
+    force_sd: float = 0.0
 
 
 def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
@@ -291,7 +293,7 @@ def _stated(one: Loaded, written: float) -> Zero:
     if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
         return Zero(position, 0.0, finding, contact=one.contact)
     finding += f"; {_taken_off(one, rest)}"
-    return Zero(position, rest, finding, contact=one.contact)
+    return Zero(position, rest, finding, contact=one.contact, force_sd=sd)
 
 
 def _taken_off(one: Loaded, rest: float) -> str:
@@ -354,7 +356,8 @@ def _at_contact(
             f"does in a quick test; --contact {one.written(stage.position)} states this zero"
         )
     position = 0.0 if stage.kept else stage.position
-    return Zero(position, offset, finding, stage.sd, contact, _label(one, stage))
+    error = contact.force_sd if offset else 0.0
+    return Zero(position, offset, finding, stage.sd, contact, _label(one, stage), error)
 
 
 def _at_start(one: Loaded) -> Zero | UnsureError:

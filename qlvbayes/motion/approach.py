@@ -77,7 +77,8 @@ def without_slopes(pad: Pad) -> tuple[Pad, tuple[str, ...]]:
             positions, sds = np.array([(one.position, one.sd) for one in found]).T
             sd = float(np.sum(sds**-2.0) ** -0.5)
             way = way - float(positions @ sds**-2.0) * sd**2
-        tests.append(replace(test, force=force, displacement=way, contact_sd=sd))
+        tare = float(slope.sds[0])
+        tests.append(replace(test, force=force, displacement=way, contact_sd=sd, tare_sd=tare))
         notices.append(_notice(pad.name, test, slope, pad.units))
     return replace(pad, tests=tuple(tests)), tuple(notices)
 

@@ -37,6 +37,7 @@ class Blocks(Pytree):
     # all its blocks, 0 where the zero is taken as exact
     zero: Array
     stage: Array  # the same where the error is common to all tests of a stage
+    tare: Array  # sd (N) of the zero of the test's force, common to all its blocks
     real: Array  # False for padding
 
     @property
@@ -60,7 +61,7 @@ class Blocks(Pytree):
         one, none = np.ones(count.shape), np.zeros(count.shape)
         fields = {"force": force, "count": count, "first": first, "last": last, "scale": one}
         fields |= {"weight": one if weight is None else weight, "real": one > 0.0}
-        fields |= dict.fromkeys(("extra", "timing", "zero", "stage"), none)
+        fields |= dict.fromkeys(("extra", "timing", "zero", "stage", "tare"), none)
         return cls(**{name: held(values) for name, values in fields.items()})
 
 

@@ -213,7 +213,8 @@ def _average(test: Test, begin: NDArray[np.intp], sd_scale: float) -> Blocks:
     weight = None
     if test.force_sd is not None:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
-    return Blocks.of_means(force, count, test.time[begin], test.time[last], weight)
+    blocks = Blocks.of_means(force, count, test.time[begin], test.time[last], weight)
+    return replace(blocks, tare=held(np.full(count.shape, test.tare_sd)))
 
 
 def _with_errors(

@@ -40,6 +40,22 @@ def test_a_shared_error_is_whitened_with_the_covariance_that_it_makes():
     np.testing.assert_allclose(joint_covariance(rest), covariance[np.ix_(~last, ~last)])
 
 
+def test_a_force_that_is_off_by_the_error_of_its_zero_costs_at_most_half_a_nat():
+    known, sd = hidden_pad(rates=(1.0, 20.0)), 0.02
+
+    def cost(tare_sd):
+        """Return minus the log likelihood of one test that is off by sd, over the best."""
+        tests = [replace(trial.test, tare_sd=tare_sd) for trial in known.trials]
+        pad = Pad(known.pad, tuple(tests), known.units)
+        density = build_search(prepare(pad), kinds=FEW).density
+        off = np.zeros_like(density.space.record.blocks.force)
+        off[0] = sd
+        return 0.5 * float((density.whitener(off[None]) ** 2).sum())
+
+    assert 0.3 < cost(sd) < 0.5
+    assert cost(0.0) > 10.0
+
+
 def test_a_named_offset_beyond_the_error_of_the_contact_is_told():
     experiment = on_one_stage()
     assert contact_error(experiment) == SD

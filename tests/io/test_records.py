@@ -1,6 +1,7 @@
 """Records of kinds on which something went wrong: our own of each, and those kept elsewhere."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +124,21 @@ def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path)
     tidy.write_text(text + rows.replace("5,", "-5,", 1).replace("\n5,", "\n-5,"))
     with pytest.raises(InputError, match="contact_sd_um is negative"):
         read_measurements(tidy)
+
+
+def test_the_force_that_is_taken_off_is_as_uncertain_as_is_told(tmp_path):
+    """Over 24 files the errors are about one standard error, also of correlated noise."""
+    off = []
+    for seed in range(24):
+        press, rng = pressed(1.2, seed=seed), np.random.default_rng(100 + seed)
+        noise = 0.003 * rng.standard_normal(press.load.size)
+        for k in range(1, noise.size):
+            noise[k] += 0.6 * noise[k - 1]
+        load = press.load + noise + 0.3
+        (test,) = convert([written(tmp_path, "a", replace(press, load=load), 7.0)]).tests
+        taken = float(np.median(load[-test.force.size :] - test.force))
+        off.append((taken - 0.3) / test.tare_sd)
+    assert 0.6 < float(np.sqrt(np.mean(np.square(off)))) < 1.5
 
 
 def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):

@@ -40,7 +40,8 @@ def _covariance(samples: Samples, k: int) -> Array:
     correlated = floor.ou**2 * np.exp(-np.abs(time[:, None] - time) / floor.tau)
     noise = np.outer(scale, scale) * (correlated + np.diag((floor.white * weight) ** 2))
     common = np.outer(extra, extra) + np.outer(contact, contact)
-    return np.asarray(noise + np.diag(timing**2) + common)
+    tare = samples.trials[k].test.tare_sd
+    return np.asarray(noise + np.diag(timing**2) + common + tare**2)
 
 
 def _cumulants(covariance: Array) -> tuple[float, float, float]:

@@ -134,11 +134,11 @@ def _basis(matrix: Array) -> tuple[Array, Array]:
 
 def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     """Return the covariance (N, N) of the noise of one test's block means (N^2)."""
-    first, last, count, weight, scale, extra, timing, zero = map(
+    first, last, count, weight, scale, extra, timing, zero, tare = map(
         np.asarray,
         (
             *(blocks.first, blocks.last, blocks.count, blocks.weight),
-            *(blocks.scale, blocks.extra, blocks.timing, blocks.zero),
+            *(blocks.scale, blocks.extra, blocks.timing, blocks.zero, blocks.tare),
         ),
     )
     white = (floor.white * weight * scale) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
@@ -148,7 +148,8 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
     common = np.where(group[:, None] == group, 0.5, 0.0)
     motion = np.outer(extra, extra) * (common + 0.5 * np.eye(extra.size))
-    return np.diag(white) + correlated * correlation + motion + np.outer(zero, zero)
+    zeros = np.outer(zero, zero) + np.outer(tare, tare)
+    return np.diag(white) + correlated * correlation + motion + zeros
 
 
 def expected_covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> Array:

@@ -36,6 +36,7 @@ _FADING = (0.1, 0.25, 0.6)  # decays over a period, in frequencies: all of them 
 _SMALLEST = 1e-3  # of the peak, below which a swing may be a bend of the specimen's own
 _SAME = 0.1  # of a frequency, within which stops ring alike
 _ABOUT = 40  # readings before and after the stop of a ramp, in which a delay is looked for
+_STEPS = 8  # of finding a delay, of which each leaves a small part
 _ALIKE = 3.0  # errors, within which stops have one delay
 
 
@@ -147,8 +148,9 @@ def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
 
     .. math:: F(t) = a_0 + a_1 d + a_2 d^2 + e\,v + a_3 (t - s) + a_4 (t - s)^2
 
-    where a delay is :math:`-e / a_1`, at any speed. A drag, a film, and a relaxation that is
-    faster than the readings have the other sign.
+    where a delay is :math:`-e / a_1`, at any speed; depth and speed are then those earlier by it,
+    and so on until nothing more is found. A drag, a film, and a relaxation that is faster than the
+    readings have the other sign.
     """
     places = [
         place
@@ -184,20 +186,25 @@ def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Pl
     rows = np.concatenate([before, rows_between(trial, move.stop, rest.stop)[:_ABOUT]])
     if rows.size < 2 * _ABOUT:
         return None
-    time = trial.test.time[rows] - move.stop
-    depth = trial.trajectory.displacement(trial.test.time[rows])
-    speed = trial.trajectory.velocity(trial.test.time[rows])
-    depth -= depth[-1]
-    columns = np.stack([np.ones(rows.size), depth, depth**2, speed, time, time**2], axis=1)
-    scales = np.abs(columns).max(axis=0)
-    left, size, sds = _left(columns / scales, trial.test.force[rows])
-    noise = max(1.0, experiment.floor.total / max(np.sqrt(left / rows.size), 1e-300))
-    slope, drag = size[[1, 3]] / scales[[1, 3]]
-    sd_slope, sd_drag = noise * sds[[1, 3]] / scales[[1, 3]]
-    if not slope > CLEAR * sd_slope:
-        return None
-    delay = -float(drag / slope)
-    sd = float(np.hypot(sd_drag, delay * sd_slope) / slope)
+    time, delay, sd = trial.test.time[rows], 0.0, 0.0
+    for _ in range(_STEPS):
+        moved = np.clip(time - delay, trial.test.time[0], trial.test.time[-1])
+        depth, speed = trial.trajectory.displacement(moved), trial.trajectory.velocity(moved)
+        depth, since = depth - depth[-1], time - move.stop
+        columns = np.stack([np.ones(rows.size), depth, depth**2, speed, since, since**2], axis=1)
+        scales = np.abs(columns).max(axis=0)
+        left, size, sds = _left(columns / scales, trial.test.force[rows])
+        noise = max(1.0, experiment.floor.total / max(np.sqrt(left / rows.size), 1e-300))
+        slope, drag = size[[1, 3]] / scales[[1, 3]]
+        sd_slope, sd_drag = noise * sds[[1, 3]] / scales[[1, 3]]
+        if not slope > CLEAR * sd_slope:
+            return None
+        more = -float(drag / slope)
+        delay, sd = delay + more, float(np.hypot(sd_drag, more * sd_slope) / slope)
+        if abs(delay) > 0.5 * (time[-1] - time[0]):
+            return None
+        if abs(more) < 0.1 * sd:
+            break
     return Place(trial, f"stop of {move.kind}", delay, sd, mean_speed(trial, move))
 
 
