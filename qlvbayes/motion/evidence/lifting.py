@@ -253,7 +253,7 @@ def _every_inward(experiment: Experiment) -> list[Place]:
             continue
         sd = float(np.hypot(before.sd, max(one.sd for one in levels if one is not None)))
         mean = float(np.mean(values))
-        if np.ptp(values) <= _SETTLED * abs(mean) + 3.0 * sd:
+        if np.ptp(values) <= max(_SETTLED * abs(mean), 2.0 * sd):
             places.append(Place(trial, first.kind, mean, sd, mean_speed(trial, first)))
     return places
 

@@ -77,7 +77,7 @@ def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
 
 
 def level_before(experiment: Experiment, trial: Trial) -> Level | None:
-    """Return the force before the platen first moves."""
+    """Return the force before the platen first moves; None where no rest precedes that."""
     first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
     if first is None or first.control != Control.DISPLACEMENT:
         return None
@@ -89,7 +89,8 @@ def level_before(experiment: Experiment, trial: Trial) -> Level | None:
         _STILL * path.resolution, 1e-3 * abs(depth - start)
     )
     leaves = int(np.argmin(near)) if not np.all(near) else near.size
-    return level_of(experiment, trial, np.arange(leaves))
+    rests = int(np.searchsorted(test.time, first.start, side="right"))
+    return level_of(experiment, trial, np.arange(min(leaves, rests)))
 
 
 def rows_between(trial: Trial, start: float, stop: float) -> Rows:
