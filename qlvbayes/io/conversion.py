@@ -41,7 +41,7 @@ class Tidied:
     row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
     the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
     standard error, where it was measured. Tests of one ``contact_stage`` share that error.
-    ``tare_sd`` is the standard error of the force that was subtracted, 0 where none was.
+    ``tare_sd`` is the standard error of the force's zero, 0 where it was not measured.
     """
 
     file: Path

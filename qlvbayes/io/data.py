@@ -81,9 +81,9 @@ class Test:
     the unit of displacement; None where it was not measured; contact_stage: Name of the stage whose
     contact is the test's zero, where it shares that error with the pad's other tests of that name;
     empty where its error is its own; tare_sd: Standard error of the force's zero, in the unit of
-    force, where it was measured and subtracted; else 0; used: (n,) whether the force of each sample
-    is used; None where all are. The displacement is the specimen's history and always is; anew:
-    (n,) whether the displacement of each sample was read anew; None where all were.
+    force; 0 where it was not measured; used: (n,) whether the force of each sample is used; None
+    where all are. The displacement is the specimen's history and always is; anew: (n,) whether the
+    displacement of each sample was read anew; None where all were.
     """
 
     __test__: ClassVar[bool] = False  # pytest must not collect it

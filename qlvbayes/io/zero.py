@@ -180,7 +180,7 @@ class Zero:
     """Zeros subtracted from displacement and force, and their standard errors.
 
     ``position`` is the displacement, and ``sd`` is None where it was not measured; ``force_sd`` is
-    0 where no force was subtracted. ``finding`` says how it was found; ``contact`` is where the
+    0 where that of the force was not. ``finding`` says how it was found; ``contact`` is where the
     file's own rise of the force shows it. ``stage`` names the contact whose error all recordings of
     that name share.
     """
@@ -356,8 +356,8 @@ def _at_contact(
             f"does in a quick test; --contact {one.written(stage.position)} states this zero"
         )
     position = 0.0 if stage.kept else stage.position
-    error = contact.force_sd if offset else 0.0
-    return Zero(position, offset, finding, stage.sd, contact, _label(one, stage), error)
+    label = _label(one, stage)
+    return Zero(position, offset, finding, stage.sd, contact, label, contact.force_sd)
 
 
 def _at_start(one: Loaded) -> Zero | UnsureError:
