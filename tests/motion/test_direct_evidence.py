@@ -15,6 +15,7 @@ from qlvbayes.simulate import PROTOCOLS
 from tests.support.hidden_pads import hidden_pad
 
 AWAY = Path(__file__).parents[3] / "shared" / "away"  # made by others
+REAL = AWAY.parent / "real" / "adhesive_shear.csv"
 NOISE = 1e-3  # N
 MASS = 7e-4  # N s2/mm
 
@@ -155,6 +156,15 @@ def test_a_hum_that_goes_on_is_no_ringing():
     assert "frame_ringing" not in seen(pressed(force))
 
 
+def glued(time, depth, *_):
+    """The force of a pad that relaxes, and that is not left."""
+    relaxed = np.zeros(depth.size)
+    for k in range(1, depth.size):
+        step = depth[k] - depth[k - 1]
+        relaxed[k] = np.exp(-(time[k] - time[k - 1]) / 0.5) * (relaxed[k - 1] + step)
+    return 0.3 * depth + 0.2 * relaxed
+
+
 def late(force_of, delay):
     """A channel of force that is late by a time (s)."""
     return lambda time, *motion: np.interp(time - delay, time, force_of(time, *motion))
@@ -165,12 +175,7 @@ def test_a_force_that_follows_stops_late_is_measured(delay, ramp_up):
     """A pad that relaxes, with a drag that is as good as 4 ms less, at 100 readings a second."""
 
     def force(time, depth, speed, _):
-        pressed_depth = np.maximum(depth, 0.0)
-        relaxed = np.zeros(depth.size)
-        for k in range(1, depth.size):
-            step = pressed_depth[k] - pressed_depth[k - 1]
-            relaxed[k] = np.exp(-(time[k] - time[k - 1]) / 0.5) * (relaxed[k - 1] + step)
-        return 0.3 * pressed_depth + 0.2 * relaxed + 0.002 * speed
+        return glued(time, np.maximum(depth, 0.0)) + 0.002 * speed
 
     plain = {"speeds": (1.0, 2.0, 4.0), "ramp_up": ramp_up}
     assert "channel_lag" not in seen(pressed(force, **plain))
@@ -204,6 +209,38 @@ def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave
     experiment = prepare(Pad("p", (trial.test, later), UnitSystem("mm", "N")))
     assert ("stress_softening" in seen(experiment)) is told
     assert beyond_doubt(experiment) == set()
+
+
+def without_the_last_rest(experiment):
+    stops = [trial.phases[-1].start for trial in experiment.trials]
+    tests = []
+    for trial, stop in zip(experiment.trials, stops, strict=True):
+        kept, test = trial.test.time < stop, trial.test
+        tests.append(
+            replace(
+                test, time=test.time[kept], displacement=test.displacement[kept],
+                force=test.force[kept],
+            )
+        )  # fmt: skip
+    return prepare(Pad("p", tuple(tests), experiment.units))
+
+
+def test_a_pull_counts_where_the_record_ends_with_it_and_a_drag_there_is_none():
+    assert "adhesion" in beyond_doubt(without_the_last_rest(pressed(glued, (1.0, 4.0), back=1.95)))
+    for drag in (lambda v: 0.02 * v, lambda v: 0.05 * np.sign(v) * np.abs(v) ** 0.5):
+        film = pressed(
+            lambda _, depth, v, __, drag=drag: spring(depth) + drag(v), (1.0, 4.0), back=1.95
+        )
+        assert beyond_doubt(without_the_last_rest(film)) == set()
+
+
+@pytest.mark.parametrize(("pad", "there"), [("updown", {"adhesion"}), ("stairs", set())])
+def test_a_strip_that_is_sheared_back_pulls(pad, there):
+    """A glued strip: a loose specimen cannot pull by a quarter of its peak."""
+    if not REAL.exists():
+        pytest.skip("the records are not here")
+    (known,) = (one for one in read_measurements(REAL).pads if one.name == pad)
+    assert beyond_doubt(prepare(known)) == there
 
 
 def test_it_is_part_of_a_look_in_words_and_in_its_file():

@@ -11,6 +11,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import (
     CLEAR,
+    FEWEST,
     WANDERS,
     DirectEvidence,
     Level,
@@ -115,31 +116,43 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
     before, inward = level_before(experiment, trial), _lowest_inward(experiment, trial, steady)
     lifts = []
     for move, rest in moves_of(trial):
-        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
+        if move.kind != "unload" or move.control != Control.DISPLACEMENT:
             continue
-        late = rest.start + _LATE * (rest.stop - rest.start)
-        end = level_of(experiment, trial, rows_between(trial, late, rest.stop))
         # a specimen that is still pressed at the end has its own zero in the file's
-        flat = _flat(experiment, trial, move, rest)
+        end = rest and level_of(experiment, trial, _of_rest(trial, rest, _LATE, 1.0))
+        flat = rest and _flat(experiment, trial, move, rest)
         rest_level = before or Level(0.0, experiment.floor.ou)
         rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
         every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
         levels = [one for one in every if one is not None]
         rows = rows_between(trial, move.start, move.stop)
         rows = rows[steady[rows]]
-        if end is None or rows.size < _WIDTH:
+        if (rest is not None and end is None) or rows.size < _WIDTH:
             continue
         zero = min(levels, key=lambda one: one.value)
         speed = mean_speed(trial, move)
         moving = _pull(experiment, trial, move, _lowest(trial, rows), zero, speed)
-        begin = rest.start + _AFTER * (rest.stop - rest.start)
-        early = rows_between(trial, begin, rest.start + 2.0 * _AFTER * (rest.stop - rest.start))
-        resting = _pull(experiment, trial, rest, early, zero, speed)
+        resting, lasts = None, False
+        if rest is not None:
+            early = _of_rest(trial, rest, _AFTER, 2.0 * _AFTER)
+            resting = _pull(experiment, trial, rest, early, zero, speed)
+            lasts = early.size >= _LASTS
         if moving is not None:
             fall = _first_fall(experiment, trial, move, speed)
             at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
-            lifts.append(Lift(moving, resting, early.size >= _LASTS, at_once))
+            lifts.append(Lift(moving, resting, lasts, at_once))
     return lifts
+
+
+def _of_rest(trial: Trial, rest: Phase, begin: float, end: float) -> Rows:
+    """Return the readings of a share of a rest, three at least where it has as many there."""
+    lasts = rest.stop - rest.start
+    rows = rows_between(trial, rest.start + begin * lasts, rest.start + end * lasts)
+    if rows.size >= FEWEST:
+        return rows
+    every = rows_between(trial, rest.start, rest.stop)
+    first = min(int(begin * every.size), max(every.size - FEWEST, 0))
+    return every[first : first + FEWEST]
 
 
 def _lowest(trial: Trial, rows: Rows) -> Rows:

@@ -19,7 +19,8 @@ CLEAR = 5.0
 """Errors, from which on a size is beyond doubt where it is seen in two places."""
 WANDERS = 0.02
 """Of the peak: a smaller change of the force off the specimen may be a tare that wanders."""
-_FEWEST = 3  # readings of a level
+FEWEST = 3
+"""Readings of a level."""
 _STILL = 2.0  # encoder steps, within which the platen has not left its start
 
 
@@ -66,7 +67,7 @@ class Level:
 
 def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
     """Return the mean force of readings; None of fewer than three. Slow noise is not averaged."""
-    if rows.size < _FEWEST:
+    if rows.size < FEWEST:
         return None
     floor, test = experiment.floor, trial.test
     white = floor.white
