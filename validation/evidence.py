@@ -50,7 +50,8 @@ def _case(kind: str, seed: int, index: int) -> Case:
     pad, truth = _lifelike(seed, index) if kind == "lifelike" else _wide(seed, index)
     case: Case = {"plan": f"evidence-{kind}-{seed}", "index": index} | truth
     every = direct_evidence(prepare(pad), bonded=False)
-    return case | {"effects": [one.effect for one in every if one.beyond_doubt]}
+    seen = [one.effect for one in every]
+    return case | {"effects": [one.effect for one in every if one.beyond_doubt], "seen": seen}
 
 
 def _lifelike(seed: int, index: int) -> tuple[Pad, dict]:
