@@ -227,7 +227,7 @@ def bare():
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 def test_drawn_effects_have_the_size_asked_for(name, bare):
     on_return = name in ("stress_softening", "exponential_softening", "adhesion")
     protocol = full_retraction_protocol if on_return else paper_protocol
