@@ -110,7 +110,7 @@ def compiled(tmp_path_factory):
 
 @needs_gcc
 @every_case
-@pytest.mark.few(11)
+@pytest.mark.few(5)
 def test_force_is_that_of_the_python_model(compiled, case):
     """On the six tests, and where contact is lost and found."""
     pad, program, model = compiled(case)
@@ -126,7 +126,7 @@ def test_force_is_that_of_the_python_model(compiled, case):
 
 @needs_gcc
 @pytest.mark.parametrize("case", INVERTED, ids=named)
-@pytest.mark.few(11)
+@pytest.mark.few(5)
 def test_a_force_brings_back_its_displacement(compiled, case):
     _, program, _ = compiled(case)
     effects = case.get("effects", ())
@@ -163,7 +163,7 @@ def test_a_force_brings_back_its_displacement(compiled, case):
     ],
     ids=named,
 )
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_whatever_the_force_does_the_displacement_bears_it(compiled, case):
     """Jumps of the force at steps of no length up to 10 s; none is below what is read unloaded."""
     _, program, _ = compiled(case)
@@ -206,6 +206,7 @@ def test_pads_without_a_force_recover_and_what_bears_none_is_told(compiled):
 @pytest.mark.parametrize(
     "case", [{"elastic": "hertz"}, {"effects": TOGETHER}, {"effects": ("adhesion",)}], ids=named
 )
+@pytest.mark.few(2)
 def test_single_precision_drifts_by_no_more_than_the_header_says(compiled, case):
     pad, double, _ = compiled(case)
     way = () if inverts(case) else ("-DONE_WAY",)
