@@ -5,6 +5,7 @@ import gc
 import os
 import shutil
 import sys
+import tempfile
 from collections import defaultdict
 from importlib.metadata import version
 from pathlib import Path
@@ -33,9 +34,11 @@ TRIM = getattr(ctypes.CDLL(None), "malloc_trim", bool) if sys.platform == "linux
 gc.disable()  # until all tests are collected: imports leave no garbage worth a look
 configure()
 
+from qlvbayes.io import binary  # noqa: E402
 from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402
 from qlvbayes.laws.relaxation.prony import Prony  # noqa: E402
 from qlvbayes.model.model import Model  # noqa: E402
+from qlvbayes.motion import experiment  # noqa: E402
 from qlvbayes.simulate import TABLE_1  # noqa: E402
 
 
@@ -78,6 +81,41 @@ def _resident():
         return 0
     line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmRSS:"))
     return int(line.split()[1]) // 1024
+
+
+def pytest_sessionfinish(session):
+    """Remove what the run's processes shared, by the one that outlives the others."""
+    if (nodes := session.config.pluginmanager.getplugin("dsession")) is not None:
+        run = nodes.nodemanager.testrunuid
+        shutil.rmtree(Path(tempfile.gettempdir()) / f"once-{run}", ignore_errors=True)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _once():
+    """Smooth a recording and read a binary file once: many tests prepare the same pads.
+
+    Tests of the motion and of the readers apart call `trajectory.smooth` and `apart.read_apart`.
+    """
+    smooth, read, motions, vectors = experiment.smooth, binary.read_apart, {}, {}
+
+    def smooth_once(time, displacement, *options):
+        key = (*(np.asarray(x, np.float64).tobytes() for x in (time, displacement)), *options)
+        if key not in motions:
+            if len(motions) > 300:  # of tests over drawn records, which come once
+                motions.clear()
+            motions[key] = smooth(time, displacement, *options)
+        return motions[key]
+
+    def read_once(kind, path, *options):
+        key = (kind, path.read_bytes(), *options)
+        if key not in vectors:
+            vectors[key] = read(kind, path, *options)
+        return [(name, values.copy()) for name, values in vectors[key]]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(experiment, "smooth", smooth_once)
+        patch.setattr(binary, "read_apart", read_once)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,17 @@
 """Offer what end-to-end tests share: the command, pad B and its fits, and the files' contract."""
 
 import contextlib
+import fcntl
 import functools
+import hashlib
 import io
 import json
 import math
 import os
+import pickle
 import re
 import sys
+import tempfile
 from pathlib import Path
 from unittest import mock
 
@@ -21,6 +25,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.plots import files as plots_files
+from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.simulate import TABLE_1
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"
@@ -98,17 +103,22 @@ def call(*words, drawn=False):
 @contextlib.contextmanager
 def undrawn(but=()):
     """Figures are left out, but for some: an image of one pixel, a page without anything."""
-    draw = plots_files.save_figure
+    write = plots_files.save_figure
 
     def save(figure, path, *kinds):
         if path.name in but:
-            return draw(figure, path, *kinds)
+            return write(figure, path, *kinds)
         image = path.with_name(f"{path.name}.png")
         Image.new("L", (1, 1)).save(image)
         path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
         return image
 
-    with mock.patch.object(plots_files, "save_figure", save):
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(mock.patch.object(plots_files, "save_figure", save))
+        for one in FIGURES:
+            if one.name not in but:
+                name = f"qlvbayes.plots.{one.file or one.name}.plot_{one.name}"
+                stack.enter_context(mock.patch(name, lambda *of, **how: None))
         yield
 
 
@@ -124,7 +134,25 @@ def experiment(pad="B"):
 
 @functools.cache
 def fitted(choices=Choices(), method="emcee", settings=Settings(), pad="B"):  # noqa: B008
-    return fit_pad(experiment(pad), choices, method=method, settings=settings)
+    def fit():
+        return fit_pad(experiment(pad), choices, method=method, settings=settings)
+
+    return once(fit, choices, method, settings, pad)
+
+
+def once(make, *of):
+    """Return what ``make`` gives, made by the first of a run's processes that asks for it."""
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
+    if run is None:
+        return make()
+    folder = Path(tempfile.gettempdir()) / f"once-{run}"
+    folder.mkdir(exist_ok=True)
+    file = folder / hashlib.sha256(repr(of).encode()).hexdigest()
+    with file.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not file.exists():
+            file.write_bytes(pickle.dumps(make()))
+    return pickle.loads(file.read_bytes())
 
 
 def read_json(path):
