@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 from support.endtoend import call, with_tests
-from support.hidden_pads import FEW
 
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.model.choices import Choices
@@ -27,12 +26,12 @@ def done(request, tmp_path_factory):
 
 @pytest.fixture(scope="session", params=["few", pytest.param("all", marks=pytest.mark.slow)])
 def case(request, tmp_path_factory):
-    """The bundled file and every candidate, or three of its tests and a few candidates."""
+    """The bundled file and every candidate, or three of its tests and two candidates."""
     if request.param == "all":
         return HIDDEN, EFFECTS
     file = tmp_path_factory.mktemp("case") / "some.csv"
     with_tests(file, "C-1", "C-20", "C-100", data=HIDDEN)
-    return file, (*FEW, find("squeeze_film"))
+    return file, (find("friction"), find("squeeze_film"))
 
 
 @pytest.fixture(scope="session")

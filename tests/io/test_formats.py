@@ -161,6 +161,7 @@ def test_gzip_is_undone(tmp_path):
 @pytest.mark.parametrize(
     ("speed", "rate", "noise"), [(2.0, 200.0, 0.002), (20.0, 1000.0, 0.002), (2.0, 200.0, 0.02)]
 )
+@pytest.mark.few(2)
 def test_contact_lies_within_its_interval_as_often_as_it_says(speed, rate, noise):
     """90 % intervals of 60 tests; fewer than 45 hits have a chance of 0.2 % where 54 are meant."""
     rng = np.random.default_rng(7)

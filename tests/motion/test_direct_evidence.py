@@ -66,6 +66,7 @@ def spring(depth):
 
 @pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.few(4)
 def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
     experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
     assert beyond_doubt(experiment) == set()

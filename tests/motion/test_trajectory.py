@@ -69,7 +69,7 @@ def rig(rng, speed, rest=1.0):
 @pytest.mark.parametrize("speed", [20.0, 100.0])
 def test_velocity_and_acceleration_away_from_the_kinks(speed):
     rng = np.random.default_rng(int(speed))
-    for _ in range(60):
+    for _ in range(20):
         platen, t, offset = rig(rng, speed)
         x, v, a = platen.at(t)
         motion = smooth(t, read(x, offset))
@@ -138,6 +138,7 @@ def test_a_thinned_record_keeps_the_ramp():
 
 @pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
+@pytest.mark.few(5)
 def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
     """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
     platen = Platen((begin,), *[(0.4, speed), (3.3,)] * 4, (-0.8, speed), (3.3,))
@@ -266,6 +267,7 @@ def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 25.4])
+@pytest.mark.few(2)
 def test_the_bundled_motions_are_the_same_in_any_unit(unit):
     """Their encoder's steps are whole numbers in some units, and round either way in others."""
     for test in read_measurements(PADS).pad("B").tests:

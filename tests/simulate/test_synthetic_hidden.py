@@ -65,6 +65,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.few(9)
 def test_each_effect_vanishes_at_its_null(name):
     null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
     platen, times = paired(full_retraction_protocol)

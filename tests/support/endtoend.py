@@ -118,7 +118,7 @@ def undrawn(but=()):
         for one in FIGURES:
             if one.name not in but:
                 name = f"qlvbayes.plots.{one.file or one.name}.plot_{one.name}"
-                stack.enter_context(mock.patch(name, lambda *of, **how: None))
+                stack.enter_context(mock.patch(name, return_value=None))
         yield
 
 
