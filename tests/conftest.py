@@ -5,7 +5,6 @@ import gc
 import os
 import shutil
 import sys
-import tempfile
 from collections import defaultdict
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support import shared
 
 from qlvbayes.io.runtime import configure, forget_compiled
 
@@ -83,19 +83,14 @@ def _resident():
     return int(line.split()[1]) // 1024
 
 
-def pytest_sessionfinish(session):
-    """Remove what the run's processes shared, by the one that outlives the others."""
-    if (nodes := session.config.pluginmanager.getplugin("dsession")) is not None:
-        run = nodes.nodemanager.testrunuid
-        shutil.rmtree(Path(tempfile.gettempdir()) / f"once-{run}", ignore_errors=True)
-
-
 @pytest.fixture(scope="session", autouse=True)
-def _once():
+def _once(tmp_path_factory):
     """Smooth a recording and read a binary file once: many tests prepare the same pads.
 
     Tests of the motion and of the readers apart call `trajectory.smooth` and `apart.read_apart`.
     """
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared.FOLDER = tmp_path_factory.getbasetemp().parent
     smooth, read, motions, vectors = experiment.smooth, binary.read_apart, {}, {}
 
     def smooth_once(time, displacement, *options):

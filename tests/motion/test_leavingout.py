@@ -340,7 +340,7 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
 def test_a_look_goes_on_with_what_it_was_told(tmp_path):
     file, out = written(tmp_path, disturbed()), tmp_path / "out"
     words = ("look", file, "-o", out, "--use", "t:..20s", "--leave-out", KNOCK, "--json")
-    status, printed, error = call(*words, drawn=True)
+    status, printed, error = call(*words)
     assert status == 0, error
     found = json.loads(printed)
     assert found["next"][0].endswith("--use t:..20s --leave-out t:5..7s")

@@ -1,17 +1,13 @@
 """Offer what end-to-end tests share: the command, pad B and its fits, and the files' contract."""
 
 import contextlib
-import fcntl
 import functools
-import hashlib
 import io
 import json
 import math
 import os
-import pickle
 import re
 import sys
-import tempfile
 from pathlib import Path
 from unittest import mock
 
@@ -27,6 +23,7 @@ from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.plots import files as plots_files
 from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.simulate import TABLE_1
+from support.shared import once
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"
 COMMAND = Path(sys.executable).with_name("qlvbayes")
@@ -138,21 +135,6 @@ def fitted(choices=Choices(), method="emcee", settings=Settings(), pad="B"):  # 
         return fit_pad(experiment(pad), choices, method=method, settings=settings)
 
     return once(fit, choices, method, settings, pad)
-
-
-def once(make, *of):
-    """Return what ``make`` gives, made by the first of a run's processes that asks for it."""
-    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
-    if run is None:
-        return make()
-    folder = Path(tempfile.gettempdir()) / f"once-{run}"
-    folder.mkdir(exist_ok=True)
-    file = folder / hashlib.sha256(repr(of).encode()).hexdigest()
-    with file.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not file.exists():
-            file.write_bytes(pickle.dumps(make()))
-    return pickle.loads(file.read_bytes())
 
 
 def read_json(path):
