@@ -1,6 +1,7 @@
 """Exports that step, in C and in Octave: the force of the whole model, and the way back."""
 
 import re
+import shutil
 import subprocess
 from itertools import product
 from math import exp
@@ -13,7 +14,6 @@ from support.endtoend import study
 from support.exported_pad import EFFECTS, ELASTIC, RELAXATION, exported, reference
 from support.lawmotions import LAWS, retracting
 from support.machine_files import CORPUS
-from support.octave import OCTAVE
 
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
@@ -23,6 +23,7 @@ from qlvbayes.use.exports.code import CHeader, MatlabFunction
 from qlvbayes.use.exports.expressions import _PAIRS, _SINGLES
 from qlvbayes.use.exports.layers import elastic_functions
 
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 EXACT = 1e-12  # of the largest force: rounding a million times in another order
 TOGETHER = ("viscous_drag", "fluid_pressure", "stress_softening", "friction", "force_offset")
 SETS = [
