@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support import shared
 
 from qlvbayes.io.runtime import configure, forget_compiled
 
@@ -33,9 +34,11 @@ TRIM = getattr(ctypes.CDLL(None), "malloc_trim", bool) if sys.platform == "linux
 gc.disable()  # until all tests are collected: imports leave no garbage worth a look
 configure()
 
+from qlvbayes.io import binary  # noqa: E402
 from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402
 from qlvbayes.laws.relaxation.prony import Prony  # noqa: E402
 from qlvbayes.model.model import Model  # noqa: E402
+from qlvbayes.motion import experiment  # noqa: E402
 from qlvbayes.simulate import TABLE_1  # noqa: E402
 
 
@@ -78,6 +81,36 @@ def _resident():
         return 0
     line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmRSS:"))
     return int(line.split()[1]) // 1024
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _once(tmp_path_factory):
+    """Smooth a recording and read a binary file once: many tests prepare the same pads.
+
+    Tests of the motion and of the readers apart call `trajectory.smooth` and `apart.read_apart`.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared.FOLDER = tmp_path_factory.getbasetemp().parent
+    smooth, read, motions, vectors = experiment.smooth, binary.read_apart, {}, {}
+
+    def smooth_once(time, displacement, *options):
+        key = (*(np.asarray(x, np.float64).tobytes() for x in (time, displacement)), *options)
+        if key not in motions:
+            if len(motions) > 300:  # of tests over drawn records, which come once
+                motions.clear()
+            motions[key] = smooth(time, displacement, *options)
+        return motions[key]
+
+    def read_once(kind, path, *options):
+        key = (kind, path.read_bytes(), *options)
+        if key not in vectors:
+            vectors[key] = read(kind, path, *options)
+        return [(name, values.copy()) for name, values in vectors[key]]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(experiment, "smooth", smooth_once)
+        patch.setattr(binary, "read_apart", read_once)
+        yield
 
 
 @pytest.fixture(scope="session")

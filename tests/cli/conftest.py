@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from support.endtoend import PADS, call, with_tests
-from support.hidden_pads import FEW
+from support.endtoend import call, with_tests
 
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.model.choices import Choices
@@ -13,24 +12,26 @@ HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
 FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
 
 
-@pytest.fixture(scope="session")
-def done(tmp_path_factory):
-    """Fit and check pad B: its folder, and what each command gave."""
-    folder = tmp_path_factory.mktemp("done") / "out"
-    shown = "forces", "residual_map"
-    fit = call("fit", PADS, "-o", folder, "--pads", "B", drawn=shown)
-    check = call("check", folder, drawn=shown)
+@pytest.fixture(
+    scope="session", params=["least-squares", pytest.param("emcee", marks=pytest.mark.slow)]
+)
+def done(request, tmp_path_factory):
+    """Fit and check three tests of pad B: its folder, and what each command gave."""
+    place = tmp_path_factory.mktemp("done")
+    data, folder = with_tests(place / "some.csv", "B-1", "B-20", "B-100"), place / "out"
+    fit = call("fit", data, "-o", folder, "--method", request.param, drawn=("forces",))
+    check = call("check", folder)
     return folder / "B", fit, check
 
 
 @pytest.fixture(scope="session", params=["few", pytest.param("all", marks=pytest.mark.slow)])
 def case(request, tmp_path_factory):
-    """The bundled file and every candidate, or three of its tests and a few candidates."""
+    """The bundled file and every candidate, or three of its tests and two candidates."""
     if request.param == "all":
         return HIDDEN, EFFECTS
     file = tmp_path_factory.mktemp("case") / "some.csv"
     with_tests(file, "C-1", "C-20", "C-100", data=HIDDEN)
-    return file, (*FEW, find("squeeze_film"))
+    return file, (find("friction"), find("squeeze_film"))
 
 
 @pytest.fixture(scope="session")

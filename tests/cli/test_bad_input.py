@@ -53,11 +53,11 @@ NUMBER = "write a number or delete the row"
 
 
 def test_the_line_is_right_deep_in_a_compressed_file(tmp_path):
-    rows = [f"{k / 1000:.3f},{k % 7},{k % 5}" for k in range(400_000)]
-    rows[345_678] = "345.678,0.1,O.2"
+    rows = [f"{k / 1000:.3f},{k % 7},{k % 5}" for k in range(60_000)]
+    rows[45_678] = "45.678,0.1,O.2"
     content = gzip.compress(("# simulated\n" + text(*rows)).encode(), compresslevel=1)
     problem = "force_N is not a number ('O.2')"
-    refused(tmp_path, content, 345_681, problem, NUMBER, "pads.csv.gz")
+    refused(tmp_path, content, 45_681, problem, NUMBER, "pads.csv.gz")
 
 
 def test_a_file_written_to_while_it_is_read_says_so(tmp_path, monkeypatch):
@@ -79,7 +79,7 @@ FULL = each("A", "1", "fit", "20", "0", header="pad,test,role,rate_mm_s,start_s"
 PIECES = [b",", b'"', b"\n", b"\r", b"#", b";", b"\t", b"\0", b"\xff", b"nan", b"-", b" ", b"1e999"]
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(
     st.sampled_from([FULL, gzip.compress(FULL)]),
     st.lists(

@@ -16,13 +16,18 @@ from support.endtoend import (
     keeps_summary_contract,
     read_json,
     true_value,
+    with_tests,
 )
 
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.plots.catalogue import figures_of
 
 BRIEF = ("--pads", "B", "--max-steps", "40")
-NOISE = ["noise.white", "noise.ou", "noise.tau", "noise.factor", "noise.remainder"]
+
+
+def noise_of(sampler):
+    names = ["white", "ou", "tau", "factor", "remainder"]
+    return [f"noise.{name}" for name in (names[:1] if sampler == "least-squares" else names)]
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +38,13 @@ def checked(done):
 def test_a_fit_keeps_its_contract_and_holds_the_constants_that_made_the_data(done):
     summary = read_json(done[0] / "summary.json")
     keeps_summary_contract(summary)
-    assert (summary["pad"], summary["sampler"], summary["converged"]) == ("B", "emcee", True)
-    assert summary["troubles"] == []
+    assert (summary["pad"], summary["converged"], summary["troubles"]) == ("B", True, [])
     units = ["N/mm", "1/mm", "1", "1", "1", "1/s", "1/s", "N", "N", "s", "1", "N"]
-    assert list(summary["parameters"]) == [*CONSTANTS, *NOISE]
-    assert [p["unit"] for p in summary["parameters"].values()] == units
+    noise = noise_of(summary["sampler"])
+    assert list(summary["parameters"]) == [*CONSTANTS, *noise]
+    assert [p["unit"] for p in summary["parameters"].values()] == units[: 7 + len(noise)]
+    if summary["sampler"] == "least-squares":  # knows no correlated noise: its sds are too small
+        return
     for name, parameter in summary["parameters"].items():
         if name in ("noise.white", "noise.ou", "noise.tau"):  # measured
             assert (parameter["sd"], parameter["r_hat"], parameter["ess_bulk"]) == (0.0, None, None)
@@ -58,15 +65,16 @@ def test_what_is_printed_in_a_pipe_is_plain_and_says_which_tests_are_of_which_pa
         assert (status, err) == (0, "")
         assert "\x1b" not in said
     fit = ran[0][1]
-    assert fit.startswith("read: pad B of 6 tests\n")
-    assert all(f"│ {name} " in fit for name in (*CONSTANTS, *NOISE))
+    assert fit.startswith("read: pad B of 3 tests\n")
+    noise = noise_of(read_json(folder / "summary.json")["sampler"])
+    assert all(f"│ {name} " in fit for name in (*CONSTANTS, *noise))
     assert f"results in {folder.parent}" in fit
 
 
 def test_a_check_keeps_its_contract_and_its_errors_are_those_of_the_curves(checked, done):
     keeps_check_contract(checked)
     cells = [(cell["test"], cell["phase"]) for cell in checked["cells"]]
-    tests = [f"B-{rate}" for rate in ("0.1", "1", "10", "20", "30", "100")]
+    tests = [f"B-{rate}" for rate in ("1", "20", "100")]
     assert cells == [(t, p) for t in tests for p in ("ramp", "hold", "unload", "recovery")]
     assert {cell["test"] for cell in checked["cells"] if cell["role"] == "fit"} == {"B-20"}
     # 0.006 N white and 0.008 N correlated: 0.010 N in all
@@ -89,14 +97,13 @@ def test_nothing_else_is_left(done):
     left = {*results, "posterior.nc", "relaxation.txt"}
     left |= {f"{name}.{suffix}" for name in drawn for suffix in ("pdf", "png")}
     assert {path.name for path in done[0].iterdir()} == left
-    for name in ("forces", "residual_map"):
-        assert (done[0] / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert (done[0] / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+    assert (done[0] / "forces.png").read_bytes().startswith(b"\x89PNG")
+    assert (done[0] / "forces.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_check_repeats_wherever_the_data_are_and_prints_json_only(done, checked, tmp_path):
     moved = tmp_path / "moved.csv"
-    moved.write_bytes(PADS.read_bytes())
+    moved.write_bytes((done[0].parents[1] / "some.csv").read_bytes())
     status, out, err = call("check", done[0].parent, "--data", moved, "--pad", "B", "--json")
     assert (status, err) == (0, "")
     assert json.loads(out) == [checked]
@@ -131,12 +138,13 @@ def test_a_seed_repeats_and_another_does_not(tmp_path):
 
 def test_pads_are_fitted_one_folder_each(tmp_path):
     quick = ("--method", "least-squares", "--modes", "1", "--noise", "white")
-    status, out, _ = call("fit", PADS, "-o", tmp_path, "--pads", "C, A", *quick)
+    data, out = with_tests(tmp_path / "some.csv", "A-20", "B-20", "C-20"), tmp_path / "out"
+    status, said, _ = call("fit", data, "-o", out, "--pads", "C, A", *quick)
     assert status == 0
-    assert out.index("pad C: constants") < out.index("pad A: constants")
+    assert said.index("pad C: constants") < said.index("pad A: constants")
     tables = [f"constants.{kind}" for kind in ("csv", "pdf", "png", "tex")]
     left = [".finished", "A", "C", *tables, "run.json"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == left
+    assert sorted(path.name for path in out.iterdir()) == left
 
 
 def test_simulated_data_can_be_fitted(tmp_path):

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json
+from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json, with_tests
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
@@ -23,8 +23,7 @@ QUICK = ("--pads", "B", "--method", "least-squares")
 def fitted_folder(tmp_path_factory):
     """A fit whose data are its own copy."""
     folder = tmp_path_factory.mktemp("fitted")
-    data = folder / "pads.csv"
-    data.write_bytes(PADS.read_bytes())
+    data = with_tests(folder / "pads.csv", "B-20")
     assert call("fit", data, "-o", folder / "out", *QUICK)[0] == 0
     return folder
 

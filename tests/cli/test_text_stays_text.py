@@ -40,7 +40,7 @@ PARTS = [
 ]  # fmt: skip
 NASTY = st.lists(st.sampled_from(PARTS), min_size=1, max_size=5).map("".join)
 QUICK = settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
@@ -90,7 +90,7 @@ def test_a_message_is_one_line_and_a_style_does_not_hand_names_to_tex():
 
 
 @pytest.mark.filterwarnings("ignore:Glyph")  # a font that has no letter draws a box
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(NASTY)
 @example("cost $5_{$ a")
 @example("_hidden")

@@ -116,9 +116,11 @@ DRAG = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
 
 def found_strengths(etas):
     """One test at each rate, each with a drag of its own (N s/mm)."""
-    pads = {eta: hidden_pad(HIDDEN["viscous_drag"](eta=eta), rates=RATES) for eta in etas}
-    tests = tuple(pads[eta].trials[k].test for k, eta in enumerate(etas))
-    experiment = prepare(Pad("B", tests, PAD))
+    tests = []
+    for k, (eta, rate) in enumerate(zip(etas, RATES, strict=True)):
+        (trial,) = hidden_pad(HIDDEN["viscous_drag"](eta=eta), rates=(rate,), seed=k).trials
+        tests.append(replace(trial.test, start_s=400.0 * k))
+    experiment = prepare(Pad("B", tuple(tests), PAD))
     search = build_search(experiment, kinds=FEW)
     density, space = search.density, search.density.space
     mode = find_mode(density, DRAG, np.median(space.prior_draws(DRAG), axis=0))

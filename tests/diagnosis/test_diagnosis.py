@@ -166,6 +166,7 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
+@pytest.mark.slow
 def test_the_support_of_an_effect_that_is_there():
     """Tests left out and strengths all speak for it; of improbable ones nothing is known."""
     pad = measured([HIDDEN["viscous_drag"](eta=0.004)], rates=(1.0, 20.0, 100.0))

@@ -70,7 +70,7 @@ def test_every_neighbour_of_the_best_has_been_seen(drag):
 
 
 def test_nothing_is_missing_where_nothing_is_hidden():
-    search = build_search(hidden_pad(rates=RATES), kinds=FEW)
+    search = build_search(hidden_pad(rates=(1.0, 100.0)), kinds=FEW)
     run_search(search)
     found = decided(search)
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())

@@ -8,7 +8,7 @@ from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Support
-from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.diagnosis.summary.words import _runner_up, _unnamed
 from qlvbayes.effects.catalogue import EFFECTS
@@ -17,6 +17,8 @@ from qlvbayes.simulate import HIDDEN, PAPER_RATES
 LEVEL = 1.1  # N, where the amplifier clips: 80 % of the largest force
 RATES = {"few": (1.0, 100.0), "all": (0.1, 1.0, 20.0, 100.0)}
 KINDS = {"few": FEW[:2], "all": EFFECTS}
+NARROW = Breadth(starts=2, draws=2, shapes=1, optimised=1, redrawn=0, substitutes=0, sampled=4)
+SETTINGS = {"few": DiagnosisSettings(breadth=NARROW), "all": DiagnosisSettings()}
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,8 @@ def test_a_steady_drift_is_one_and_a_jump_in_the_middle_of_a_study_none_alone(ju
 def clipped(request):
     """An amplifier that cannot read large forces: no effect of the list does that."""
     clipping = OUTSIDE["amplifier_clipping"](level=LEVEL)
-    return diagnose(hidden_pad(clipping, rates=RATES[request.param]), kinds=KINDS[request.param])
+    given, size = hidden_pad(clipping, rates=RATES[request.param]), request.param
+    return diagnose(given, kinds=KINDS[size], settings=SETTINGS[size])
 
 
 def test_what_is_not_on_the_list_is_left_and_told(clipped):

@@ -90,7 +90,7 @@ def force(model, path=PRESS):
 
 
 @ALL
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
@@ -224,7 +224,7 @@ def test_a_user_made_effect_may_keep_the_rules():
 
 
 @pytest.mark.parametrize(("changes", "rule"), BROKEN, ids=[rule for _, rule in BROKEN])
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 def test_a_broken_rule_is_named(changes, rule):
     with pytest.raises(EffectError, match=rule):
         check_effect(type("Broken", (Good,), changes))
@@ -391,7 +391,7 @@ def test_inertia_a_soft_frame_and_adhesion():
 
 
 @EVERY
-@pytest.mark.few(9)
+@pytest.mark.few(4)
 def test_slopes_are_those_of_differences(kind):
     """Along every constant, in all tests, at a draw of the prior."""
     reference = conformance._reference(1.6, 0.0)

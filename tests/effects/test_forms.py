@@ -169,7 +169,7 @@ def disagreement(model, added, twins, platen):
 @pytest.mark.parametrize("speed", [1.0, 20.0])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("name", TWINS)
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_a_form_is_its_twin(paper_model, name, protocol, speed):
     rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
     twin = draw_effect(KINDS[name], rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
@@ -203,7 +203,7 @@ BETWEEN = {
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("case", BETWEEN)
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol):
     added, twins = BETWEEN[case]
     platen = Platen(PROTOCOLS[protocol](20.0), start_s=START, number=2)
@@ -211,6 +211,7 @@ def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol
 
 
 @pytest.mark.parametrize("speed", [1.0, 20.0])
+@pytest.mark.few(1)
 def test_ligaments_pull_beyond_contact_and_tear(paper_model, speed):
     """In tests that go off the surface: to a quarter of the depth, and to part of a stretch."""
     added, twin = AdhesionAtAStretch(0.08, 0.1), forms.AdhesionAtAStretch(0.08, 0.1)
@@ -250,6 +251,7 @@ OFF = [
 
 @pytest.mark.parametrize(("added", "twin"), OFF, ids=lambda x: type(x).__name__)
 @pytest.mark.parametrize("speed", [1.0, 20.0])
+@pytest.mark.few(4)
 def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
     """Pulled off, to and fro by less and by more than the reach, and pressed again."""
     moves = [Move(x, speed) for x in (1.0, -0.3, -0.285, -0.1, 0.4)]

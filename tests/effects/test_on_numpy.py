@@ -110,7 +110,7 @@ BASE = Exponential.default(SCALES), Prony.default(SCALES)
 
 @pytest.mark.parametrize("bonded", [False, True])
 @pytest.mark.parametrize("kind", [*EFFECTS, *FORMS, *OUTSIDE], ids=lambda kind: kind.name)
-@pytest.mark.few(39)  # every effect once, loose or bonded
+@pytest.mark.few(13)
 def test_an_effect_has_one_force(kind, bonded):
     if bonded and kind.family() == "adhesion":
         pytest.skip("nothing of it acts on a specimen that is fixed")

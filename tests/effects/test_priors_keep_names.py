@@ -83,7 +83,7 @@ def unit(rows):
 
 
 @pytest.mark.parametrize(("name", "other", "most"), APART, ids=lambda x: str(x))
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 def test_an_effect_keeps_a_force_of_its_own(reference, own_part, name, other, most):
     one, two = (unit(own_part(forces_of(find(x), reference))) for x in (name, other))
     assert np.max(one @ two.T) < most

@@ -126,7 +126,7 @@ def test_no_kind_of_file_is_forgotten():
     assert set(Result.__subclasses__()) == set(EVERY)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(sorted(KINDS)), st.floats(0.0, 1.0, exclude_max=True))
 def test_a_file_that_was_cut_is_refused_in_one_line(out, name, share):
     file = next(out.rglob(f"{name}.json"))

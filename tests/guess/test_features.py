@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
-from support.endtoend import PADS, call
+from support.endtoend import call, with_tests
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.guess.features import COMMON, OWN, Expansion, features_of
@@ -113,8 +113,9 @@ def test_a_record_unlike_those_learnt_from_gets_no_guess(dragged, responses):
         assert "_" not in guess.sentence
 
 
-def test_a_guess_is_printed_next_to_json():
-    status, out, err = call("look", PADS, "--pad", "B", "--cause", "--json")
+def test_a_guess_is_printed_next_to_json(tmp_path):
+    data = with_tests(tmp_path / "some.csv", "B-1", "B-20")
+    status, out, err = call("look", data, "--pad", "B", "--cause", "--json")
     assert status == 0
     assert [pad["pad"] for pad in json.loads(out)["pads"]] == ["B"]
     (line,) = (line for line in err.splitlines() if line.startswith("pad B: "))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.machine_files import CORPUS, FIXTURES, LAG, STORED, bluehill, of_layout, pressed
 
+from qlvbayes.io.binary import Binary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import split_header
 from qlvbayes.io.contact import find_contact, find_signs
@@ -55,7 +56,7 @@ def test_no_format_claims_a_tidy_file(path):
 
 def apart(kind):
     """Each of its damaged files is read in a process of its own, which takes a second."""
-    return pytest.mark.slow if kind.name in ("matlab", "hdf5", "rosbag") else ()
+    return pytest.mark.slow if isinstance(kind, Binary) else ()
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ TEXTS = [
 
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
 @pytest.mark.parametrize("cut", [1, 3, 6, 10, 17, 25])
-@pytest.mark.few(38)
+@pytest.mark.few(12)
 def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
     fixture, cut, tmp_path
 ):
@@ -132,7 +133,7 @@ def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
-@pytest.mark.few(20)
+@pytest.mark.few(8)
 def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
     path = fixture.written(tmp_path)
     plain = convert([path])
@@ -160,6 +161,7 @@ def test_gzip_is_undone(tmp_path):
 @pytest.mark.parametrize(
     ("speed", "rate", "noise"), [(2.0, 200.0, 0.002), (20.0, 1000.0, 0.002), (2.0, 200.0, 0.02)]
 )
+@pytest.mark.few(2)
 def test_contact_lies_within_its_interval_as_often_as_it_says(speed, rate, noise):
     """90 % intervals of 60 tests; fewer than 45 hits have a chance of 0.2 % where 54 are meant."""
     rng = np.random.default_rng(7)

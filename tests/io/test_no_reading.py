@@ -105,7 +105,13 @@ def refusal(read, file):
 
 
 @pytest.mark.skipif(not BROKEN.is_dir(), reason="the broken records are not here")
-@pytest.mark.parametrize("file", sorted(BROKEN.glob("*.*")), ids=lambda file: file.name)
+@pytest.mark.parametrize(
+    "file",
+    [
+        pytest.param(file, marks=pytest.mark.slow if file.stem == "hang" else (), id=file.name)
+        for file in sorted(BROKEN.glob("*.*"))
+    ],
+)
 def test_broken_files_are_read_or_refused(file, monkeypatch):
     monkeypatch.setattr(apart, "TIME_S", 1.0 if file.stem == "hang" else 4.0)
     if file.suffix == ".md":
@@ -134,7 +140,7 @@ def hurt(data, chance):
 
 
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(fixture=st.sampled_from(TEXTS), seed=st.integers(0, 2**32))
 def test_a_hurt_file_is_read_or_refused(tmp_path, fixture, seed):

@@ -56,6 +56,7 @@ def rise(power, seed, *, speed=2.0, rate=200.0, noise=0.003):
 
 @pytest.mark.parametrize("noise", [0.003, 0.03])
 @pytest.mark.parametrize("power", [1.0, 1.5, 2.0, 2.5])
+@pytest.mark.few(4)
 def test_contact_is_found_within_its_error_for_every_power(power, noise):
     """In 90 % intervals 18 of 20 tests are expected; fewer than 15 have a chance of 1 %."""
     hits = 0

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.endtoend import call, one_line
 from support.machine_files import CORPUS, STORED
 
 from qlvbayes.io import binary
@@ -75,16 +74,16 @@ def test_a_bag_without_its_library_is_refused_with_the_command_that_installs_it(
         convert([tmp_path / "a.mcap"])
 
 
-ROS_1_AND_2 = pytest.mark.parametrize("made", ["bag", "mcap"])
+ROS_1_AND_2 = pytest.mark.parametrize("made", ["mcap", "bag"])
 
 
 @ROS_1_AND_2
+@pytest.mark.few(1)
 def test_a_bag_that_is_damaged_or_of_a_joint_without_a_unit_is_refused(tmp_path, made):
     path = bag(tmp_path, made)
     path.write_bytes(path.read_bytes()[:20_000])
-    status, _, err = call("look", path, "-o", tmp_path / "out")
-    assert status == 2
-    assert "cut off or damaged" in one_line(err)
+    with pytest.raises(InputError, match="cut off or damaged"):
+        convert([path])
     path = bag(tmp_path, made)
     with pytest.raises(UnsureError, match="unit"):
         convert([path])

@@ -44,6 +44,7 @@ def computed(cache):
     return done.stdout, done.stderr, done.returncode
 
 
+@pytest.mark.slow
 def test_a_damaged_or_useless_cache_costs_nothing_but_time(tmp_path):
     expected = ("[1. 2. 3.]\n", "", 0)
     assert computed(tmp_path) == expected

@@ -63,6 +63,7 @@ def hold_force(constants, speed, time, end):
 
 @pytest.mark.parametrize("speed", PAPER_RATES)
 @pytest.mark.parametrize("pad", TABLE_1)
+@pytest.mark.few(6)
 def test_ramp_and_hold_are_the_papers_closed_forms(paper_model, pad, speed):
     end = 1.6 / speed
     ramp, hold = np.linspace(0.0, end, 40), end + np.geomspace(1e-4, 30.0, 40)
@@ -118,6 +119,7 @@ def test_whole_protocol_is_the_integral_on_the_same_straight_lines(paper_model, 
 
 @pytest.mark.parametrize("glued", [True, False])
 @pytest.mark.parametrize("speed", PAPER_RATES)
+@pytest.mark.few(4)
 def test_whole_protocol_solves_the_differential_equations(paper_model, speed, glued):
     """Against a stiff solver on the true motion, with chords too short to matter."""
     platen = Platen(paper_protocol(speed))

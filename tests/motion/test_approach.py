@@ -65,6 +65,7 @@ def test_a_drift_with_the_clock_is_one_too():
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.few(4)
 def test_a_level_force_stays_as_it_was_read(seed):
     test = a_test(seed=seed, contact_sd=0.05)
     pad, notices = of(test)

@@ -115,6 +115,7 @@ def test_the_first_reading_of_a_record_that_begins_amid_a_hold():
 
 @pytest.mark.parametrize("encoder", [0.001, 0.005, 0.02])
 @pytest.mark.parametrize("after", [0.12, 0.5, 1.5, 8.0])
+@pytest.mark.few(4)
 def test_a_lost_reading_does_not_end_a_dwell(encoder, after):
     """The platen rests at 0.8 mm from 25.8 s on: its motion did not stick until that reading."""
     lost = round((25.8 + after) / 0.01)
@@ -208,6 +209,7 @@ SOUND = {
 
 @pytest.mark.parametrize(("time", "depth", "law"), SOUND.values(), ids=SOUND)
 @pytest.mark.parametrize("seed", range(5))
+@pytest.mark.few(12)
 def test_what_the_specimen_does_stays(time, depth, law, seed):
     assert left_out(recorded(time, depth, force=law(time, depth), seed=seed)) == []
 
@@ -217,6 +219,7 @@ COARSE = [(0.001, 0.0), (0.05, 0.0), (0.001, 0.05), (0.0002, 0.01)]  # steps of 
 
 @pytest.mark.parametrize("every", [1, 7, 40], ids=lambda every: f"every {every}th")
 @pytest.mark.parametrize(("encoder", "step"), COARSE)
+@pytest.mark.few(4)
 def test_coarse_steps_and_thinned_records_stay(every, encoder, step):
     for seed in range(5):
         test = pressed(seed=seed, encoder=encoder)

@@ -67,6 +67,7 @@ def spring(depth):
 
 @pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.few(4)
 def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
     experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
     assert beyond_doubt(experiment) == set()
@@ -252,8 +253,9 @@ def test_it_is_part_of_a_look_in_words_and_in_its_file():
 
 @pytest.mark.parametrize(
     ("name", "there"),
-    [("air.csv.gz", {"inertia"}), ("sticky.csv.gz", {"adhesion"}), ("pulls.csv", {"adhesion"}),
-     ("film.csv", set()), ("drag.csv", set())],
+    [pytest.param("air.csv.gz", {"inertia"}, marks=pytest.mark.slow),
+     pytest.param("sticky.csv.gz", {"adhesion"}, marks=pytest.mark.slow),
+     ("pulls.csv", {"adhesion"}), ("film.csv", set()), ("drag.csv", set())],
 )  # fmt: skip
 def test_records_that_others_made(name, there):
     if not AWAY.exists():

@@ -58,6 +58,7 @@ def test_a_tear_is_reported_with_its_displacement_and_the_part_before_it():
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.few(4)
 def test_a_tear_is_one_fall_where_noise_lets_the_force_be_highest_before_it(seed):
     """The force hardly rises any more before the tear, so that any reading may be the highest."""
     (fall,) = falls(a_pull(lambda x: np.minimum(stretched(x), 2.0) - (x > 12.0), seed=seed))
@@ -95,6 +96,7 @@ def test_a_single_bad_reading_is_no_tear():
 
 
 @pytest.mark.parametrize("seed", range(5))
+@pytest.mark.few(2)
 def test_noise_that_is_large_for_a_while_is_no_tear(seed):
     pad = a_pull(stretched)
     test = pad.tests[0]
@@ -185,6 +187,7 @@ def test_a_pad_that_sticks_and_lets_go_does_not_tear(speed, ramp_up, jerk):
 
 @STEERED
 @pytest.mark.parametrize(("loss", "mass"), [(0.2, 0.0), (0.2, 2e-4), (0.9, 0.0)])  # share, N s2/mm
+@pytest.mark.few(5)
 def test_a_tear_at_a_steady_speed_is_found_whatever_is_moved(speed, ramp_up, jerk, loss, mass):
     time, displacement, _, acceleration = steered(speed, ramp_up, jerk=jerk, stroke=20.0)
     torn = np.where(displacement > 12.0, 1.0 - loss, 1.0)

@@ -32,6 +32,7 @@ RATES = pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 100.0])
 
 @OFFSETS
 @RATES
+@pytest.mark.few(6)
 def test_a_press_of_three_to_five_readings_goes_where_the_platen_went(rate, offset):
     platen, time, x = press(rate, offset)
     found = smooth(time, x)
@@ -43,6 +44,7 @@ def test_a_press_of_three_to_five_readings_goes_where_the_platen_went(rate, offs
 @pytest.mark.parametrize("creep", [0.0, 4e-4])
 @OFFSETS
 @RATES
+@pytest.mark.few(8)
 def test_nothing_overshoots_that_no_reading_shows(rate, offset, creep):
     _, time, x = press(rate, offset, creep)
     path = smooth(time, x).displacement(FINE)

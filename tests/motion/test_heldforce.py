@@ -76,6 +76,7 @@ def test_one_quick_test_shows_it_where_the_platen_rests():
 @pytest.mark.parametrize("step", [1e-4, 0.01, 0.03, 0.1])
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize("course", [SLOW, QUICK])
+@pytest.mark.few(6)
 def test_a_converter_however_coarse_is_read_in_every_row(step, noise, course):
     test = a_test(course, 3)
     smooth = a_test(course, 4)

@@ -28,6 +28,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.few(2)
 def test_errors_of_kinks_are_as_large_as_stated(kind):
     """Rounding errors that repeat themselves may be stated up to three times too large."""
     make, interval, step, scatter = KINDS[kind]

@@ -88,6 +88,7 @@ def same(one, two):
     ids=["knock", "lost", "steps"],
 )
 @pytest.mark.parametrize("how", [(KNOCK,), ("t:hold",), "column"])
+@pytest.mark.few(3)  # each once
 def test_nothing_depends_on_a_force_that_is_left_out(by, how):
     tests = [pressed(), disturbed(by=by)]
     if how == "column":
@@ -287,11 +288,12 @@ def notices(file):
 
 
 @pytest.mark.parametrize("marked", [False, True], ids=["option", "column"])
+@pytest.mark.few(1)
 def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     file, out = written(tmp_path, disturbed(), marked=marked), tmp_path / "out"
     options = () if marked else ("--leave-out", KNOCK)
     said = "the column use" if marked else f"--leave-out {KNOCK}"
-    assert call("fit", file, "-o", out, "--max-steps", "60", *options)[0] == 0
+    assert call("fit", file, "-o", out, "--method", "least-squares", *options)[0] == 0
     status, printed, error = call("check", out, "--json")
     assert status == 0, error
     (found,) = json.loads(printed)
@@ -321,6 +323,7 @@ def test_two_steps_do_without_a_phase():
     assert np.all(np.isfinite(elastic[2]))
 
 
+@pytest.mark.slow
 def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     """The one test's held-out parts, cells and remainder are of the other phases."""
     monkeypatch.setattr(Choices, "candidates", FEW)
@@ -337,7 +340,7 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
 def test_a_look_goes_on_with_what_it_was_told(tmp_path):
     file, out = written(tmp_path, disturbed()), tmp_path / "out"
     words = ("look", file, "-o", out, "--use", "t:..20s", "--leave-out", KNOCK, "--json")
-    status, printed, error = call(*words, drawn=True)
+    status, printed, error = call(*words)
     assert status == 0, error
     found = json.loads(printed)
     assert found["next"][0].endswith("--use t:..20s --leave-out t:5..7s")

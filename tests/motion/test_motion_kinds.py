@@ -88,7 +88,7 @@ def table(kinds):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", JITTERS)
 @table(SMOOTH | KINKED)
-@pytest.mark.few(40)
+@pytest.mark.few(16)
 def test_velocity_within_2_and_acceleration_within_10_per_cent(
     motion, interval, jitter, step, request
 ):
@@ -104,6 +104,7 @@ def test_velocity_within_2_and_acceleration_within_10_per_cent(
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(SHARP)
+@pytest.mark.few(8)
 def test_sharp_turns_show_the_velocity_and_no_acceleration(motion, interval, jitter, step):
     seen = Seen(motion, sampled(motion, interval, jitter), step)
     assert within(seen.speed, 0.02)
@@ -115,6 +116,7 @@ def test_sharp_turns_show_the_velocity_and_no_acceleration(motion, interval, jit
 @pytest.mark.parametrize("step", STEPS[:3])
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(JERKED)
+@pytest.mark.few(6)
 def test_jerk_limited_moves(motion, interval, jitter, step):
     """Their acceleration is not held to 10 %: pieces of constant acceleration describe them too."""
     seen = Seen(motion, sampled(motion, interval, jitter), step)
@@ -125,7 +127,7 @@ def test_jerk_limited_moves(motion, interval, jitter, step):
 @pytest.mark.parametrize("step", STEPS[1:])
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(SMOOTH | KINKED)
-@pytest.mark.few(26)
+@pytest.mark.few(10)
 def test_the_stated_error_of_the_displacement_is_honest(motion, interval, jitter, step):
     """Within a factor 2 of the true one for a single record, never beyond it where it matters.
 
@@ -172,6 +174,7 @@ def test_scatter_beside_rounding():
 
 @pytest.mark.parametrize("step", STEPS)
 @table({k: v for k, v in SMOOTH.items() if "sine" in k})
+@pytest.mark.few(8)
 def test_cycles_are_loading_and_unloading(motion, interval, step):
     t = sampled(motion, interval)
     fit = smooth(t, read(motion.at(t)[0], step)[0])

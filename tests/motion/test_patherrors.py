@@ -37,6 +37,7 @@ def errors_of(motion, interval, step=STEP):
 
 
 @pytest.mark.parametrize("interval", [0.01, 0.03])
+@pytest.mark.few(1)
 def test_the_force_of_a_known_mass_is_off_by_as_much_as_is_stated(interval):
     """Chi squared is that of the readings, within a factor of two; else it is over ten times that.
 
@@ -61,6 +62,7 @@ def test_the_force_of_a_known_mass_is_off_by_as_much_as_is_stated(interval):
     assert 0.8 < np.median(states) < 2.0
 
 
+@pytest.mark.slow
 def test_the_speed_is_off_by_as_much_as_is_stated():
     rng = np.random.default_rng(5)
     squares = []

@@ -168,7 +168,7 @@ def test_measured_adhesive_staircases():
             assert kinds(phases) == up + down, test
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     start=st.floats(0.4, 0.5),
     depth=st.floats(3.0, 7.0),

@@ -43,6 +43,7 @@ def seen(test, factor, digits=None):
 
 @pytest.mark.parametrize("test", [creep(0.0), creep(3e-9), creep(1e-6), pressed(2e-3)])
 @pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.few(6)
 def test_another_unit_of_force_changes_nothing_else(test, factor):
     phases, relative, notices = seen(test, 1.0)
     of_other = seen(test, factor)

@@ -69,7 +69,7 @@ def rig(rng, speed, rest=1.0):
 @pytest.mark.parametrize("speed", [20.0, 100.0])
 def test_velocity_and_acceleration_away_from_the_kinks(speed):
     rng = np.random.default_rng(int(speed))
-    for _ in range(60):
+    for _ in range(20):
         platen, t, offset = rig(rng, speed)
         x, v, a = platen.at(t)
         motion = smooth(t, read(x, offset))
@@ -81,7 +81,7 @@ def test_velocity_and_acceleration_away_from_the_kinks(speed):
 @pytest.mark.parametrize("speed", [0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 def test_cruising_speed_at_the_other_rates(speed):
     rng = np.random.default_rng(3)
-    for _ in range(5 if speed < 1.0 else 20):
+    for _ in range(3 if speed < 1.0 else 6):
         # Near whole steps per sample the readings beat with the encoder.
         platen, t, offset = rig(rng, speed * (1.0 + rng.choice([0.0, 1e-3, -1e-3, 0.03])))
         motion = smooth(t, read(platen.at(t)[0], offset))
@@ -93,7 +93,7 @@ def test_cruising_speed_at_the_other_rates(speed):
 
 def test_displacement_within_one_step_of_the_truth_at_any_speed():
     rng = np.random.default_rng(8)
-    for _ in range(120):
+    for _ in range(30):
         platen, t, offset = rig(rng, np.exp(rng.uniform(np.log(0.5), np.log(100.0))), rest=0.3)
         x = platen.at(t)[0] + offset
         assert np.abs(smooth(t, read(x)).displacement(t) - x).max() < STEP
@@ -138,6 +138,7 @@ def test_a_thinned_record_keeps_the_ramp():
 
 @pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
+@pytest.mark.few(5)
 def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
     """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
     platen = Platen((begin,), *[(0.4, speed), (3.3,)] * 4, (-0.8, speed), (3.3,))
@@ -206,7 +207,7 @@ def test_no_knot_is_left_to_itself_between_readings():
     t = np.arange(0.0, 4.0, 1e-3)
     triangle = read(1.6 * np.abs((t % 1.0) * 2.0 - 1.0), 0.5 * STEP)
     rng = np.random.default_rng(3)
-    for _ in range(20):
+    for _ in range(6):
         kept = np.sort(rng.choice(t.size, 300, replace=False))
         at, x = t[kept], np.round(triangle[kept] / 0.005) * 0.005
         motion = smooth(at, x)
@@ -217,7 +218,7 @@ def test_no_knot_is_left_to_itself_between_readings():
 @pytest.mark.few(1)
 def test_a_few_scattered_readings_are_never_left_far(seed):
     rng = np.random.default_rng(seed)
-    for _ in range(10):
+    for _ in range(4):
         t = np.cumsum(rng.uniform(0.01, 1.0, size=10))
         x = np.cumsum(rng.normal(size=10))
         motion = smooth(t, x)
@@ -266,6 +267,7 @@ def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 25.4])
+@pytest.mark.few(2)
 def test_the_bundled_motions_are_the_same_in_any_unit(unit):
     """Their encoder's steps are whole numbers in some units, and round either way in others."""
     for test in read_measurements(PADS).pad("B").tests:

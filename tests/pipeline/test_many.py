@@ -125,9 +125,9 @@ def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatc
 
 
 def test_processes_look_at_pads_as_this_one_does(tmp_path, two):
-    study = read_measurements(PADS)
+    study = read_measurements(with_tests(tmp_path / "some.csv", "A-20", "B-20"))
     for name, engine in (("one", None), ("two", two)):
-        look_into(tmp_path / name, study, study.pads[:2], apply=partial(map_pads, engine))
+        look_into(tmp_path / name, study, study.pads, apply=partial(map_pads, engine))
     assert set(files(tmp_path / "one")) == {"look.json", "look_A.png", "look_B.png"}
     assert files(tmp_path / "one") == files(tmp_path / "two")
 
@@ -153,6 +153,13 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def alone(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("alone")
+    return out, call("fit", folder, "-o", out, *QUICK)
+
+
+@pytest.fixture(scope="module")
+def whole(folder, tmp_path_factory):
+    """The same with its figures."""
+    out = tmp_path_factory.mktemp("whole")
     return out, call("fit", folder, "-o", out, *QUICK, drawn=True)
 
 
@@ -167,8 +174,8 @@ def test_a_folder_is_fitted_and_the_bad_file_named_at_the_end(alone):
 
 
 @pytest.mark.integration
-def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
-    out, expected = alone
+def test_any_number_of_processes_leaves_the_same_files(whole, folder, tmp_path):
+    out, expected = whole
     status, output, err = call("fit", folder, "-o", tmp_path, *QUICK, "--jobs", "2", drawn=True)
     assert (status, err) == (expected[0], expected[2])
     assert output.replace(str(tmp_path), "OUT") == expected[1].replace(str(out), "OUT")
@@ -176,7 +183,7 @@ def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
 
 
 @pytest.mark.slow
-def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
+def test_parts_gathered_are_the_whole(whole, folder, tmp_path):
     for part in ("1/2", "2/2"):
         words = ("fit", folder, "-o", tmp_path, *QUICK, "--shard", part)
         status, _, err = call(*words, drawn=True)
@@ -188,8 +195,8 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
     assert f"2 pads in {tmp_path}, report in" in output
     assert err.startswith(f"qlvbayes: broken.csv: {folder}/broken.csv, line 3: ")
     assert err.endswith("qlvbayes: 1 of 3 failed; 2 are done\n")
-    left, whole = files(tmp_path), files(alone[0])
-    assert {name: left[name] for name in whole} == whole
+    left, expected = files(tmp_path), files(whole[0])
+    assert {name: left[name] for name in expected} == expected
     assert {"report.html", "forces_at_rates.png", "A/check.json"} <= set(left)
     assert RunLog.read(tmp_path / "run.json").runs["fit"].source == str(folder)
 

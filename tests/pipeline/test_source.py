@@ -29,13 +29,12 @@ def names(source):
 
 
 def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
-    for files in (stage, sorted(stage.iterdir())):
-        source = Source.from_files(files)
-        (pad,) = source.read.pads
-        assert [test.name for test in pad.tests] == ["at_0.5", "at_10", "at_2"]
-        assert len({test.contact_stage for test in pad.tests}) == 1
-        assert source.is_complete
-        assert source.grouping.startswith("read: pad pad of 3 tests")
+    source = Source.from_files(stage)
+    (pad,) = source.read.pads
+    assert [test.name for test in pad.tests] == ["at_0.5", "at_10", "at_2"]
+    assert len({test.contact_stage for test in pad.tests}) == 1
+    assert source.is_complete
+    assert source.grouping.startswith("read: pad pad of 3 tests")
     assert names(Source.from_files(stage, only=["stay"])) == ["stay"]
     assert names(Source.from_files(stage, only=["A", "B", "A"])) == ["A", "B"]
     (single, *_) = sorted(stage.iterdir())

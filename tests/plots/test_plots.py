@@ -101,7 +101,7 @@ def test_every_sample_and_band_is_in_view(predictions):
 
 @every_width
 @every_protocol
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 def test_no_text_leaves_the_page_and_numbers_do_not_touch(predictions, width):
     figure = page(plot_forces, predictions, PAD, width=width)
     assert keeps_the_page(figure, width)
@@ -140,7 +140,7 @@ def test_failing_cells_and_only_they_are_framed():
 
 
 @every_protocol
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     found = check("B", NOISE, predictions)
     for noise, width in ((NOISE, 120.0), (0.0, 85.0), (1e-7, 120.0)):

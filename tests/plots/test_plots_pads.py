@@ -164,7 +164,7 @@ every_figure = pytest.mark.parametrize("name", DRAWN)
 
 @every_page
 @every_figure
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 def test_nothing_leaves_the_page_and_no_text_runs_into_another(name, width):
     figure = page(name, width)
     assert keeps_the_page(figure, width)
@@ -289,6 +289,7 @@ def looped(rates=RATES):
 
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("count", [1, 4, 6])
+@pytest.mark.few(3)
 def test_loops_are_a_panel_a_test_that_can_be_read(width, count):
     axes = plot_hysteresis(looped(RATES[:count]), PAD, width=width)
     assert len(axes) == count

@@ -65,6 +65,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.few(9)
 def test_each_effect_vanishes_at_its_null(name):
     null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
     platen, times = paired(full_retraction_protocol)
@@ -227,7 +228,7 @@ def bare():
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 def test_drawn_effects_have_the_size_asked_for(name, bare):
     on_return = name in ("stress_softening", "exponential_softening", "adhesion")
     protocol = full_retraction_protocol if on_return else paper_protocol

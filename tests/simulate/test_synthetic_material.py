@@ -41,6 +41,7 @@ def times_of_interest(platen):
 
 @pytest.mark.parametrize("rate", PAPER_RATES)
 @pytest.mark.parametrize("pad", TABLE_1)
+@pytest.mark.few(6)
 def test_equations_agree_with_the_hereditary_integral(pad, rate):
     platen = Platen(paper_protocol(rate))
     times = times_of_interest(platen)

@@ -21,7 +21,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.plots import files as plots_files
+from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.simulate import TABLE_1
+from support.shared import once
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"
 COMMAND = Path(sys.executable).with_name("qlvbayes")
@@ -98,17 +100,22 @@ def call(*words, drawn=False):
 @contextlib.contextmanager
 def undrawn(but=()):
     """Figures are left out, but for some: an image of one pixel, a page without anything."""
-    draw = plots_files.save_figure
+    write = plots_files.save_figure
 
     def save(figure, path, *kinds):
         if path.name in but:
-            return draw(figure, path, *kinds)
+            return write(figure, path, *kinds)
         image = path.with_name(f"{path.name}.png")
         Image.new("L", (1, 1)).save(image)
         path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
         return image
 
-    with mock.patch.object(plots_files, "save_figure", save):
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(mock.patch.object(plots_files, "save_figure", save))
+        for one in FIGURES:
+            if one.name not in but:
+                name = f"qlvbayes.plots.{one.file or one.name}.plot_{one.name}"
+                stack.enter_context(mock.patch(name, return_value=None))
         yield
 
 
@@ -124,7 +131,10 @@ def experiment(pad="B"):
 
 @functools.cache
 def fitted(choices=Choices(), method="emcee", settings=Settings(), pad="B"):  # noqa: B008
-    return fit_pad(experiment(pad), choices, method=method, settings=settings)
+    def fit():
+        return fit_pad(experiment(pad), choices, method=method, settings=settings)
+
+    return once(fit, choices, method, settings, pad)
 
 
 def read_json(path):

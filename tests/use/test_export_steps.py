@@ -1,6 +1,7 @@
 """Exports that step, in C and in Octave: the force of the whole model, and the way back."""
 
 import re
+import shutil
 import subprocess
 from itertools import product
 from math import exp
@@ -13,7 +14,6 @@ from support.endtoend import study
 from support.exported_pad import EFFECTS, ELASTIC, RELAXATION, exported, reference
 from support.lawmotions import LAWS, retracting
 from support.machine_files import CORPUS
-from support.octave import OCTAVE
 
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
@@ -23,6 +23,7 @@ from qlvbayes.use.exports.code import CHeader, MatlabFunction
 from qlvbayes.use.exports.expressions import _PAIRS, _SINGLES
 from qlvbayes.use.exports.layers import elastic_functions
 
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 EXACT = 1e-12  # of the largest force: rounding a million times in another order
 TOGETHER = ("viscous_drag", "fluid_pressure", "stress_softening", "friction", "force_offset")
 SETS = [
@@ -110,7 +111,7 @@ def compiled(tmp_path_factory):
 
 @needs_gcc
 @every_case
-@pytest.mark.few(11)
+@pytest.mark.few(5)
 def test_force_is_that_of_the_python_model(compiled, case):
     """On the six tests, and where contact is lost and found."""
     pad, program, model = compiled(case)
@@ -126,7 +127,7 @@ def test_force_is_that_of_the_python_model(compiled, case):
 
 @needs_gcc
 @pytest.mark.parametrize("case", INVERTED, ids=named)
-@pytest.mark.few(11)
+@pytest.mark.few(5)
 def test_a_force_brings_back_its_displacement(compiled, case):
     _, program, _ = compiled(case)
     effects = case.get("effects", ())
@@ -163,7 +164,7 @@ def test_a_force_brings_back_its_displacement(compiled, case):
     ],
     ids=named,
 )
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_whatever_the_force_does_the_displacement_bears_it(compiled, case):
     """Jumps of the force at steps of no length up to 10 s; none is below what is read unloaded."""
     _, program, _ = compiled(case)
@@ -206,6 +207,7 @@ def test_pads_without_a_force_recover_and_what_bears_none_is_told(compiled):
 @pytest.mark.parametrize(
     "case", [{"elastic": "hertz"}, {"effects": TOGETHER}, {"effects": ("adhesion",)}], ids=named
 )
+@pytest.mark.few(2)
 def test_single_precision_drifts_by_no_more_than_the_header_says(compiled, case):
     pad, double, _ = compiled(case)
     way = () if inverts(case) else ("-DONE_WAY",)

@@ -276,6 +276,7 @@ VALUES = {
 
 
 @pytest.mark.parametrize("name", NEW)
+@pytest.mark.few(7)
 def test_new_effects_vanish_at_their_null(name):
     program = (Move(1.6, 20.0), Hold(3.0), Move(0.4, 5.0), Hold(3.0))
     platen = Platen(program, start_s=50.0)
@@ -293,6 +294,7 @@ LATEST = [
 
 
 @pytest.mark.parametrize("name", LATEST)
+@pytest.mark.few(3)
 def test_an_outsider_has_the_size_asked_for_and_follows_from_its_seed(name):
     """Sizes of 0.5, 5 and 15 % of the peak force are met within a tenth in a study's tests."""
     motions = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import described
 import numpy as np
+import pytest
 from described_pads import BLOCK, OUTSIDERS, item, make_study
 
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
@@ -42,6 +43,7 @@ def _law_of(index: int):
         return study, describe(outcome, frozenset(), protocol, lambda text: None)
 
 
+@pytest.mark.slow
 def test_a_law_of_the_plain_model_predicts_fresh_tests() -> None:
     study, law = _law_of(SWELLING)
     assert law.record is not None

@@ -1,8 +1,6 @@
 """The scripts of the validation: their statistics on numbers whose answer is known."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +12,22 @@ from calibration import alarms, calibrations, predicted
 from ceiling import against_others
 from learn_guess import logistic
 from pairs import pooled_coverage
-from ranks import _LOGNORMAL, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes
+from ranks import _LOGNORMAL, BROKEN, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes
 from registration import FOLDER, Registration
 from simulated_pairs import KINDS, NEAR, draw_pair
+from support.posteriors import build_posterior
 
 import qlvbayes.guess.guess as package
+from qlvbayes import read_study
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.guess.features import COMMON, OWN
 from qlvbayes.guess.guess import weights
+from qlvbayes.inference.errors import whitening
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.priors import distributions, joint
+from qlvbayes.simulate import simulate_study, write_csv
 
 
 def normal_fits(n, stretch=1.0, shift=0.0, seed=0):
@@ -93,9 +96,6 @@ def test_a_line_cut_short_is_fitted_again(tmp_path):
     assert kept.path.read_text() == text
 
 
-ROOT = Path(__file__).parents[2]
-
-
 def fits_of(ranks):
     return [{"index": k, "converged": True, "ranks": {"m": int(r)}} for k, r in enumerate(ranks)]
 
@@ -138,39 +138,29 @@ def test_the_truth_is_drawn_from_the_priors_and_shares_have_bands():
     assert 0.95 < high < 1.0
 
 
-@pytest.mark.parametrize("broken", ["jacobian", "noise"])
-def test_a_mistake_is_in_the_density_that_is_sampled(broken):
-    """In a process of its own: a mistake stays for good."""
-    program = f"""
-import sys
-sys.path[:0] = [{str(ROOT / "validation")!r}, {str(ROOT / "tests")!r}]
-import numpy as np, ranks
-from tempfile import TemporaryDirectory
-from pathlib import Path
-from qlvbayes import read_study
-from support.posteriors import build_posterior
-from qlvbayes.motion.experiment import prepare
-from qlvbayes.simulate import simulate_study, write_csv
-truth, noise = ranks.drawn(np.random.default_rng(0))
-with TemporaryDirectory() as folder:
-    file = Path(folder) / "pad.csv"
-    write_csv(file, simulate_study({{"pad": truth}}, [20.0], noise, 0, 60), ["x"])
-    experiment = prepare(read_study(file).pad("pad"))
-def density():
-    own = build_posterior(experiment, ranks.Kind().choices, experiment.with_role("fit"))
-    draws = own.space.prior_draws(own.hypothesis)
-    constants, prior = own.parameters.bound(np.median(draws, axis=0)[None])
-    likelihood = own.likelihood.log_likelihood(own.residuals(constants))
-    return [float(prior[0]), float(likelihood[0])]
-before = density()
-ranks.BROKEN[{broken!r}]()
-after = density()
-print([float(abs(a - b)) for a, b in zip(before, after)])
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    prior, likelihood = json.loads(done.stdout)
-    assert (prior > 0.1, likelihood > 0.1) == (broken == "jacobian", broken == "noise")
+def test_a_mistake_is_in_the_density_that_is_sampled(monkeypatch, tmp_path):
+    for module, name in (
+        (distributions, "to_positive"), (joint, "to_simplex"), (joint, "to_between"),
+        (whitening, "averaged_correlation"),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, getattr(module, name))  # put back at the end
+    truth, noise = drawn(np.random.default_rng(0))
+    write_csv(tmp_path / "pad.csv", simulate_study({"pad": truth}, [20.0], noise, 0, 60), ["x"])
+    experiment = prepare(read_study(tmp_path / "pad.csv").pad("pad"))
+
+    def density():
+        own = build_posterior(experiment, Kind().choices, experiment.with_role("fit"))
+        draws = own.space.prior_draws(own.hypothesis)
+        constants, prior = own.parameters.bound(np.median(draws, axis=0)[None])
+        likelihood = own.likelihood.log_likelihood(own.residuals(constants))
+        return [float(prior[0]), float(likelihood[0])]
+
+    found = [density()]
+    for mistake in ("jacobian", "noise"):
+        BROKEN[mistake]()
+        found.append(density())
+    changed = np.abs(np.diff(found, axis=0)) > 0.1  # (mistake, prior and likelihood)
+    assert changed.tolist() == [[True, False], [False, True]]
 
 
 def pair(index, rng, width=1.0, differ=None):
@@ -224,7 +214,8 @@ def test_errors_that_rise_and_falls_over_the_tests():
 
 def test_least_squares_leaves_least_whatever_it_begins_from():
     """From a fit that is far off, the same as from the fit under coarse noise."""
-    search = build_search(prepare(make_study(Registration.read("bounds").population, 283).pad))
+    experiment = prepare(make_study(Registration.read("bounds").population, 283).pad)
+    search = build_search(experiment)
     density, plain = search.density, search.baseline
     observed, real = np.asarray(density.space.record.blocks.force), density.space.real
 
@@ -237,7 +228,6 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
     least = least_squares(density, fit, rms(fit))
     assert least <= rms(fit) < rms(far) / MOST
     assert least_squares(density, far, rms(far)) == pytest.approx(least, rel=0.01)
-    experiment = prepare(make_study(Registration.read("bounds").population, 283).pad)
     found = by_fit(experiment, Choices())
     assert found["ratio"] == found["rms_N"] / found["least_N"] >= 1.0
     assert 0.0 < found["least_N"] < 0.1 * experiment.scales.force
