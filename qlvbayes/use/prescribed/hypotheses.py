@@ -1,4 +1,4 @@
-"""Draws of the constants of every hypothesis that a diagnosis left, as many as it is likely.
+"""Draws of the constants of every hypothesis that a diagnosis left, with its probability.
 
 A hypothesis's constants are taken as normal about its mode, in the parameters and within the bounds
 in which the diagnosis computed its evidence, and many hypotheses as their mixture (Hoeting et al.
@@ -13,10 +13,8 @@ from typing import ClassVar
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.comparison.side import Side
-from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.io.files import Part, Result
@@ -26,8 +24,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.facts import Covered, covered
 
 FILE = "hypotheses.json"
-DRAWS = 400  # of all hypotheses together
-_TRIED = 20  # draws for each that is kept, of which those beyond a bound are left out
+DRAWS = 400  # of all hypotheses together,
+LEAST_DRAWS = 100  # and of an unlikely one, as its moments are taken from them
 
 
 class DrawnHypothesis(Part, frozen=True):
@@ -100,15 +98,8 @@ def drawn_hypotheses(
     drawn = []
     for one in alternatives:
         candidate = seen[one.base.pair, one.effects]
-        count = max(round(draws * one.probability / total), 1)
-        constants = dict(
-            zip(candidate.point.own.names, _draws(candidate, count, rng).T, strict=True)
-        )
-        kept = {
-            name: tuple(values.tolist())
-            for name, values in constants.items()
-            if not name.startswith("noise.")
-        }
+        count = max(round(draws * one.probability / total), LEAST_DRAWS)
+        kept = {name: tuple(x.tolist()) for name, x in candidate.draws(count, rng).items()}
         drawn.append(
             DrawnHypothesis(one.base, one.effects, one.probability, kept, candidate.scatter)
         )
@@ -119,18 +110,3 @@ def drawn_hypotheses(
         covered=covered(work.experiment),
         hypotheses=tuple(drawn),
     )
-
-
-def _draws(candidate: Candidate, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return draws (count, P) of the constants about a mode, within their priors' bounds."""
-    own, evidence = candidate.point.own, candidate.evidence
-    thetas = rng.multivariate_normal(
-        evidence.mean,
-        evidence.covariance + evidence.spread,
-        _TRIED * count,
-        check_valid="ignore",
-        method="eigh",
-    )
-    inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
-    kept = np.concatenate([thetas[inside], own.within(thetas[~inside])])[:count]
-    return own.constants(kept)
