@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, is_meant
-from qlvbayes.diagnosis.nexttest.design import SET_POINTS, Design
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.information import Readings
 from qlvbayes.diagnosis.nexttest.planning import Goal, NextTests, plan_tests
-from qlvbayes.diagnosis.nexttest.readings import Readings
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.searchsetup import as_chosen
@@ -27,13 +27,14 @@ from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.facts import covered
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 CAUSE = "cause"
 """The goal that is no constant."""
+SET_POINTS = 1000.0
+"""Set-points a second in the file for the rig, as the paper's controller takes them."""
 PAUSE = "pause"
 """Entry of the column ``test`` while the pad recovers."""
 _DIGITS = 9  # more than any rig resolves
@@ -140,18 +141,13 @@ def known(
         raise InputError("no two sets of effects are in doubt", file=folder, remedy=remedy)
     run = _diagnosing(folder.parent)
     source = run if saved is None or (run is not None and run.sha256) else saved
-    experiment = _measured(left.pad, left.choices, source, data)
-    if covered(experiment) != left.covered:
-        raise _other_measurements("diagnosed", "diagnose")
-    return belief, experiment, result.discrepancy
+    return belief, _measured(left.pad, left.choices, source, data), result.discrepancy
 
 
 def _fitted(saved: Saved, data: Path | None) -> tuple[Belief, Experiment, float]:
     """Return the same of a fit, with its noise where that is fitted."""
     choices = saved.choices
     experiment = _measured(saved.pad, choices, saved, data)
-    if saved.covered is not None and covered(experiment) != saved.covered:
-        raise _other_measurements("fitted", "fit")
     draws = dict(zip(saved.names, saved.draws.T, strict=True))
     if choices.noise == "white":
         floor = replace(experiment.floor, white=float(draws["noise.white"].mean()), dwells=None)
@@ -190,15 +186,10 @@ def _measured(
     """Return the pad's tests, of a file that is given or known from the results."""
     source = data or Path(known.source if known else "")
     if data is None and not source.is_file():
-        remedy = "say where they are with --data FILE"
-        raise InputError(
-            "the measurements of these results are not there", file=source, remedy=remedy
-        )
-    return as_chosen(choices.prepare(read_measurements(source).pad(pad)), choices)
-
-
-def _other_measurements(done: str, command: str) -> InputError:
-    """Return the error that results are of other measurements."""
-    return InputError(
-        f"not the measurements that were {done}", remedy=f"run qlvbayes {command} again"
-    )
+        what, remedy = "the measurements are not there", "say where they are with --data FILE"
+        raise InputError(what, file=source, remedy=remedy)
+    study = read_measurements(source)
+    if known and known.sha256 not in ("", study.sha256):
+        what, remedy = "not the measurements of these results", "run qlvbayes study again"
+        raise InputError(what, file=source, remedy=remedy)
+    return as_chosen(choices.prepare(study.pad(pad)), choices)

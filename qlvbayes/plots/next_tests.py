@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.information import Readings
 from qlvbayes.diagnosis.nexttest.planning import NextTests, Proposed
-from qlvbayes.diagnosis.nexttest.readings import Readings
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

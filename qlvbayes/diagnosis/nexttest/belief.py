@@ -17,7 +17,6 @@ from qlvbayes.motion.record import Record
 
 STEP = 0.02
 """Step of the forward differences in sds: it smooths kinks of contact and is far above rounding."""
-_DEPENDENT = 1e-9  # of the largest singular value, below which others span a direction
 _CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
 _FRACTIONS = "c["  # prefix of the constants that sum to one
 _LEAST = 0.05  # probability from which a cause, or a further explanation of one, counts
@@ -48,12 +47,7 @@ class Explanation:
 
     @classmethod
     def from_draws(
-        cls,
-        words: str,
-        model: Model,
-        draws: Mapping[str, Array],
-        probability: float = 1.0,
-        cause: str = "",
+        cls, words: str, model: Model, draws: Mapping[str, Array], probability: float, cause: str
     ) -> Explanation:
         """Return the explanation with the moments of draws (n,) of each constant of a model."""
         fields = list(fields_of(model))
@@ -110,14 +104,10 @@ class Explanation:
         return (self.constants(STEP * np.eye(self.size)) - self.centre).T / STEP
 
     def directions(self, names: Sequence[str]) -> Array:
-        """Return orthonormal rows (r, F) that span the directions of z in which constants vary."""
+        """Return unit rows (r, F): the directions of z in which constants of these names vary."""
         rows = self.gradient[[is_meant(own, names) for own in self.names]]
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-        rows = rows[sizes[:, 0] > 0.0] / sizes[sizes[:, 0] > 0.0]
-        if not len(rows):
-            return np.zeros((0, self.size))
-        _, values, axes = np.linalg.svd(rows, full_matrices=False)
-        return np.asarray(axes[values > _DEPENDENT * values[0]])
+        return np.asarray(rows[sizes[:, 0] > 0.0] / sizes[sizes[:, 0] > 0.0])
 
 
 def _totals(some: Sequence[Explanation]) -> dict[str, float]:
@@ -149,22 +139,17 @@ class Belief:
         themselves; they share the probability of their cause.
         """
         ordered = sorted(some, key=lambda one: -one.probability)
-        first = {one.cause: one for one in reversed(ordered)}
-        total = _totals(ordered)
-        firsts = sorted(first.values(), key=lambda one: -total[one.cause])
-        others = [one for one in ordered if one is not first[one.cause]]
-        firsts = [one for one in firsts if total[one.cause] >= _LEAST] or ordered[:1]
-        kept = [
-            *firsts,
-            *(x for x in others if x.probability >= _LEAST and first[x.cause] in firsts),
-        ]
-        kept = kept[:_MOST]
+        first, total = {one.cause: one for one in reversed(ordered)}, _totals(ordered)
+
+        def standing(one: Explanation) -> tuple[bool, float]:
+            leads = one is first[one.cause]
+            return leads, total[one.cause] if leads else one.probability
+
+        kept = [x for x in sorted(some, key=standing, reverse=True) if standing(x)[1] >= _LEAST]
+        kept = kept[:_MOST] or ordered[:1]
         own = _totals(kept)
-        whole = sum(total[one.cause] for one in kept if one is first[one.cause])
-        shared = [
-            replace(one, probability=one.probability * total[one.cause] / own[one.cause] / whole)
-            for one in kept
-        ]
+        factor = {cause: total[cause] / own[cause] / sum(total[c] for c in own) for cause in own}
+        shared = [replace(one, probability=one.probability * factor[one.cause]) for one in kept]
         return cls(tuple(sorted(shared, key=lambda one: -one.probability)), outside)
 
     @cached_property

@@ -12,16 +12,11 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.files import Part
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import Kind
 from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.trajectory import Trajectory
 
-SET_POINTS = 1000.0
-"""Set-points a second for the rig, as the paper's controller takes them."""
 _SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
-DIMENSIONS = 8
-"""Number of coordinates between 0 and 1 that determine a design."""
 _LEAST_DEPTH = 0.2  # of the rig's depth: below, forces of soft pads drown in noise
 _LEAST_HOLD = 100.0  # readings, by which a controller has settled
 _GENTLEST = 0.1  # of the rig's acceleration
@@ -43,19 +38,10 @@ class Rig(Part, frozen=True, rename={
     depth: float
     speed: float
     acceleration: float
-    interval: float = 1.0 / SET_POINTS  # least time between two readings (s)
+    interval: float = 1e-3  # least time between two readings (s)
     # number of readings that are kept of a test; long dwells lose readings first
     rows: int = 10_000_000  # no logger keeps fewer
     done: int = 0  # number of tests that the pad has had
-
-    @classmethod
-    def from_tests(cls, experiment: Experiment) -> Rig:
-        """Return the limits that the tests reached, and those of their logger."""
-        scales = experiment.scales
-        acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
-        rows = max(trial.test.time.size for trial in experiment.trials)
-        done = len(experiment.trials)
-        return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows, done)
 
 
 class Design(Part, frozen=True, rename={
@@ -108,7 +94,7 @@ class Design(Part, frozen=True, rename={
         """Duration of the test with the way home (s)."""
         return float(self.trajectory.knots[-1])
 
-    def words(self, units: UnitSystem) -> str:
+    def in_words(self, units: UnitSystem) -> str:
         """Return the test in words, as a part of a sentence."""
         speed, depth = f"{plain(self.speed)} {units.speed}", _length(self.depth, units)
         text = f"press to {depth} at {speed}, hold {plain(self.hold)} s"
@@ -132,10 +118,9 @@ def draw_designs(
 ) -> list[Design]:
     """Draw designs evenly over what the rig can do, by a scrambled Sobol sequence.
 
-    recovery: function from the duration of a test to the rest after it, both in s; longest:
-    duration of a test with the rest before it (s).
+    recovery: duration of a test (s) to the rest after it; longest: a test with the rest before (s).
     """
-    rows = qmc.Sobol(DIMENSIONS, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
+    rows = qmc.Sobol(8, seed=seed).random_base2(max(count - 1, 1).bit_length())[:count]
     designs = [_design(row, rig, recovery, longest) for row in rows]
     return [one for one in designs if one.wait + one.seconds <= longest]
 

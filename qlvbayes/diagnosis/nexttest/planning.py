@@ -12,8 +12,7 @@ from msgspec import structs
 from qlvbayes.diagnosis.candidate import Candidate, described
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
 from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Rig, draw_designs
-from qlvbayes.diagnosis.nexttest.information import Products, between, screen
-from qlvbayes.diagnosis.nexttest.readings import Readings
+from qlvbayes.diagnosis.nexttest.information import Products, Readings, between, screen
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
@@ -46,10 +45,7 @@ class ExplanationSummary(Part, frozen=True):
 
 
 class Bits(Part, frozen=True):
-    """Expected information (bits) about the constants and about the cause.
-
-    Each has the sd of the closed form's error. Those about the cause lie between their bounds.
-    """
+    """Expected bits about the constants and the cause, with the sds of the closed form's error."""
 
     constants: float
     constants_error: float
@@ -149,16 +145,9 @@ class Goal:
 
 
 def plan_tests(
-    pad: str,
-    units: UnitSystem,
-    belief: Belief,
-    readings: Readings,
-    goal: Goal,
-    *,
-    seed: int = 0,
-    count: int = SCREENED,
-    report: Callable[[str], None] = lambda text: None,
-) -> NextTests:
+    pad: str, units: UnitSystem, belief: Belief, readings: Readings, goal: Goal, *,
+    seed: int = 0, count: int = SCREENED, report: Callable[[str], None] = lambda text: None,
+) -> NextTests:  # fmt: skip
     """Return the series of tests with most information within the time there is.
 
     ``count`` designs are compared; ``units`` are those of the tests that were done. An InputError
@@ -194,50 +183,30 @@ def plan_tests(
         done = Products(belief, done.values + values[best])
         design = structs.replace(designs[best], wait=float(wait[best]))
         total, (constants, *cause) = float(goal.total(bits)[best]), bits[:, best].tolist()
-        tests.append(
-            Proposed(
-                **structs.asdict(design),
-                name=f"next-{len(tests) + 1}",
-                words=design.words(units),
-                duration=float(durations[best]),
-                minutes=float(minutes[best]),
-                constants=constants,
-                cause=cause[0],
-                cause_most=cause[1],
-                judged=_judged(bits[:, best]),
-                total=total,
-                per_minute=total / float(minutes[best]),
-                evidence=float(done.evidence()[0]),
-            )
-        )
+        proposed = Proposed(
+            **structs.asdict(design), name=f"next-{len(tests) + 1}", words=design.in_words(units),
+            duration=float(durations[best]), minutes=float(minutes[best]),
+            constants=constants, cause=cause[0], cause_most=cause[1], judged=_judged(bits[:, best]),
+            total=total, per_minute=total / float(minutes[best]),
+            evidence=float(done.evidence()[0]),
+        )  # fmt: skip
+        tests.append(proposed)
+    every = belief.explanations
+    hypotheses = [ExplanationSummary(one.words, one.probability, one.cause) for one in every]
     return NextTests(
-        pad=pad,
-        units=units,
-        constants=goal.constants,
-        cause=goal.cause,
-        limits=readings.rig,
-        minutes=goal.minutes,
-        seed=seed,
-        screened=finite.size,
-        hypotheses=tuple(
-            ExplanationSummary(one.words, one.probability, one.cause) for one in belief.explanations
-        ),
-        entropy=belief.entropy,
-        outside=belief.outside,
-        missed=readings.missed,
-        tests=tuple(tests),
-        together=_judged(goal.bits(done)[:, 0]),
-        widths=_widths(done, units),
-        notices=tuple(_notices(belief, readings, units)),
-        causes=belief.causes,
-    )
+        pad=pad, units=units, constants=goal.constants, cause=goal.cause, limits=readings.rig,
+        minutes=goal.minutes, seed=seed, screened=finite.size, hypotheses=tuple(hypotheses),
+        entropy=belief.entropy, outside=belief.outside, missed=readings.missed, tests=tuple(tests),
+        together=_judged(goal.bits(done)[:, 0]), widths=_widths(done, units),
+        notices=tuple(_notices(belief, readings, units)), causes=belief.causes,
+    )  # fmt: skip
 
 
 def _judged(bits: Array) -> Bits:
     """Return the expected bits (3,) with the errors of the closed form."""
     constants, low, high = bits.tolist()
     errors = _CONSTANTS_ERROR * constants, _CAUSE_ERROR * (high - low)
-    return Bits(constants, errors[0], between(low, high), errors[1])
+    return Bits(constants, errors[0], float(between(low, high)), errors[1])
 
 
 def _widths(done: Products, units: UnitSystem) -> dict[str, Width]:
@@ -273,7 +242,7 @@ def suggest(experiment: Experiment, candidates: Sequence[Candidate]) -> list[Sug
         return []
     worth = np.nan_to_num(screen(belief, designs, readings).evidence())
     order = np.argsort(-worth, kind="stable")[:_SUGGESTED]
-    return [Suggestion(designs[k].words(experiment.units), float(worth[k])) for k in order]
+    return [Suggestion(designs[k].in_words(experiment.units), float(worth[k])) for k in order]
 
 
 def equal_belief(candidates: Sequence[Candidate]) -> Belief:
