@@ -29,7 +29,7 @@ from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
-from qlvbayes.use.prescribed.hypotheses import Hypotheses
+from qlvbayes.use.prescribed.hypotheses import LEAST_DRAWS, Hypotheses
 
 CAUSE = "cause"
 """The goal that is no constant."""
@@ -122,9 +122,10 @@ def known(
     It is what the diagnosis left; where there is none, or constants alone are asked for and there
     is a fit, what the fit knows.
     """
-    fit, diagnosis = folder / "posterior.nc", folder / "diagnosis.json"
+    fit, diagnosis, drawn = (folder / x for x in ("posterior.nc", "diagnosis.json", HYPOTHESES))
     saved = load(fit) if fit.is_file() else None
-    result = DiagnosisResult.read(diagnosis) if diagnosis.is_file() else None
+    diagnosed = diagnosis.is_file() and drawn.is_file()
+    result = DiagnosisResult.read(diagnosis) if diagnosed else None
     if result is None and saved is None:
         raise InputError(
             "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
@@ -134,7 +135,7 @@ def known(
     if saved is not None and (result is None or (goals and CAUSE not in goals)):
         return _fitted(saved, data)
     assert result is not None
-    left = Hypotheses.read(folder / HYPOTHESES)
+    left = Hypotheses.read(drawn)
     belief = Belief.from_explanations(list(_explanations(left)), result.outside)
     if CAUSE in goals and len(belief.causes) < 2:
         remedy = "ask for constants, as --for m,b"
@@ -163,6 +164,9 @@ def _explanations(left: Hypotheses) -> Iterator[Explanation]:
     families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
     for one in left.hypotheses:
         side, cause = left.side(one), families.cause(one.effects)
+        if len(side.draws) < LEAST_DRAWS:  # of an earlier version
+            what, remedy = f"{len(side.draws)} draws of {one}", "run qlvbayes diagnose again"
+            raise InputError(what, file=HYPOTHESES, remedy=remedy)
         model = described_model(side.choices, left.covered.depth)
         known = _words(side.choices), model, side.constants, one.probability, cause
         yield Explanation.from_draws(*known)
