@@ -70,7 +70,7 @@ class Proposed(Design, frozen=True, kw_only=True, rename={
     cause_most: float
     judged: Bits  # bits expected of this test, with the errors of the closed form
     # total, per_minute: bits about everything that was asked for, in all and per minute
-    total: float = 0.0
+    total: float
     per_minute: float
     # expected 2 ln(Bayes factor) between the two nearest explanations of two causes, together with
     # the tests before it
