@@ -47,12 +47,18 @@ class Candidate:
         sizes = self.point.separation.scatter.sizes
         return {name: size for name, size in zip(names, sizes, strict=False) if size > 0.0}
 
-    def draws(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Return draws (count,) of each of the model's constants, within their priors' bounds."""
+    def draws(
+        self, count: int, rng: np.random.Generator, *, moved: bool = True
+    ) -> dict[str, Array]:
+        """Return draws (count,) of each of the model's constants, within their priors' bounds.
+
+        moved: whether they contain what a discrepancy may have moved the constants by, beside the
+        curve that follows the data.
+        """
         own, evidence = self.point.own, self.evidence
         thetas = rng.multivariate_normal(
             evidence.mean,
-            evidence.covariance + evidence.spread,
+            evidence.covariance + moved * evidence.spread,
             _TRIED * count,
             check_valid="ignore",
             method="eigh",

@@ -29,7 +29,7 @@ from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
-from qlvbayes.use.prescribed.hypotheses import LEAST_DRAWS, Hypotheses
+from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 CAUSE = "cause"
 """The goal that is no constant."""
@@ -149,7 +149,7 @@ def _fitted(saved: Saved, data: Path | None) -> tuple[Belief, Experiment, float]
     """Return the same of a fit, with its noise where that is fitted."""
     choices = saved.choices
     experiment = _measured(saved.pad, choices, saved, data)
-    draws = dict(zip(saved.names, saved.draws.T, strict=True))
+    draws = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     if choices.noise == "white":
         floor = replace(experiment.floor, white=float(draws["noise.white"].mean()), dwells=None)
         experiment = replace(experiment, floor=floor)
@@ -163,12 +163,13 @@ def _explanations(left: Hypotheses) -> Iterator[Explanation]:
     """Yield the explanations that a diagnosis left."""
     families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
     for one in left.hypotheses:
-        side, cause = left.side(one), families.cause(one.effects)
-        if len(side.draws) < LEAST_DRAWS:  # of an earlier version
-            what, remedy = f"{len(side.draws)} draws of {one}", "run qlvbayes diagnose again"
-            raise InputError(what, file=HYPOTHESES, remedy=remedy)
-        model = described_model(side.choices, left.covered.depth)
-        known = _words(side.choices), model, side.constants, one.probability, cause
+        if not one.curve:  # of an earlier version
+            remedy = "run qlvbayes diagnose again"
+            raise InputError("no draws of the curve", file=HYPOTHESES, remedy=remedy)
+        choices, cause = left.side(one).choices, families.cause(one.effects)
+        model = described_model(choices, left.covered.depth)
+        draws = {name: np.array(values) for name, values in one.curve.items()}
+        known = _words(choices), model, draws, one.probability, cause
         yield Explanation.from_draws(*known)
 
 

@@ -249,7 +249,8 @@ def equal_belief(candidates: Sequence[Candidate]) -> Belief:
     """Return a belief in which all candidates are equally probable, each a cause of its own."""
     explanations = []
     for one in sorted(candidates, key=lambda one: described(one.hypothesis)):
-        words, draws = described(one.hypothesis), one.draws(_DRAWS, np.random.default_rng(0))
+        words, rng = described(one.hypothesis), np.random.default_rng(0)
+        draws = one.draws(_DRAWS, rng, moved=False)
         known = words, one.point.own.model, draws, 1.0 / len(candidates), words
         explanations.append(Explanation.from_draws(*known))
     return Belief(tuple(explanations))

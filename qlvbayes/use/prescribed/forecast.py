@@ -111,9 +111,11 @@ def predict_program(
     sides = [source.side(one) for one in averaged] if isinstance(source, Hypotheses) else []
     sides = sides or [side_of(source, pad)]  # type: ignore[arg-type]
     given = program if isinstance(program, Program) else _read(program, sides[0].units)
-    p = np.array([one.probability for one in averaged] or [1.0])
-    counts = np.maximum(np.round(draws * p / p.sum()), 1.0).astype(int).tolist()
-    some = [side.some(count) for side, count in zip(sides, counts, strict=True)]
+    total = sum(len(side.draws) for side in sides)
+    some = [
+        side.some(max(round(draws * len(side.draws) / total), 1) if averaged else draws)
+        for side in sides
+    ]
     new = [_of_a_new_test(side, np.random.default_rng(k)) for k, side in enumerate(some)]
     warnings: list[str] = []
     if averaged and given.quantity == "force":
