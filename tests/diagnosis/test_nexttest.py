@@ -76,6 +76,21 @@ def bits(belief, readings, names=("m", "b")):
     return screen(belief, [PRESS], readings).bits_for_constants(names)[0]
 
 
+def test_an_amplitude_near_zero_keeps_its_moments_and_a_scale_those_of_its_logarithm():
+    rng, fit = np.random.default_rng(0), saved(**{"viscous_drag.eta": 0.01})
+    draws = dict(zip(fit.names, fit.draws.T, strict=True))
+    draws["viscous_drag.eta"] = np.abs(rng.standard_normal(len(fit.draws)))
+    draws["v[2]"] = np.exp(rng.standard_normal(len(fit.draws)))
+    model = described_model(fit.choices, REACH.depth)
+    one = Explanation.from_draws("a pad", model, draws, 1.0, "drag")
+    found = dict(zip(one.names, zip(one.centre, np.linalg.norm(one.gradient, axis=1), strict=True),
+                     strict=True))  # fmt: skip
+    eta, logs = draws["viscous_drag.eta"], np.log(draws["v[2]"])
+    assert found["viscous_drag.eta"] == pytest.approx((eta.mean(), eta.std(ddof=1)))
+    middle = np.exp(logs.mean())
+    assert found["v[2]"] == pytest.approx((middle, middle * logs.std(ddof=1)), rel=0.02)
+
+
 def test_bits_are_those_of_the_textbook():
     """One constant with slopes 1 and 2 in units of the noise: half log2 of 1 + 5."""
     found = products([[0.0, 0.0], [1.0, 2.0]])

@@ -54,8 +54,9 @@ class Explanation:
         names = tuple(name for field in fields for name in field.names)
         kinds = tuple(field.unit for field in fields for _ in field.names)
         values = np.stack([draws[name] for name in names], axis=1)
-        in_log = np.all(values > 0.0, axis=0)
-        scaled = np.where(in_log, np.log(np.where(in_log, values, 1.0)), values)
+        logs = np.log(np.where(positive := np.all(values > 0.0, axis=0), values, 1.0))
+        in_log = positive & (_skewness(logs) < _skewness(values))  # not amplitudes near zero
+        scaled = np.where(in_log, logs, values)
         variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
         kept = variances > _CONSTANT * max(float(variances.max()), 1e-300)
         root = axes[:, kept] * np.sqrt(variances[kept])
@@ -108,6 +109,12 @@ class Explanation:
         rows = self.gradient[[is_meant(own, names) for own in self.names]]
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
         return np.asarray(rows[sizes[:, 0] > 0.0] / sizes[sizes[:, 0] > 0.0])
+
+
+def _skewness(values: Array) -> Array:
+    """Return the size of the skewness (P,) of draws (n, P)."""
+    apart = values - values.mean(axis=0)
+    return np.asarray(abs(np.mean(apart**3, axis=0)) / np.maximum(apart.std(axis=0), 1e-99) ** 3)
 
 
 def _totals(some: Sequence[Explanation]) -> dict[str, float]:

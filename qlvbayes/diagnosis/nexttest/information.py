@@ -253,10 +253,7 @@ class Products:
         return np.array([[zero if i == j else distance(i, j) for j in count] for i in count])
 
     def evidence(self) -> Array:
-        """Return the expected 2 ln(Bayes factor) (T,) of the nearest explanations of two causes.
-
-        It is that of the one which is right: of each pair the less telling of both cases.
-        """
+        """Return the least expected 2 ln(Bayes factor) (T,) of two causes' explanations."""
         causes = [one.cause for one in self.belief.explanations]
         pairs = [(i, j) for i, a in enumerate(causes) for j, b in enumerate(causes) if a != b]
         if not pairs:
@@ -281,11 +278,8 @@ def _distance(products: Array, share: float) -> tuple[Array, Array]:
 
 
 def between(low: Array, high: Array) -> Array:
-    """Return the expected bits about the cause from their bounds (`Products.bits_for_cause`).
-
-    For causes that differ little the bounds are half and twice the information.
-    """
-    return low + (high - low) / 3.0
+    """Return the expected bits about the cause from their bounds."""
+    return low + (high - low) / 3.0  # for small ones these are half and twice the information
 
 
 def screen(belief: Belief, designs: Sequence[Design], readings: Readings) -> Products:

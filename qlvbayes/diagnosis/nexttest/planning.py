@@ -21,14 +21,11 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment
 
-SCREENED = 1024
-"""Number of designs that are compared."""
+_SCREENED = 1024  # designs that are compared
 _AS_GOOD = 0.01  # bits by which a total may be below the largest; the shortest test is taken then
+# errors of the closed form: shares of the bits about constants, and of the distance between the
+# bounds of those about the cause, one sd over 72 tests of simulated pads (docs/reliability.md)
 _CONSTANTS_ERROR, _CAUSE_ERROR = 0.016, 0.2
-"""Errors of the closed form, one sd: share of the bits about constants, and of the distance between
-the bounds of those about the cause. Each is the sd, over 72 tests of simulated pads, of what nested
-Monte Carlo gives instead (docs/reliability.md).
-"""
 _DOUBT = 0.5  # probability of something unmodelled from which a notice says so
 _FEWER = 64  # designs that are compared for a suggestion
 _LONGEST = 600.0  # s, of a suggestion with its pause: the default of 'qlvbayes design'
@@ -146,12 +143,12 @@ class Goal:
 
 def plan_tests(
     pad: str, units: UnitSystem, belief: Belief, readings: Readings, goal: Goal, *,
-    seed: int = 0, count: int = SCREENED, report: Callable[[str], None] = lambda text: None,
+    seed: int = 0, count: int = _SCREENED, report: Callable[[str], None] = lambda text: None,
 ) -> NextTests:  # fmt: skip
     """Return the series of tests with most information within the time there is.
 
-    ``count`` designs are compared; ``units`` are those of the tests that were done. An InputError
-    where no test fits into the time, or none that does has a finite force.
+    ``units``: those of the tests that were done. An InputError where no test fits into the time, or
+    none that does has a finite force.
     """
     report(f"screening {count} tests")
     designs = draw_designs(readings.rig, belief.recovery, 60.0 * goal.minutes, count, seed)
@@ -174,8 +171,8 @@ def plan_tests(
     while len(tests) < most:
         wait = np.maximum(waits, belief.recovery(tests[-1].duration) if tests else 0.0)
         minutes = (durations + wait) / 60.0
-        bits = goal.bits(Products(belief, done.values + values)) - goal.bits(done)
-        bits = np.maximum(bits, 0.0)
+        after = Products(belief, done.values + values)
+        bits = np.maximum(goal.bits(after) - goal.bits(done), 0.0)
         left = goal.minutes - sum(one.minutes for one in tests)
         best = goal.best(bits, minutes, left / (most - len(tests)) if goal.cause else left)
         if best is None:
