@@ -24,7 +24,7 @@ from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
-    from qlvbayes.diagnosis.nexttest.result import NextTests
+    from qlvbayes.diagnosis.nexttest.planning import NextTests
 
 _LIMITS = ("depth", "speed", "acceleration")
 _FILES = ("posterior.nc", "diagnosis.json")

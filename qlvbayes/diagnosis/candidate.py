@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode
+from qlvbayes.io.arrays import Array
 from qlvbayes.priors.natural import Natural
 
 STIFFNESS = "stiffness"
 """The name of what scatters between tests beside the strengths of effects."""
+_TRIED = 20  # draws for each that is kept, of which those beyond a bound are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,27 @@ class Candidate:
         names = [STIFFNESS, *(by_number[k].partition(".")[0] for k in own.amplitudes)]
         sizes = self.point.separation.scatter.sizes
         return {name: size for name, size in zip(names, sizes, strict=False) if size > 0.0}
+
+    def draws(
+        self, count: int, rng: np.random.Generator, *, moved: bool = True
+    ) -> dict[str, Array]:
+        """Return draws (count,) of each of the model's constants, within their priors' bounds.
+
+        moved: whether they contain what a discrepancy may have moved the constants by, beside the
+        curve that follows the data.
+        """
+        own, evidence = self.point.own, self.evidence
+        thetas = rng.multivariate_normal(
+            evidence.mean,
+            evidence.covariance + moved * evidence.spread,
+            _TRIED * count,
+            check_valid="ignore",
+            method="eigh",
+        )
+        inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
+        kept = np.concatenate([thetas[inside], own.within(thetas[~inside])])[:count]
+        named = zip(own.names, own.constants(kept).T, strict=True)
+        return {name: values for name, values in named if not name.startswith("noise.")}
 
 
 def candidate_at(

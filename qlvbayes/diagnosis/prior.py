@@ -17,6 +17,10 @@ from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.laws.scales import SHARE
 
+NOTHING = "no effect"
+UNLISTED = "something unlisted"
+"""Causes that are not the name of an effect."""
+
 
 @dataclass(frozen=True)
 class Families:
@@ -60,6 +64,13 @@ class Families:
         return {
             self.family_of[name]: name for name in sorted(effects) if name not in self.unmodelled
         }
+
+    def cause(self, effects: Collection[str]) -> str:
+        """Return the cause that a set of effects stands for: their families, in words."""
+        listed = [name for name in effects if name not in self.unmodelled]
+        names = sorted({self.family_of.get(name, name) for name in listed})
+        unlisted = [UNLISTED] if len(listed) < len(effects) else []
+        return " + ".join((*names, *unlisted)) or NOTHING
 
     def share(self, effect: str, candidate: float) -> float:
         """Return the part of its family's prior probability that an effect has."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.design import Design, Rig
-from qlvbayes.diagnosis.nexttest.records import record_of
-from qlvbayes.diagnosis.nexttest.result import NextTests
+from qlvbayes.diagnosis.nexttest.information import Readings
+from qlvbayes.diagnosis.nexttest.planning import NextTests, Proposed
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -33,12 +32,9 @@ _NAME = 60  # characters of an explanation
 
 def plot_next_tests(
     design_result: NextTests,
-    designs: Sequence[Design],
     belief: Belief,
-    rig: Rig,
-    noise: float,
+    readings: Readings,
     *,
-    clock: float = 0.0,
     width: float = DOUBLE,
 ) -> list[Axes]:
     """Draw a column for each test: displacement, force, and force less the best explanation's.
@@ -47,10 +43,8 @@ def plot_next_tests(
 
     Parameters
     ----------
-    design_result, designs, belief, rig
-        The proposed tests, their designs, the explanations with their probabilities, and the rig.
-    noise, clock
-        Standard deviation of a reading's noise (N); time at the end of the tests done (s).
+    design_result, belief, readings
+        The proposed tests, the explanations with their probabilities, and how a test is read.
     width
         Width of the figure (mm); in one column of a journal only the first test is drawn.
 
@@ -59,14 +53,14 @@ def plot_next_tests(
     list of Axes
         The panels, row by row.
     """
-    shown = designs[:1] if narrow(width) else designs
+    shown = design_result.tests[:1] if narrow(width) else design_result.tests
     with style():
         figure = canvas(width, 3.0 * _PANEL + _FRAME)
         axes = figure.subplots(3, len(shown), sharex="col", sharey="row", squeeze=False)
-        for column, design, test in zip(axes.T, shown, design_result.tests, strict=False):
-            _draw(column, design, belief, rig, noise, clock)
+        for column, test in zip(axes.T, shown, strict=True):
+            _draw(column, test, belief, readings)
             column[0].set_title(shortened(test.name))
-            clock += design.wait + design.duration
+            readings = replace(readings, clock=readings.clock + test.wait + test.duration)
         units = design_result.units
         force = force_label(units)
         labels = [displacement_label(units), force, f"less the likeliest\n{force}"]
@@ -80,16 +74,15 @@ def plot_next_tests(
     return list(axes.flat)
 
 
-def _draw(
-    column: np.ndarray, design: Design, belief: Belief, rig: Rig, noise: float, clock: float
-) -> None:
+def _draw(column: np.ndarray, test: Proposed, belief: Belief, readings: Readings) -> None:
     above, force, less = column
-    record = record_of([design], rig, clock)
+    record = readings.record([test])
     blocks = record.blocks
     real = np.asarray(blocks.real)[0]
     time = (0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last)))[0, real]
-    fine = np.union1d(np.linspace(0.0, design.duration, 400), design.whole.knots)
-    above.plot(fine, design.whole.displacement(fine), color=BLACK)
+    path = test.trajectory
+    fine = np.union1d(np.linspace(0.0, test.duration, 400), path.knots)
+    above.plot(fine, path.displacement(fine), color=BLACK)
     rng, baseline = np.random.default_rng(0), None
     for k, explanation in enumerate(belief.explanations):
         colour, line = colours()[k % len(colours())], LINES[k % len(LINES)]
@@ -103,6 +96,6 @@ def _draw(
         for axis, zero in ((force, 0.0), (less, baseline)):
             axis.fill_between(time, low - zero, high - zero, color=colour, alpha=0.25, linewidth=0)
             axis.plot(time, forces[0] - zero, color=colour, linestyle=line, label=label)
-    label = "one sd of a reading's noise"
+    noise, label = readings.floor.total, "one sd of a reading's noise"
     less.axhspan(-noise, noise, color=BLACK, alpha=0.1, linewidth=0, label=label)
     less.set_xlabel("time (s)")

@@ -7,8 +7,9 @@ import pytest
 from blind.study import measured
 
 from qlvbayes.diagnosis.candidate import candidate_at
-from qlvbayes.diagnosis.nexttest.design import Design, Rig
-from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence, suggest
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.information import Readings, screen
+from qlvbayes.diagnosis.nexttest.planning import equal_belief, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.drifts import ForceDrift, ForceOffset
 from qlvbayes.inference.modes import find_mode
@@ -34,7 +35,7 @@ def ramps(seed, names, later=0.0):
 
 
 def fitted(tests):
-    """Experiment, density, and the modes with an offset and with a drift."""
+    """Experiment, and the modes with an offset and with a drift."""
     white = Choices(noise="white")
     experiment = as_chosen(prepare(Pad("B", tests, PAD)), white)
     search = build_search(experiment, white, kinds=EFFECTS)
@@ -47,7 +48,7 @@ def fitted(tests):
         start = shapes(search.density.space, plain.point, own, effect.name)[0]
         mode = find_mode(search.density, hypothesis, start)
         found.append(candidate_at(search.density, hypothesis, mode, 0.0))
-    return experiment, search.density, found
+    return experiment, found
 
 
 def gain(found):
@@ -63,37 +64,36 @@ def present():
 
 @pytest.mark.slow
 def test_suggestions_come_best_first_whatever_the_order(present):
-    experiment, density, found_modes = present
-    found = suggest(experiment, density, found_modes)
+    experiment, found_modes = present
+    found = suggest(experiment, found_modes)
     worth = [suggestion.evidence for suggestion in found]
     assert worth == sorted(worth, reverse=True)
     assert min(worth) >= 0.0
-    assert suggest(experiment, density, found_modes[::-1]) == found
+    assert suggest(experiment, found_modes[::-1]) == found
 
 
 def test_explanations_that_are_the_same_promise_nothing(present):
-    experiment, density, (offset, _) = present
-    found = suggest(experiment, density, [offset, replace(offset)])
+    experiment, (offset, _) = present
+    found = suggest(experiment, [offset, replace(offset)])
     assert {suggestion.evidence for suggestion in found} == {0.0}
 
 
 def test_nothing_is_suggested_where_no_test_fits_into_the_time(present, monkeypatch):
     """A pad that forgets slowly needs too long a rest before the next test."""
-    experiment, density, found_modes = present
-    monkeypatch.setattr("qlvbayes.diagnosis.nexttest.suggest._LONGEST", 1e-3)
-    assert suggest(experiment, density, found_modes) == []
+    experiment, found_modes = present
+    monkeypatch.setattr("qlvbayes.diagnosis.nexttest.planning._LONGEST", 1e-3)
+    assert suggest(experiment, found_modes) == []
 
 
 @pytest.mark.slow
 def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""
-    experiment, density, found = present
+    experiment, found = present
     again = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0, wait=HOUR)
-    rig = Rig.from_tests(experiment)
-    (expected,) = expected_evidence(experiment, rig, equal_belief(density, found), [again], 0.0)
+    (expected,) = screen(equal_belief(found), [again], Readings.after(experiment, 0.0)).evidence()
     first, later = ramps(0, ("one",)), experiment.scales.clock + HOUR
     gains = []
     for seed in range(1, AGAIN + 1):
-        *_, points = fitted(first + ramps(seed, ("again",), later))
+        _, points = fitted(first + ramps(seed, ("again",), later))
         gains.append(gain(points) - gain(found))
     assert 0.5 * expected < np.mean(gains) < 2.0 * expected

@@ -19,7 +19,7 @@ from support.written_results import write_study
 import qlvbayes
 from qlvbayes import InputError
 from qlvbayes.comparison.contrast import Comparison
-from qlvbayes.diagnosis.nexttest.result import NextTests
+from qlvbayes.diagnosis.nexttest.planning import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings as Sampler

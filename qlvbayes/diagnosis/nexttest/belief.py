@@ -2,54 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.nexttest.design import RecoveryTime
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.arrays import Array
-from qlvbayes.io.checks import InputError
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import fields_of, filled
 from qlvbayes.motion.record import Record
-
-Forces = Callable[[Array, Record], Array]
 
 STEP = 0.02
 """Step of the forward differences in sds: it smooths kinks of contact and is far above rounding."""
-_DEPENDENT = 1e-9  # of the largest singular value, below which others span a direction
+_CONSTANT = 1e-12  # of the largest variance, below which nothing varies in a direction
+_FRACTIONS = "c["  # prefix of the constants that sum to one
+_LEAST = 0.05  # probability from which a cause, or a further explanation of one, counts
+_MOST = 6  # explanations of all causes together: each costs a simulation of every design
+_FORGOTTEN = 0.01  # share of the force of a press that may be left when the next test begins
+_RESTS = np.geomspace(0.1, 3600.0, 300)  # s, rests that are tried
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A model with the posterior distribution of its constants after the tests that were done."""
+    """A model whose P constants are normal in F coordinates z ~ N(0, 1) after the tests done."""
 
     words: str  # its laws and effects in words
     probability: float
-    size: int  # number F of free parameters
-    # names, kinds: names and kinds of units of the P constants
+    cause: str  # the set of effects that it stands for: explanations of one cause are one answer
+    # names, kinds: of the constants, and of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    constants: Callable[[Array], Array]  # function from z (K, F) to constants (K, P)
+    # mean (P,) and root (P, F) of the covariance of the constants, or of their logarithms
+    mean: Array
+    root: Array
+    # in_log, sums: which (P,) are logarithms, and which are fractions that sum to one
+    in_log: NDArray[np.bool_]
+    sums: NDArray[np.bool_]
     # function from constants (K, P) and a record of T tests to block means (K, T, B) of the force
-    # (N)
-    run: Forces
-    # fractions, rates: fractions (L,) and rates (L,) in 1/s of its relaxation
-    fractions: Array
-    rates: Array
-    # the effects in words, without the laws. Explanations of one cause are one answer.
-    cause: str = ""
+    run: Callable[[Array, Record], Array]
+    spectrum: tuple[Array, Array]  # fractions (L,) and rates (L,) in 1/s of its relaxation
+
+    @classmethod
+    def from_draws(
+        cls, words: str, model: Model, draws: Mapping[str, Array], probability: float, cause: str
+    ) -> Explanation:
+        """Return the explanation with the moments of draws (n,) of each constant of a model."""
+        fields = list(fields_of(model))
+        names = tuple(name for field in fields for name in field.names)
+        kinds = tuple(field.unit for field in fields for _ in field.names)
+        values = np.stack([draws[name] for name in names], axis=1)
+        logs = np.log(np.where(positive := np.all(values > 0.0, axis=0), values, 1.0))
+        in_log = positive & (_skewness(logs) < _skewness(values))  # not amplitudes near zero
+        scaled = np.where(in_log, logs, values)
+        variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
+        kept = variances > _CONSTANT * max(float(variances.max()), 1e-300)
+        root = axes[:, kept] * np.sqrt(variances[kept])
+        forces = Forces()
+
+        def run(rows: Array, record: Record) -> Array:
+            return forces.over(filled(model, rows.T), len(rows), record)
+
+        shares = np.array([name.startswith(_FRACTIONS) for name in names])
+        sums = shares & np.allclose(values[:, shares].sum(axis=1), 1.0)
+        fractions, rates = filled(model, values.mean(axis=0)).relaxation.spectrum()
+        spectrum = np.asarray(fractions)[1:], np.asarray(rates)
+        known = names, kinds, scaled.mean(axis=0), root, in_log, sums, run, spectrum
+        return cls(words, probability, cause, *known)
+
+    @property
+    def size(self) -> int:
+        """Number F of coordinates."""
+        return self.root.shape[1]
+
+    def constants(self, z: Array) -> Array:
+        """Return the constants (K, P) at z (K, F)."""
+        rows = self.mean + z @ self.root.T
+        rows[:, self.in_log] = np.exp(rows[:, self.in_log])
+        if self.sums.any():  # those of logarithms about their mean do not
+            rows[:, self.sums] /= rows[:, self.sums].sum(axis=1, keepdims=True)
+        return rows
 
     def forces(self, z: Array, record: Record) -> Array:
-        """Return block means (K, T, B) of the force (N) for z (K, F)."""
+        """Return block means (K, T, B) of the force (N) at z (K, F)."""
         return self.run(self.constants(z), record)
 
-    def slopes(self, z: Array, record: Record) -> tuple[Array, Array]:
-        """Return block means (K, T, B) for z (K, F), and their slopes (K, F, T, B) along z."""
-        rows = z[:, None] + STEP * np.concatenate([np.zeros((1, self.size)), np.eye(self.size)])
-        means = self.forces(rows.reshape(-1, self.size), record)
-        means = means.reshape(len(z), 1 + self.size, *means.shape[1:])
-        return means[:, 0], (means[:, 1:] - means[:, :1]) / STEP
+    def force_and_slopes(self, record: Record) -> Array:
+        """Return block means (1 + F, T, B) of the force at z = 0, and of its slopes along z."""
+        force = self.forces(STEP * np.eye(1 + self.size, self.size, -1), record)
+        return np.concatenate([force[:1], (force[1:] - force[:1]) / STEP])
 
     @cached_property
     def centre(self) -> Array:
@@ -62,18 +105,27 @@ class Explanation:
         return (self.constants(STEP * np.eye(self.size)) - self.centre).T / STEP
 
     def directions(self, names: Sequence[str]) -> Array:
-        """Return orthonormal rows (r, F) that span the directions of z in which constants vary."""
-        some = [k for k, own in enumerate(self.names) if _named(own, names)]
-        rows = self.gradient[some]
+        """Return unit rows (r, F): the directions of z in which constants of these names vary."""
+        rows = self.gradient[[is_meant(own, names) for own in self.names]]
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-        rows = rows[sizes[:, 0] > 0.0] / sizes[sizes[:, 0] > 0.0]
-        if not len(rows):
-            return np.zeros((0, self.size))
-        _, values, axes = np.linalg.svd(rows, full_matrices=False)
-        return np.asarray(axes[values > _DEPENDENT * values[0]])
+        return np.asarray(rows[sizes[:, 0] > 0.0] / sizes[sizes[:, 0] > 0.0])
 
 
-def _named(own: str, names: Sequence[str]) -> bool:
+def _skewness(values: Array) -> Array:
+    """Return the size of the skewness (P,) of draws (n, P)."""
+    apart = values - values.mean(axis=0)
+    return np.asarray(abs(np.mean(apart**3, axis=0)) / np.maximum(apart.std(axis=0), 1e-99) ** 3)
+
+
+def _totals(some: Sequence[Explanation]) -> dict[str, float]:
+    """Return the probability of each cause."""
+    totals = dict.fromkeys((one.cause for one in some), 0.0)
+    for one in some:
+        totals[one.cause] += one.probability
+    return totals
+
+
+def is_meant(own: str, names: Sequence[str]) -> bool:
     """Return whether a constant is meant: by its own name, or by that of the vector it is in."""
     return any(own == name or own.startswith(f"{name}[") for name in names)
 
@@ -87,62 +139,52 @@ class Belief:
     outside: float = 0.0
 
     @classmethod
-    def from_explanations(cls, explanations: Sequence[Explanation], outside: float = 0.0) -> Belief:
-        """Return the belief in some explanations by the ratios of their probabilities."""
-        total = sum(one.probability for one in explanations)
-        ordered = sorted(explanations, key=lambda one: -one.probability)
-        return cls(
-            tuple(replace(one, probability=one.probability / total) for one in ordered), outside
-        )
+    def from_explanations(cls, some: Sequence[Explanation], outside: float = 0.0) -> Belief:
+        """Return the belief in those explanations that count, by the ratios of probabilities.
 
-    @property
-    def probabilities(self) -> Array:
-        """The probability (H,) of each explanation."""
-        return np.array([one.probability for one in self.explanations])
+        Of each probable cause its most probable explanation counts, and others that are probable
+        themselves; they share the probability of their cause.
+        """
+        ordered = sorted(some, key=lambda one: -one.probability)
+        first, total = {one.cause: one for one in reversed(ordered)}, _totals(ordered)
+
+        def standing(one: Explanation) -> tuple[bool, float]:
+            leads = one is first[one.cause]
+            return leads, total[one.cause] if leads else one.probability
+
+        kept = [x for x in sorted(some, key=standing, reverse=True) if standing(x)[1] >= _LEAST]
+        kept = kept[:_MOST] or ordered[:1]
+        own = _totals(kept)
+        factor = {cause: total[cause] / own[cause] / sum(total[c] for c in own) for cause in own}
+        shared = [replace(one, probability=one.probability * factor[one.cause]) for one in kept]
+        return cls(tuple(sorted(shared, key=lambda one: -one.probability)), outside)
 
     @cached_property
-    def groups(self) -> tuple[tuple[int, ...], ...]:
-        """The indices of the explanations of each cause."""
-        indices: dict[str, list[int]] = {}
-        for k, one in enumerate(self.explanations):
-            indices.setdefault(one.cause or one.words, []).append(k)
-        return tuple(tuple(own) for own in indices.values())
-
-    @property
     def causes(self) -> dict[str, float]:
-        """The probability of each cause, in the order of `groups`."""
-        p = self.probabilities
-        firsts = (self.explanations[group[0]] for group in self.groups)
-        names = (first.cause or first.words for first in firsts)
-        return {n: float(p[list(g)].sum()) for n, g in zip(names, self.groups, strict=True)}
+        """The probability of each cause."""
+        return _totals(self.explanations)
+
+    @cached_property
+    def shares(self) -> Array:
+        """The probability (G, H) of each explanation within its cause; 0 outside it."""
+        rows = [[one.cause == cause for one in self.explanations] for cause in self.causes]
+        joint = np.array(rows) * [one.probability for one in self.explanations]
+        return np.asarray(joint / joint.sum(axis=1, keepdims=True))
 
     @property
     def entropy(self) -> float:
         """The bits that are missing to know which cause is right."""
         p = np.array(list(self.causes.values()))
-        p = p[p > 0.0]
         return float(-(p * np.log2(p)).sum()) + 0.0
 
-    @property
-    def recovery(self) -> RecoveryTime:
-        """The time of recovery of a pad for which any explanation may be right."""
-        return RecoveryTime(tuple((one.fractions, one.rates) for one in self.explanations))
+    def recovery(self, duration: float) -> float:
+        r"""Return the rest (s) after a test of ``duration`` s, whichever explanation is right.
 
-    def check(self, names: Sequence[str]) -> None:
-        """Raise InputError where no explanation has a constant of that name."""
-        known = dict.fromkeys(name for one in self.explanations for name in one.names)
-        for name in names:
-            if not any(_named(own, [name]) for own in known):
-                raise InputError(f"no constant '{name}'", remedy=f"use cause, {', '.join(known)}")
-
-    @property
-    def base_names(self) -> tuple[str, ...]:
-        """The free constants of the base laws, of any explanation."""
-        return tuple(
-            dict.fromkeys(
-                name
-                for one in self.explanations
-                for name, row in zip(one.names, one.gradient, strict=True)
-                if "." not in name and np.any(row)
-            )
-        )
+        A mode of share c and rate v has :math:`c (1 - e^{-v D}) e^{-v t}` left at the time t.
+        """
+        left = np.zeros_like(_RESTS)
+        for fractions, rates in (one.spectrum for one in self.explanations):
+            excited = fractions * -np.expm1(-rates * duration)
+            left = np.maximum(left, excited @ np.exp(-np.outer(rates, _RESTS)))
+        enough = np.flatnonzero(left <= _FORGOTTEN)
+        return float(_RESTS[enough[0]]) if enough.size else float(_RESTS[-1])

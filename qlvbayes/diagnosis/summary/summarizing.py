@@ -20,7 +20,7 @@ from qlvbayes.diagnosis.checks.sensitivity import (
 from qlvbayes.diagnosis.checks.support import supported
 from qlvbayes.diagnosis.decision import Decision, Verdict
 from qlvbayes.diagnosis.description.describe import NOTHING, Described, describe
-from qlvbayes.diagnosis.nexttest.suggest import suggest
+from qlvbayes.diagnosis.nexttest.planning import suggest
 from qlvbayes.diagnosis.result import (
     Base,
     DiagnosisResult,
@@ -207,7 +207,7 @@ def _suggestions(outcome: SearchOutcome, decision: Decision) -> tuple[Suggestion
             points.append(outcome.candidates[max(same)[1]])
     if len(points) < 2:
         return ()
-    return tuple(suggest(outcome.experiment, outcome.search.density, points))
+    return tuple(suggest(outcome.experiment, points))
 
 
 def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
