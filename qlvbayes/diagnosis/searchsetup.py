@@ -41,7 +41,7 @@ def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
     if isinstance(noise, Floor):
         floor = known_floor(floor, noise)
     if choices.noise == "white":
-        floor = replace(floor, white=floor.total, ou=0.0)
+        floor = replace(floor, white=floor.total, ou=0.0, dwells=None)
     return replace(experiment, rested=choices.rested, floor=floor)
 
 

@@ -10,6 +10,7 @@ from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.inference.common_errors import JointWhitener, joint_covariance, stage_changes
 from qlvbayes.io.data import Pad
+from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 
 SD = 0.02  # mm
@@ -66,3 +67,13 @@ def test_a_named_offset_beyond_the_error_of_the_contact_is_told():
             assert len(notices) == told
             assert not told or "contradicts the measured contact" in notices[0]
     assert not contact_notices(experiment, {"backlash.gap": Estimate("mm", -0.38, 0.01)})
+
+
+def test_white_noise_is_independent_and_as_large_as_all_that_was_measured():
+    experiment = hidden_pad(rates=(1.0, 20.0))
+    found = build_search(experiment, Choices(noise="white"), kinds=FEW).density.whitener
+    for covariance in found.covariances:
+        assert np.count_nonzero(covariance - np.diag(np.diag(covariance))) == 0
+    one = np.asarray(build_search(experiment, kinds=FEW).density.space.record.blocks.count)[0, 0]
+    expected = experiment.floor.total**2 / one
+    assert abs(float(found.covariances[0][0, 0]) - expected) < 0.05 * expected

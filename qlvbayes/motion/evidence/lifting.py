@@ -119,8 +119,10 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
         if move.kind != "unload" or move.control != Control.DISPLACEMENT:
             continue
         # a specimen that is still pressed at the end has its own zero in the file's
-        end = rest and level_of(experiment, trial, _of_rest(trial, rest, _LATE, 1.0))
-        flat = rest and _flat(experiment, trial, move, rest)
+        end = flat = None
+        if rest is not None:
+            end = level_of(experiment, trial, _of_rest(trial, rest, _LATE, 1.0))
+            flat = _flat(experiment, trial, move, rest)
         rest_level = before or Level(0.0, experiment.floor.ou)
         rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
         every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
