@@ -9,6 +9,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
@@ -89,6 +90,10 @@ class Trial:
     def phases_under(self, control: Control) -> tuple[Phase, ...]:
         """Return the phases in which a quantity was prescribed."""
         return tuple(phase for phase in self.phases if phase.control == control)
+
+    def rows(self, start: float, stop: float) -> NDArray[np.intp]:
+        """Return the indices of the readings from a time to another."""
+        return np.arange(*np.searchsorted(self.test.time, [start, stop]))
 
     def phase_of(self, time: np.ndarray) -> np.ndarray:
         """Return the kind of phase (N,) at each time."""
