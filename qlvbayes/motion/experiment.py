@@ -155,9 +155,8 @@ class Experiment:
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
         """Sentences on the tests whose force falls while the platen moves in."""
-        noise = self.floor.white
         every = [
-            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT), noise))
+            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT)))
             for t in self.trials
         ]
         return tuple(fall_notice(self.pad, name, some, self.units) for name, some in every if some)
