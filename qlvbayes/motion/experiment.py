@@ -16,7 +16,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
 from qlvbayes.motion.clean import LeftOut, left_out_notice, smooth_readings, sound_tests, without
-from qlvbayes.motion.control import controls_of, crept_path, phases_of, with_both_errors
+from qlvbayes.motion.control import controls_of, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
@@ -120,7 +120,7 @@ class Experiment:
     rested: bool = False
     cuts: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def fineness(self) -> Fineness:
         """Fineness with which records are to be reduced, given the noise.
 
@@ -163,25 +163,20 @@ class Experiment:
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
-        """Sentences on the tests in which a prescribed force was detected."""
-        detected = [t for t in self.trials if not t.test.states_control]
-        names = [t.name for t in detected if t.control == Control.FORCE]
-        parts = [f"{t.name} ({_loaded_times(t)})" for t in detected if t.control is None]
-        held = "the force is held while the displacement creeps, which is taken as"
-        sentences = []
-        if names:
-            those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
-            sentences.append(
-                f"in {those} {held} a prescribed force; a column control (displacement or force) "
-                "says otherwise"
-            )
-        if parts:
-            sentences.append(
-                f"in a part of test{'s' if len(parts) > 1 else ''} {joined(parts)} {held} a "
-                "prescribed force there; a column control (displacement or force in each row) "
-                "says otherwise"
-            )
-        return tuple(f"pad {self.pad}: {sentence}" for sentence in sentences)
+        """A sentence on the tests in which a prescribed force was detected, if there are any."""
+        loaded = [
+            t.name if t.control is not None else f"{t.name} ({_loaded_times(t)})"
+            for t in self.trials
+            if not t.test.states_control and t.control != Control.DISPLACEMENT
+        ]
+        if not loaded:
+            return ()
+        those = f"test{'s' if len(loaded) > 1 else ''} {joined(loaded)}"
+        return (
+            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
+            "taken as a prescribed force; a column control (displacement or force in each row) "
+            "says otherwise",
+        )
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """Return the trials that are fitted, or those that validate."""
@@ -208,7 +203,7 @@ class Experiment:
         """Shortest sampling interval of a test (s), the median of each test's first ones."""
         return min(float(np.median(np.diff(one.test.time)[:200])) for one in self.trials)
 
-    @property
+    @cached_property
     def scales(self) -> Scales:
         """Sizes that the default priors are scaled to."""
         from qlvbayes.laws.scales import Scales
@@ -361,7 +356,6 @@ def _trial(
         test = replace(without(whole, ~whole.used), used=None)
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
-    trajectory = crept_path(trajectory, whole, phases)
     rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
     return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
 

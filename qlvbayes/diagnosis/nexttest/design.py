@@ -19,8 +19,7 @@ from qlvbayes.io.wording import plain
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import Covered
 from qlvbayes.motion.phases import Kind
-from qlvbayes.motion.programme import Stroke, planned
-from qlvbayes.motion.trajectory import Trajectory
+from qlvbayes.motion.trajectory import Stroke, Trajectory, planned
 
 DIMENSIONS = 8
 """Number of coordinates between 0 and 1 that determine a design."""
