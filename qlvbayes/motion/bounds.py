@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -213,7 +212,7 @@ def find_dwells(
         if alone or neighbouring * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
             level = float(displacement[rest.first : rest.stop].mean())
             dwells.append(DwellSpan(rest.first, rest.stop, level))
-    stretched = _stretched(displacement, _distinct(dwells, tol), tol)
+    stretched = _stretched(displacement, dwells, tol)
     return [dwell for dwell in stretched if not _turns(time, displacement, dwell, tol)]
 
 
@@ -260,17 +259,6 @@ def _turns(time: Array, displacement: Array, dwell: DwellSpan, tol: Tolerance) -
     if x.size < 2 * (dwell.stop - dwell.first):
         return False
     return float(np.ptp(x)) > 4.0 * tol.rest and _quadratic_fits(time[around], x, tol)
-
-
-def _distinct(dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:
-    """Leave out touching dwells of nearly one level, which are a creep."""
-    creeping = {
-        r
-        for a, b in pairwise(dwells)
-        if b.first - a.stop < 3 and abs(a.level - b.level) < 4.0 * tol.rest
-        for r in (a, b)
-    }
-    return [r for r in dwells if r not in creeping]
 
 
 def _stretched(displacement: Array, dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:

@@ -21,15 +21,13 @@ from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control, Prescribed, Test
 from qlvbayes.motion.falling import largest_stiffness
 from qlvbayes.motion.phases import Phase, find_phases, phase_index
 from qlvbayes.motion.sensor import sensor_noise
-from qlvbayes.motion.splines import expanded
-from qlvbayes.motion.trajectory import Trajectory, fields_of
+from qlvbayes.motion.trajectory import Trajectory
 
 # They are no settings: what was prescribed is a fact of the record, and a column says it otherwise.
 HELD = 0.05  # of the largest force, by which a held force may be read to either side of its level
@@ -56,9 +54,6 @@ _STOPS = 0.5  # of its way before, that it makes in the same time when it has st
 _FEWEST_LEFT = 3  # readings in a phase that a change of control cuts
 _ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
 _POINTS = 200  # of that ramp, at which its force is computed
-_BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
-_SWING = 1e-4  # of the stroke, by which a curve may lie outside the readings to either side,
-_SWUNG = 0.1  # and of the way between the two: more is no creep
 
 
 @dataclass(frozen=True)
@@ -228,34 +223,6 @@ def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> C
 def _off_a_line(time: Array, values: Array) -> float:
     """Return the deviation (root mean square) of values (n,) from a straight line."""
     return float(np.std(values - np.polynomial.Polynomial.fit(time, values, 1)(time)))
-
-
-def crept_path(trajectory: Trajectory, test: Test, phases: Sequence[Phase]) -> Trajectory:
-    """Replace the motion of creep by a straight line where it leaves the range of two readings."""
-    time = test.time
-    loaded = loaded_readings(time[:-1], phases)
-    if not loaded.any():
-        return trajectory
-    ends = trajectory.displacement(time)
-    inner = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
-    low, high = np.minimum(ends[:-1], ends[1:]), np.maximum(ends[:-1], ends[1:])
-    least = trajectory.resolution + _SWING * float(np.ptp(ends))
-    spare = (least + _SWUNG * (high - low))[:, None]
-    between = trajectory.displacement(inner)
-    outside = (between < low[:, None] - spare) | (between > high[:, None] + spare)
-    bad = np.any(outside, axis=1) & loaded
-    if not bad.any():
-        return trajectory
-    knots = np.union1d(
-        trajectory.knots, time[np.union1d(*(np.flatnonzero(bad) + k for k in (0, 1)))]
-    )
-    starts, slopes = knots[:-1], np.diff(ends) / np.diff(time)
-    gap = np.clip(np.searchsorted(time, starts, side="right") - 1, 0, time.size - 2)
-    rows, line = expanded(trajectory.path, starts, len(trajectory.path.c)), bad[gap]
-    rows[:, line] = 0.0
-    straight = np.array([slopes[gap], ends[gap] + slopes[gap] * (starts - time[gap])])
-    rows[-2:, line] = straight[:, line]
-    return replace(trajectory, **fields_of(PPoly(rows, knots)))
 
 
 def phases_of(

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, dia_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance
@@ -36,7 +36,7 @@ from qlvbayes.motion.splines import Joints, Stretch, at_ends
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
 
 _MOST_TIMES = 3000  # of a stretch at which errors are computed
-_CHUNK, _MARGIN = 60, 20  # coefficients inverted at once, and those on either side of them
+_CHUNK = 300  # times at once, so that their solutions are no large array
 _ROUNDOFF = 1e-11
 _EXACT = 1e-6  # of the range: no reading is better than that
 _RESOLVED = 3  # readings in a piece that show where it begins and ends
@@ -69,7 +69,8 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
         derivative(time[inside][pick], full, stretch.degree, order)[:, kept] for order in range(3)
     ]
     basis = csr_array(BSpline.design_matrix(time[inside], full, stretch.degree))[:, kept]
-    shares = np.sqrt(_quadratic_forms(basis, rows))
+    inverse = _inverse(basis)
+    shares = np.sqrt([_quadratic_form(inverse, row) for row in rows])
     sd = np.sqrt(variance[pick]) * shares
     if tol.step == 0.0 and tol.noise == 0.0:  # what is left is no scatter: it does not average out
         sd[0] = np.sqrt(variance[pick])
@@ -124,24 +125,19 @@ def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
     return basis if shift is None else csr_array(basis @ shift[:, :size])
 
 
-def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
-    """Return the diagonals (len(rows), n) of rows (basis^T basis)^-1 rows^T, in chunks."""
-    gram = csr_array(basis.T @ basis)
-    size = gram.shape[0]
-    ridge = _ROUNDOFF * float(gram.diagonal().max())
-    forms = np.zeros((len(rows), rows[0].shape[0]))
-    ends = rows[0].indptr  # each row belongs to a column near the middle of its entries
-    middles = np.minimum((ends[:-1] + ends[1:]) // 2, rows[0].indices.size - 1)
-    owner = rows[0].indices[middles]
-    for start in range(0, size, _CHUNK):
-        mine = np.flatnonzero((owner >= start) & (owner < start + _CHUNK))
-        if mine.size == 0:
-            continue
-        part = slice(max(start - _MARGIN, 0), min(start + _CHUNK + _MARGIN, size))
-        inverse = np.linalg.inv(gram[part, part].toarray() + ridge * np.eye(part.stop - part.start))
-        for k, row in enumerate(rows):
-            some = row[mine][:, part].toarray()
-            forms[k, mine] = np.einsum("ij,jk,ik->i", some, inverse, some)
+def _inverse(basis: csr_array) -> SuperLU:
+    """Return the factors of basis^T basis."""
+    gram = csr_array(basis.T @ basis).tocsc()
+    ridge = np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))
+    return splu(gram + diags_array(ridge).tocsc())
+
+
+def _quadratic_form(inverse: SuperLU, rows: csr_array) -> Array:
+    """Return the diagonal (n,) of rows (basis^T basis)^-1 rows^T, of some rows at a time."""
+    forms = np.zeros(rows.shape[0])
+    for some in np.array_split(np.arange(forms.size), forms.size // _CHUNK + 1):
+        right = rows[some].T.toarray()
+        forms[some] = np.sum(right * inverse.solve(right), axis=0)
     return np.maximum(forms, 0.0)
 
 
@@ -187,9 +183,7 @@ def _from_readings(
     rows, size = _jumps(stretch, full)
     variance = _variance_of_knots(stretch, inside, tol) + (_speed(stretch, time) * clock) ** 2
     free = basis[:, kept]
-    gram = csr_array(free.T @ free).tocsc()
-    gram += diags_array(np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))).tocsc()
-    weight = splu(gram).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
+    weight = _inverse(free).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
     variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
     for side, sd in zip((0, -1), level_sd, strict=True):
         at = 0 if side == 0 else full.size - degree - 2

@@ -9,13 +9,14 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
 from qlvbayes.motion.clean import LeftOut, left_out_notice, smooth_readings, sound_tests, without
-from qlvbayes.motion.control import controls_of, crept_path, phases_of, with_both_errors
+from qlvbayes.motion.control import controls_of, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
@@ -90,6 +91,10 @@ class Trial:
         """Return the phases in which a quantity was prescribed."""
         return tuple(phase for phase in self.phases if phase.control == control)
 
+    def rows(self, start: float, stop: float) -> NDArray[np.intp]:
+        """Return the indices of the readings from a time to another."""
+        return np.arange(*np.searchsorted(self.test.time, [start, stop]))
+
     def phase_of(self, time: np.ndarray) -> np.ndarray:
         """Return the kind of phase (N,) at each time."""
         return np.array([phase.kind for phase in self.phases])[phase_index(self.phases, time)]
@@ -115,7 +120,7 @@ class Experiment:
     rested: bool = False
     cuts: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def fineness(self) -> Fineness:
         """Fineness with which records are to be reduced, given the noise.
 
@@ -150,34 +155,28 @@ class Experiment:
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
         """Sentences on the tests whose force falls while the platen moves in."""
-        noise = self.floor.white
         every = [
-            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT), noise))
+            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT)))
             for t in self.trials
         ]
         return tuple(fall_notice(self.pad, name, some, self.units) for name, some in every if some)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
-        """Sentences on the tests in which a prescribed force was detected."""
-        detected = [t for t in self.trials if not t.test.states_control]
-        names = [t.name for t in detected if t.control == Control.FORCE]
-        parts = [f"{t.name} ({_loaded_times(t)})" for t in detected if t.control is None]
-        held = "the force is held while the displacement creeps, which is taken as"
-        sentences = []
-        if names:
-            those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
-            sentences.append(
-                f"in {those} {held} a prescribed force; a column control (displacement or force) "
-                "says otherwise"
-            )
-        if parts:
-            sentences.append(
-                f"in a part of test{'s' if len(parts) > 1 else ''} {joined(parts)} {held} a "
-                "prescribed force there; a column control (displacement or force in each row) "
-                "says otherwise"
-            )
-        return tuple(f"pad {self.pad}: {sentence}" for sentence in sentences)
+        """A sentence on the tests in which a prescribed force was detected, if there are any."""
+        loaded = [
+            t.name if t.control is not None else f"{t.name} ({_loaded_times(t)})"
+            for t in self.trials
+            if not t.test.states_control and t.control != Control.DISPLACEMENT
+        ]
+        if not loaded:
+            return ()
+        those = f"test{'s' if len(loaded) > 1 else ''} {joined(loaded)}"
+        return (
+            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
+            "taken as a prescribed force; a column control (displacement or force in each row) "
+            "says otherwise",
+        )
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """Return the trials that are fitted, or those that validate."""
@@ -204,7 +203,7 @@ class Experiment:
         """Shortest sampling interval of a test (s), the median of each test's first ones."""
         return min(float(np.median(np.diff(one.test.time)[:200])) for one in self.trials)
 
-    @property
+    @cached_property
     def scales(self) -> Scales:
         """Sizes that the default priors are scaled to."""
         from qlvbayes.laws.scales import Scales
@@ -357,7 +356,6 @@ def _trial(
         test = replace(without(whole, ~whole.used), used=None)
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
-    trajectory = crept_path(trajectory, whole, phases)
     rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
     return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
 

@@ -99,18 +99,14 @@ def move_of(trial: Trial, phase: Phase) -> Movement:
     depth = np.maximum.accumulate(np.abs(depth - depth[0]))
     early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)
     speed = 0.6 * float(depth[-1] / (late - early)) if late > early else 0.0
-    return Movement(phase.kind, speed, phase.stop - phase.start, rows(trial, phase).size)
-
-
-def rows(trial: Trial, phase: Phase) -> np.ndarray:
-    """Return the indices of the readings in a phase."""
-    first, stop = np.searchsorted(trial.test.time, [phase.start, phase.stop])
-    return np.arange(first, max(stop, first))
+    return Movement(
+        phase.kind, speed, phase.stop - phase.start, trial.rows(phase.start, phase.stop).size
+    )
 
 
 def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> LoadedDwell | None:
     """Return a hold; None if it moves, bears no load or has too few readings."""
-    inside = rows(trial, phase)
+    inside = trial.rows(phase.start, phase.stop)
     if phase.kind in MOVING or inside.size < _FEWEST:
         return None
     held, answer = trial.test.displacement[inside], trial.test.force[inside]

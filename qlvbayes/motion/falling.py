@@ -1,16 +1,15 @@
-"""Falls of the force where a specimen tears or yields, and its stiffness, without a model."""
+"""Falls of the force where a specimen tears or slips, and its stiffness, without a model."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
@@ -22,9 +21,6 @@ _SCATTERS = 10.0  # sds of the changes between neighbouring readings around it
 _AROUND = 10  # readings on each side in which that sd is measured: noise may fade along a test
 _MOVING = 0.3  # of the ramp's mean speed: at a hold's beginning the force may fall by itself
 _LASTING = 3  # readings on each side whose medians are compared: a single bad reading comes back
-_GRADUAL = 0.1  # of the test's largest force, by which it falls over many readings
-_NOISES = 6.0  # sds of the noise, by which it falls at least
-_FEWEST = 6  # readings of a ramp that show a gradual fall
 _MATERIAL = 0.1  # of the top speed, that an acceleration of one sign changes the speed by
 _SHARP = 0.5  # of that acceleration's largest, by which it changes within a few readings
 _DOUBT = 3.0  # sds of the time of a kink
@@ -43,28 +39,12 @@ class ForceDrop:
     displacement: float
     before: float
     after: float
-    sudden: bool  # whether it takes one interval between readings
 
 
-def falls_of(
-    test: Test, trajectory: Trajectory, phases: Sequence[Phase], noise: float = 0.0
-) -> tuple[ForceDrop, ...]:
-    """Return the losses of force in the loading ramps of a test, in the order of time."""
+def falls_of(test: Test, trajectory: Trajectory, phases: Sequence[Phase]) -> tuple[ForceDrop, ...]:
+    """Return the sudden losses of force in the loading ramps of a test, in the order of time."""
     ramps = [phase for phase in phases if phase.kind == "ramp"]
     steady = ~speed_changes(test, trajectory, _LASTING)
-    sudden = _sudden(test, trajectory, ramps, steady)
-    end = sudden[0].time if sudden else np.inf
-    before = [replace(ramp, stop=min(ramp.stop, end)) for ramp in ramps if ramp.start < end]
-    mass = _moving_mass(test, trajectory) if before else 0.0
-    free = test.force - mass * trajectory.acceleration(test.time)
-    starts = (_gradual(test, free, trajectory, part, steady, noise) for part in before)
-    first = next((fall for fall in starts if fall is not None), None)
-    return sudden if first is None else (first, *sudden)
-
-
-def _sudden(
-    test: Test, trajectory: Trajectory, ramps: Sequence[Phase], steady: NDArray[np.bool_]
-) -> tuple[ForceDrop, ...]:
     change = np.diff(test.force)
     least = _SUDDEN * float(np.max(np.abs(test.force)))
     # in a noisy record of many readings these are many
@@ -82,14 +62,11 @@ def _sudden(
     at, after = at[goes_on], after[goes_on]
     apart = np.flatnonzero(np.diff(at) > _LASTING) + 1
     runs = np.split(np.arange(at.size), apart) if at.size else []
-    return tuple(_force_drop(test, int(at[k[0]]), float(after[k[-1]]), sudden=True) for k in runs)
-
-
-def _force_drop(test: Test, k: int, after: float, *, sudden: bool) -> ForceDrop:
-    time, displacement, before = (
-        float(values[k]) for values in (test.time, test.displacement, test.force)
+    ends = [(int(at[k[0]]), float(after[k[-1]])) for k in runs]
+    return tuple(
+        ForceDrop(float(test.time[k]), float(test.displacement[k]), float(test.force[k]), left)
+        for k, left in ends
     )
-    return ForceDrop(time, displacement, before, after, sudden)
 
 
 def _around(values: np.ndarray, at: np.ndarray, steps: Sequence[int]) -> np.ndarray:
@@ -111,41 +88,6 @@ def _goes_on(trajectory: Trajectory, ramp: Phase, test: Test, k: int) -> bool:
     return bool((after - before) / (end - begin) > _MOVING * mean_speed)
 
 
-def _gradual(
-    test: Test,
-    free: Array,
-    trajectory: Trajectory,
-    ramp: Phase,
-    steady: NDArray[np.bool_],
-    noise: float,
-) -> ForceDrop | None:
-    """Return the first gradual fall of a ramp, down to the ramp's lowest force after it.
-
-    free: the force without that of the moving mass; steady: readings away from changes of speed.
-    """
-    first, stop = np.searchsorted(test.time, [ramp.start, ramp.stop])
-    rows = first + np.flatnonzero(steady[first:stop])
-    if rows.size < _FEWEST:
-        return None
-    force = free[rows]
-    medians = np.median(np.stack([force[k : force.size - 2 + k] for k in range(3)]), axis=0)
-    runs = np.maximum(medians, 0.0)
-    speed = np.maximum(trajectory.velocity(test.time[rows[1:-1]]), 0.0)
-    speed_kept = speed / np.maximum(np.maximum.accumulate(speed), _TINY)
-    below = np.maximum.accumulate(runs) * speed_kept - runs
-    sds = np.full(force.size, noise) if test.force_sd is None else test.force_sd[rows]
-    # of changes between neighbours: sd is sqrt(pi)/2 of their mean magnitude
-    around = uniform_filter1d(np.abs(np.diff(force)), 2 * _AROUND + 1, mode="nearest")
-    scatter = np.maximum(sds[1:-1], np.sqrt(np.pi) / 2.0 * around[1:])
-    largest = _GRADUAL * float(np.max(np.abs(test.force)))
-    fallen = below > np.maximum(largest, _NOISES * np.maximum.accumulate(scatter))
-    if not np.any(fallen):
-        return None
-    at = int(np.argmax(fallen))
-    top = int(np.argmax(force[: at + 2]))
-    return _force_drop(test, int(rows[top]), float(runs[at:].min()), sudden=False)
-
-
 def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSystem) -> str:
     """Return a sentence on the falls of a test, with the option that uses the part before them."""
     first, more = falls[0], len(falls) - 1
@@ -154,9 +96,9 @@ def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSyst
     part = shlex.quote(f"{pad}/{test}:..{first.time:.9g}s")
     return (
         f"pad {pad}, test {test}: the {units.force_name} falls "
-        f"{'at once ' if first.sudden else ''}from {plain(first.before)} to {plain(first.after)} "
+        f"at once from {plain(first.before)} to {plain(first.after)} "
         f"{units.force} from {plain(first.displacement, 4)}{unit} on{again}, while the platen "
-        "moves in, as where a specimen tears, slips or yields, which no part of the model "
+        "moves in, as where a specimen tears or slips, which no part of the model "
         f"describes; --use {part} uses the part before"
     )
 
@@ -191,30 +133,6 @@ def speed_changes(test: Test, trajectory: Trajectory, width: int) -> NDArray[np.
         first, stop = np.searchsorted(time, [knots[k + 1] - sd, knots[k + 1] + sd])
         near[max(first - width, 0) : stop + width] = True
     return near
-
-
-def _moving_mass(test: Test, trajectory: Trajectory) -> float:
-    """Return the mass that changes of the force over a few readings show; 0 if none.
-
-    Changes of force are a mass times changes of acceleration, a stiffness times changes of
-    displacement, and a drag times changes of speed (least squares).
-    """
-    if test.time.size < 4 * _LASTING:
-        return 0.0
-    path = (trajectory.acceleration, trajectory.displacement, trajectory.velocity)
-    columns = np.stack([_changes(of(test.time)) for of in path], axis=1)
-    sizes = np.max(np.abs(columns), axis=0)
-    if sizes[0] == 0.0:
-        return 0.0
-    scaled = columns / np.where(sizes > 0.0, sizes, 1.0)
-    found = np.linalg.lstsq(scaled, _changes(test.force), rcond=1e-6)[0]
-    return max(float(found[0]) / float(sizes[0]), 0.0)
-
-
-def _changes(values: Array) -> Array:
-    """Return the changes from the mean of some values to that of as many after them."""
-    means = np.convolve(values, np.full(_LASTING, 1.0 / _LASTING), mode="valid")
-    return means[_LASTING:] - means[:-_LASTING]
 
 
 def largest_force(test: Test) -> float:

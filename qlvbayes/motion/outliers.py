@@ -78,12 +78,12 @@ class Scale:
         """Return the scale of some of the readings."""
         return replace(self, deviation=self.deviation[rows], change=self.change[rows])
 
-    def least(self, run: Run, sides: float) -> float:
-        """Return how far a run must lie outside its neighbours, which differ by ``sides``."""
-        at = min((run[0] + run[1]) // 2, self.deviation.size - 1)
-        noise = _BEYOND * float(np.sqrt(min(run[1] - run[0], _LONGEST)) * self.deviation[at])
-        coarse = _CHANGES * max(float(self.change[at]), self.step)
-        return max(noise, coarse, sides, _LEAST * self.span)
+    def least(self, first: Rows | int, length: int, sides: Array | float) -> Array:
+        """Return how far runs must lie outside their neighbours, which differ by ``sides``."""
+        at = np.minimum(np.asarray(first) + length // 2, self.deviation.size - 1)
+        noise = _BEYOND * np.sqrt(min(length, _LONGEST)) * self.deviation[at]
+        coarse = _CHANGES * np.maximum(self.change[at], self.step)
+        return np.maximum(np.maximum(noise, coarse), np.maximum(sides, _LEAST * self.span))
 
     def noise(self, at: int) -> float:
         """Return a change that is surely none of noise and step."""
@@ -114,39 +114,35 @@ def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
 def _one_pass(signal: Array, scale: Scale) -> list[Run]:
     """Return the outlying runs, from the shortest on, that the nearest sound readings confirm."""
     mask = np.zeros(signal.size, dtype=bool)
-    long = [run for run in equal_runs(signal, _LONGEST + 1) if signal[run[0]] == 0.0]
-    for run in (*_candidates(signal, scale), *long):
-        if not mask[slice(*run)].any() and _is_beyond(signal, scale, run):
+    for run in _candidates(signal, scale):
+        if not mask[slice(*run)].any():
             mask[slice(*run)] = True
     confirmed: list[Run] = []
     for first, stop in runs_of(mask):
         before, after = signal[first - 1], signal[stop]
-        least = scale.least((first, first + 1), abs(after - before))
-        bad = distance(signal[first:stop], before, after) > least
+        bad = distance(signal[first:stop], before, after) > scale.least(
+            first, 1, abs(after - before)
+        )
         confirmed += [(first + a, first + b) for a, b in runs_of(bad)]
     return confirmed
 
 
 def _candidates(signal: Array, scale: Scale) -> Iterator[Run]:
-    """Yield the runs that noise and sides alone do not dispose of: one by one takes seconds."""
+    """Yield the runs that lie outside the readings before and after them, also long ones of 0."""
     for length in range(1, min(_LONGEST, signal.size - 2) + 1):
         starts = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
         values = signal[starts[:, None] + np.arange(1, length + 1)]
-        before, after = signal[starts][:, None], signal[starts + length + 1][:, None]
-        beyond = distance(values, before, after).min(axis=1, initial=np.inf)
-        noise = _BEYOND * np.sqrt(length) * scale.deviation[starts + 1 + length // 2]
-        least = np.maximum(np.maximum(noise, _LEAST * scale.span), np.abs(after - before)[:, 0])
-        for at in (starts[beyond > least] + 1).tolist():
+        before, after = signal[starts], signal[starts + length + 1]
+        off = distance(values, before[:, None], after[:, None]).min(axis=1, initial=np.inf)
+        far = off > scale.least(starts + 1, length, np.abs(after - before))
+        for at in (starts[far] + 1).tolist():
             yield at, at + length
-
-
-def _is_beyond(signal: Array, scale: Scale, run: Run) -> bool:
-    first, stop = run
-    if first == 0 or stop == signal.size:
-        return False
-    before, after = float(signal[first - 1]), float(signal[stop])
-    off = float(distance(signal[first:stop], before, after).min())
-    return off > scale.least(run, abs(after - before))
+    for first, stop in equal_runs(signal, _LONGEST + 1):
+        if signal[first] == 0.0 and first > 0 and stop < signal.size:
+            before, after = signal[[first - 1, stop]]
+            least = scale.least(first, stop - first, abs(after - before))
+            if distance(signal[first], before, after) > least:
+                yield first, stop
 
 
 def runs_at_ends(signal: Array, scale: Scale) -> Iterator[Run]:
@@ -154,9 +150,11 @@ def runs_at_ends(signal: Array, scale: Scale) -> Iterator[Run]:
     for ahead in (signal, signal[::-1]):
         for stop in (1, 2, 3):
             one, other = float(ahead[stop]), float(ahead[stop + 1])
-            run = (0, stop) if ahead is signal else (signal.size - stop, signal.size)
-            if distance(ahead[:stop], one, other).min() > scale.least(run, abs(one - other)):
-                yield run
+            first = 0 if ahead is signal else signal.size - stop
+            if distance(ahead[:stop], one, other).min() > scale.least(
+                first, stop, abs(one - other)
+            ):
+                yield first, first + stop
                 break
 
 

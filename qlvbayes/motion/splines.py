@@ -10,7 +10,6 @@ residuals need them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,11 +81,6 @@ def at_ends(path: PPoly) -> Array:
     return value
 
 
-def expanded(path: PPoly, at: Array, size: int) -> Array:
-    """Return a path's coefficients (size, n) about times (n,), the highest power first."""
-    return np.array([path(at, k) / factorial(k) for k in reversed(range(size))])
-
-
 @dataclass(frozen=True)
 class FittedSpline:
     """A fitted spline: joints, degree, coefficients of its B-splines, residuals of the samples."""
@@ -100,12 +94,6 @@ class FittedSpline:
     def parameters(self) -> int:
         """Number of free coefficients."""
         return self.coefficients.size - sum(_fixed(self.joints))
-
-    def displacement(self, time: Array) -> Array:
-        """Return the displacement at times (n,), constant beyond the ends."""
-        return _product(
-            _basis(_full_knots(self.joints, self.degree), time, self.degree), self.coefficients
-        )
 
     def pieces(self) -> PPoly:
         """Return the polynomial between each two knots."""
@@ -190,13 +178,6 @@ def _banded_gram(basis: Basis, weight: Array, size: int) -> Array:
     return band
 
 
-def changes(x: Array) -> Array:
-    """Return by how much two readings or their neighbours differ, (n - 1,) for n readings."""
-    moved = np.abs(np.diff(x))
-    around = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
-    return np.maximum(moved, around)
-
-
 def smooth_curve(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
     """Return a quintic spline between dwells, or None if none agrees with the readings."""
     spline, faithful = _refined(ends, window, tol)
@@ -207,25 +188,12 @@ def smooth_curve(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None
             spline.joints.knots[[0, -1]], spline.joints.kinked[[0, -1]], ends.left, ends.right
         )
         spline, faithful = _refined(ends, window, tol)
-    if not faithful or _wanders(spline, window, tol):
-        return None
-    return Stretch(window, spline.joints, _SMOOTH, spline.pieces(), spline.parameters)
+    curve = Stretch(window, spline.joints, _SMOOTH, spline.pieces(), spline.parameters)
+    return curve if faithful else None
 
 
 def _smoothest(joints: Joints, window: Window) -> FittedSpline:
     return fit(joints, window.time, window.displacement, _SMOOTH)
-
-
-def _wanders(spline: FittedSpline, window: Window, tol: Tolerance) -> bool:
-    """Return whether a path deviates from the line between readings by more than their change."""
-    time, x = window.time, window.displacement
-    inside = (time >= spline.joints.knots[0]) & (time <= spline.joints.knots[-1])
-    time, x = time[inside], x[inside]
-    if time.size < 2:
-        return False
-    middle = 0.5 * (time[1:] + time[:-1])
-    off = spline.displacement(middle) - 0.5 * (x[1:] + x[:-1])
-    return bool(np.any(np.abs(off) > changes(x) + 2.0 * tol.rest))
 
 
 def _with_better_end(spline: FittedSpline, side: int, window: Window) -> FittedSpline:

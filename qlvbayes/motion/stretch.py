@@ -1,24 +1,30 @@
-"""The motion between two dwells: constant accelerations or a smooth curve, whichever is simpler.
+r"""The motion between two dwells: constant accelerations or a smooth curve, whichever is simpler.
 
 Both are fitted, and of those that are faithful to the readings the one that takes fewer numbers
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
 sine a few spans of a quintic spline. At a reading a path may be off by what the reading's errors
-explain, and between two readings by as much as these differ; else straight lines through the
-readings take its place. Where it leaves the range of two readings that do not turn, monotone cubics
-take the place of the pieces there, and of no others: cubics through all readings of a slow creep
-would follow the encoder's steps.
+explain, and between two readings by as much as these differ; else straight lines through some of
+the readings take its place. Few readings of a move from rest to rest have a trapezoid of velocity:
+with the share s = (t - t_0) / T of its duration and the share r of speeding up and slowing down, a
+stroke D is
+
+.. math:: x = x_0 + D \begin{cases} s^2 / 2r(1 - r) & s < r \\ (s - r/2) / (1 - r) & \\
+          1 - (1 - s)^2 / 2r(1 - r) & s > 1 - r \end{cases}
+
+Where the readings leave one of the three numbers open, the least acceleration is taken.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+from scipy.optimize import least_squares
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import DwellSpan, Tolerance
-from qlvbayes.motion.fewreadings import corners, monotone, strays_between, trapezoid
 from qlvbayes.motion.freeknots import (
     DEGREE,
     FEWEST_PER_PIECE,
@@ -27,7 +33,7 @@ from qlvbayes.motion.freeknots import (
     with_worthwhile_knots,
     worst_residual,
 )
-from qlvbayes.motion.splines import Joints, Stretch, Window, changes, expanded, fit, smooth_curve
+from qlvbayes.motion.splines import Joints, Stretch, Window, fit, smooth_curve
 
 FEWEST_OF_A_MOVE = 15  # readings: five each of speeding up, cruising, slowing down, to show them
 _CUBE = 8.0  # 2^3
@@ -36,7 +42,8 @@ _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and t
 _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
-_NEXT_TO = 0.25  # of the time between two readings: nearer than that there is no further piece
+_SHARES = (0.5, *np.geomspace(0.48, 1e-3, 24))  # r, from a triangle to hardly more than a line
+_MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
 _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 
 
@@ -56,8 +63,8 @@ def fitted(
     first = 0 if before is None else before.stop - 1
     stop = t.size if after is None else after.first + 1
     if strays(stretch, tol):
-        return lines(t[first:stop], x[first:stop], stretch, tol)
-    return patched(stretch, tol)
+        return lines(t[first:stop], x[first:stop], stretch.joints, stretch.window, tol)
+    return stretch
 
 
 def _one_move(
@@ -103,7 +110,7 @@ def _fitted(
     window = _window(t, x, first, stop, before, after)
     if stop - first < 3:
         ends = Joints(t[[low, high]], np.ones(2, dtype=bool), left, right)
-        return through(t[low : high + 1], x[low : high + 1], ends, window)
+        return lines(t[low : high + 1], x[low : high + 1], ends, window, tol)
     # The last piece of a record that ends in motion may be a leftover of a few samples.
     end = stop if after is not None else stop - FEWEST_PER_PIECE
     cuts = [0.5 * (t[i - 1] + t[i]) for i, _ in segments if first < i < end]
@@ -114,6 +121,7 @@ def _fitted(
             return _constant(with_worthwhile_knots(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = smooth_curve(ends, window, tol)
+    curve = None if curve is None or strays(curve, tol) else curve
     if curve is not None and (
         curve.parameters <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
     ):
@@ -194,13 +202,30 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
     time, x = time[inside], x[inside]
     if time.size < 2:
         return False
-    bound = changes(x) + tol.farthest
+    if stretch.degree == 2 and _overshoots(stretch, time, x, tol.farthest):
+        return True
+    moved = np.pad(np.abs(np.diff(x)), 1)
+    bound = np.maximum(np.maximum(moved[:-2], moved[2:]), moved[1:-1]) + tol.farthest
     every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
     every = every[(every >= time[0]) & (every <= time[-1])]
     between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, bound.size - 1)
     off = np.abs(stretch.at(every) - np.interp(every, time, x))
     questioned = every[off > bound[between]]
     return not all(_is_determined(stretch, time, at) for at in questioned)
+
+
+def _overshoots(stretch: Stretch, time: Array, x: Array, most: float) -> bool:
+    """Return whether a path leaves the range of two readings by more, and does not turn there."""
+    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
+    path, inner = stretch.at(time), stretch.at(between.ravel()).reshape(between.shape)
+    moves = np.diff(x)
+    moves[np.abs(moves) <= most] = 0.0
+    before, after = np.append(0.0, moves[:-1]), np.append(moves[1:], 0.0)
+    turning = (before * moves < 0.0) | (moves * after < 0.0) | (before * after < 0.0)
+    ends = np.stack([x[:-1], x[1:], path[:-1], path[1:]])
+    above = inner.max(axis=1) - ends.max(axis=0)
+    below = ends.min(axis=0) - inner.min(axis=1)
+    return bool(np.any((np.maximum(above, below) > most) & ~turning))
 
 
 def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
@@ -218,97 +243,84 @@ def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
     return bool(np.sum(np.linalg.solve(root.T, design[-1]) ** 2) <= 1.0)
 
 
-def lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
+def lines(time: Array, x: Array, ends: Joints, window: Window, tol: Tolerance) -> Stretch:
     """Return straight lines through some of the readings, from one dwell to the other."""
-    left, right = stretch.joints.left, stretch.joints.right
-    x = _to_levels(x, left, right)
+    x = x.copy()
+    for at, level in ((0, ends.left), (-1, ends.right)):
+        x[at] = x[at] if level is None else level
     kept = corners(time, x, tol.rest)
     time, x = time[kept], x[kept]
     slopes = np.diff(x) / np.diff(time)
-    joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
-    own = PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
-    return Stretch(stretch.window, joints, 2, own, 2 * time.size)
-
-
-def through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
-    """Return a smooth path through all readings, with no other turning points."""
     joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
-    rests = (ends.left is not None, ends.right is not None)
-    path = monotone(time, _to_levels(x, ends.left, ends.right), rests=rests)
-    return Stretch(window, joints, 2, path, 2 * time.size)
+    own = PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
+    return Stretch(window, joints, 2, own, 2 * time.size)
 
 
-def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
-    """Return the readings (n,) with the first and the last at the levels of their dwells."""
-    adjusted = x.copy()
-    adjusted[0], adjusted[-1] = (
-        (x[0] if left is None else left),
-        (x[-1] if right is None else right),
-    )
-    return adjusted
+def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.intp]:
+    """Return the indices of readings whose connecting lines stay within a tolerance.
+
+    Each stretch is divided at its farthest reading (Ramer 1972; Douglas and Peucker 1973).
+    """
+    kept = {0, time.size - 1}
+    open_ends = [(0, time.size - 1)]
+    while open_ends:
+        first, last = open_ends.pop()
+        if last - first < 2:
+            continue
+        t, x = time[first : last + 1], displacement[first : last + 1]
+        line = x[0] + (x[-1] - x[0]) * (t - t[0]) / (t[-1] - t[0])
+        off = np.abs(x - line)
+        worst = int(np.argmax(off))
+        if off[worst] > tolerance:
+            kept.add(first + worst)
+            open_ends += [(first, first + worst), (first + worst, last)]
+    return np.array(sorted(kept))
 
 
-def patched(stretch: Stretch, tol: Tolerance) -> Stretch:
-    """Interpolate the readings where the path leaves the range of two that do not turn."""
-    knots, window = stretch.joints.knots, stretch.window
-    inside = (window.time >= knots[0]) & (window.time <= knots[-1])
-    time, x = window.time[inside], window.displacement[inside]
-    if stretch.degree != 2 or time.size < 3:
-        return stretch
-    path = stretch.at(time)
-    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
-    off = strays_between(path, stretch.at(between.ravel()).reshape(between.shape), x, tol.farthest)
-    for k in np.flatnonzero(off):
-        stretch = _patch(stretch, time, x, time[k], time[k + 1], tol)
-    return stretch
+def trapezoid(
+    window: Window, left: float, right: float, variance: float
+) -> tuple[Joints, PPoly, float] | None:
+    """Return the trapezoid of least acceleration that fits readings, and its largest residual."""
+    stroke, time = right - left, window.time
+    share = (window.displacement - left) / stroke
+    moving = np.flatnonzero((share > _MOVED) & (share < 1.0 - _MOVED))
+    if moving.size < 3 or moving[0] == 0:
+        return None
+    first, last = max(moving[0] - 1, 0), min(moving[-1] + 1, time.size - 1)
+    span = time[last] - time[first]
+    low = np.array([max(time[first] - span, time[0]), 0.2 * span, _SHARES[-1]])
+    high = np.array([time[moving[0]], 2.0 * span, _SHARES[0]])
+
+    def off(parameters: Array) -> Array:
+        return _shape(time, *parameters) - share
+
+    def fit(start: Array, free: int) -> Array:
+        """Fit the first ``free`` of the three parameters and keep the others."""
+
+        def left_over(some: Array) -> Array:
+            return off(np.concatenate([some, start[free:]]))
+
+        bounds = low[:free], high[:free]
+        solution = least_squares(left_over, np.clip(start[:free], *bounds), bounds=bounds)
+        return np.concatenate([solution.x, start[free:]])
+
+    fits = [fit(np.array([time[first], span, r]), 2) for r in _SHARES]
+    costs = np.array([np.sum(off(one) ** 2) for one in fits])
+    allowed = costs <= costs.min() + 4.0 * variance / stroke**2
+    begin, duration, r = fit(fits[int(np.flatnonzero(allowed)[0])], 3)
+    worst = abs(stroke) * float(np.max(np.abs(off(np.array([begin, duration, r])))))
+    knots = begin + duration * np.array([0.0, r, 1.0 - r, 1.0])
+    speed, rate = stroke / (duration * (1.0 - r)), stroke / (duration**2 * r * (1.0 - r))
+    rates, kept = np.array([[0.5 * rate, 0.0, -0.5 * rate], [0.0, speed, speed]]), [0, 1, 2]
+    if r > _SHARES[0] - _SHARES[-1]:  # nothing between speeding up and slowing down
+        knots, kept = np.delete(knots, 2), [0, 2]
+    start = left + stroke * _shape(knots[:-1], begin, duration, r)
+    pieces = PPoly(np.concatenate([rates[:, kept], start[None]]), knots)
+    return Joints(knots, np.zeros(knots.size, dtype=bool), left, right), pieces, worst
 
 
-def _patch(
-    stretch: Stretch, time: Array, x: Array, begin: float, end: float, tol: Tolerance
-) -> Stretch:
-    """Replace the pieces, or parts of pieces, that few readings around two of them show."""
-    knots = stretch.pieces.x
-    few = np.diff(np.searchsorted(time, knots)) < FEWEST_PER_PIECE
-    low = int(np.searchsorted(knots, begin, side="right")) - 1
-    high = int(np.searchsorted(knots, end, side="left")) - 1
-    while low >= 0 and few[low]:
-        begin, low = knots[low], low - 1
-    while high < few.size and few[high]:
-        end, high = knots[high + 1], high + 1
-    first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(time, end)), time.size - 1) + 1
-    at, values = time[first:last], x[first:last].copy()
-    if low < 0:
-        at, values = (one[::-1] for one in _up_to(knots[0], at[::-1], values[::-1], stretch, tol))
-    if high == few.size:
-        at, values = _up_to(knots[-1], at, values, stretch, tol)
-    values[[0, -1]] = stretch.at(at[[0, -1]])
-    ends = stretch.joints
-    rests = low < 0 and ends.left is not None, high == few.size and ends.right is not None
-    return _spliced(stretch, monotone(at, values, rests=rests))
-
-
-def _up_to(
-    end: float, time: Array, x: Array, stretch: Stretch, tol: Tolerance
-) -> tuple[Array, Array]:
-    """Return readings (n,) in either order of time with the end of the path as their last."""
-    near = abs(end - time[-1]) < _NEXT_TO * abs(time[-1] - time[-2])
-    if near and abs(x[-1] - stretch.at(np.array([end]))[0]) <= tol.rest:
-        return np.append(time[:-1], end), x
-    return np.append(time, end), np.append(x, 0.0)
-
-
-def _spliced(stretch: Stretch, made: PPoly) -> Stretch:
-    """Replace the pieces between the first knot of cubics and their last."""
-    old, begin, end = stretch.pieces, made.x[0], made.x[-1]
-    before = old.x[:-1] < begin
-    later = np.unique(np.append(end, old.x[:-1][old.x[:-1] > end]))
-    later = later[later < old.x[-1]]
-    kept = np.pad(old.c[:, before], ((4 - len(old.c), 0), (0, 0)))
-    knots = np.concatenate([old.x[:-1][before], made.x[:-1], later, old.x[-1:]])
-    pieces = PPoly(np.concatenate([kept, made.c, expanded(old, later, 4)], axis=1), knots)
-    joints = stretch.joints
-    kinked = np.isin(knots, joints.knots[joints.kinked]) | ((knots >= begin) & (knots <= end))
-    kinked[[0, -1]] = joints.kinked[[0, -1]]
-    joints = replace(joints, knots=knots, kinked=kinked)
-    return Stretch(stretch.window, joints, 2, pieces, stretch.parameters + 2 * made.c.shape[1])
+def _shape(time: Array, begin: Any, duration: Any, r: Any) -> Array:
+    """Return the share of the stroke at times (n,) in s."""
+    s = np.clip((time - begin) / duration, 0.0, 1.0)
+    early, late = s**2 / (2.0 * r), 1.0 - r - (1.0 - s) ** 2 / (2.0 * r)
+    return np.where(s < r, early, np.where(s > 1.0 - r, late, s - 0.5 * r)) / (1.0 - r)

@@ -1,11 +1,13 @@
-"""Displacement, velocity and acceleration of the platen from its encoder record."""
+"""Displacement, velocity and acceleration of the platen, from its encoder record or as planned."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeVar
+from math import sqrt
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -181,13 +183,6 @@ def _largest(poly: PPoly, slope: PPoly) -> float:
     return float(max(np.max(np.abs(e), initial=0.0) for e in ends))
 
 
-def fields_of(path: PPoly) -> dict[str, Any]:
-    """Return the fields of a motion along polynomials of degree 2 at least."""
-    names = ("start_displacement", "start_velocity", "start_acceleration")
-    starts = zip(names, (path.c[-1], path.c[-2], 2.0 * path.c[-3]), strict=True)
-    return {"knots": path.x, **dict(starts), "higher": path.c[-4::-1] if len(path.c) > 3 else None}
-
-
 def smooth(
     time: ArrayLike,
     displacement: ArrayLike,
@@ -246,7 +241,10 @@ def _joined(t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolera
     knots = np.concatenate(starts)
     order = np.argsort(knots, kind="stable")
     path = PPoly(np.concatenate(values, axis=1)[:, order], np.append(knots[order], t[-1]))
-    return Trajectory(**fields_of(path), resolution=tol.step)
+    *higher, bend, speed, level = path.c
+    return Trajectory(
+        path.x, level, speed, 2.0 * bend, tol.step, np.array(higher[::-1]) if higher else None
+    )
 
 
 def _with_errors(
@@ -356,3 +354,40 @@ def _share(sds: Array, values: Array) -> float:
     order = np.argsort(sds)
     weight = np.cumsum(values[order] ** 2)
     return float(sds[order][np.searchsorted(weight, 0.5 * weight[-1])]) / most
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A movement to ``target`` no faster than ``speed``, followed by a hold of ``hold`` seconds."""
+
+    target: float
+    speed: float
+    hold: float
+
+
+def planned(strokes: Sequence[Stroke], acceleration: float) -> Trajectory:
+    """Return the motion of some strokes from zero displacement, each a trapezoid of velocity."""
+    pieces: list[tuple[float, float, float]] = []  # duration, velocity at the start, acceleration
+    position = 0.0
+    for stroke in strokes:
+        length = stroke.target - position
+        position = stroke.target
+        if length:
+            pieces += _trapezoid(abs(length), stroke.speed, acceleration, np.sign(length))
+        if stroke.hold > 0.0:
+            pieces.append((stroke.hold, 0.0, 0.0))
+    duration, velocity, rate = np.array(pieces).T
+    knots = np.concatenate([[0.0], np.cumsum(duration)])
+    gained = duration * (velocity + 0.5 * rate * duration)
+    start = np.concatenate([[0.0], np.cumsum(gained)[:-1]])
+    return Trajectory(knots, start, velocity, rate, 0.0)
+
+
+def _trapezoid(
+    length: float, speed: float, acceleration: float, sign: float
+) -> list[tuple[float, float, float]]:
+    top = min(speed, sqrt(acceleration * length))
+    rise = top / acceleration
+    cruise = length / top - rise
+    cruising = [(cruise, sign * top, 0.0)] if cruise > 1e-12 * rise else []
+    return [(rise, 0.0, sign * acceleration), *cruising, (rise, sign * top, -sign * acceleration)]

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from qlvbayes.motion.fewreadings import monotone, strays_between, trapezoid
 from qlvbayes.motion.splines import Window
+from qlvbayes.motion.stretch import trapezoid
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate.platen import Hold, Move, Platen
 
@@ -80,29 +78,3 @@ def test_where_nothing_moves_by_three_readings_there_is_no_trapezoid():
     assert (
         trapezoid(Window(time, np.array([0, 0, 0.5, 1, 1, 1.0]), 0.0, 5.0), 0.0, 1.0, 0.0) is None
     )
-
-
-@given(
-    st.lists(st.floats(0.01, 1.0), min_size=3, max_size=12),
-    st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=12),
-)
-def test_a_monotone_path_stays_between_its_readings(steps, values):
-    time = np.cumsum(steps)
-    x = np.array(values[: time.size])
-    part = monotone(time, x, rests=(True, True))
-    fine = time[:-1, None] + np.diff(time)[:, None] * np.linspace(0.0, 1.0, 9)
-    s, rising = fine - time[:-1, None], part.c[::-1, :, None]
-    path = np.polynomial.polynomial.polyval(s, rising, tensor=False)
-    low, high = np.minimum(x[1:], x[:-1])[:, None], np.maximum(x[1:], x[:-1])[:, None]
-    assert np.all((path >= low - 1e-9) & (path <= high + 1e-9))
-    np.testing.assert_allclose(path[:, -1], x[1:], atol=1e-9)
-
-
-def test_only_what_no_reading_shows_strays():
-    readings = np.array([0.0, 1.0, 2.0, 2.0, 2.0])
-    between = np.array([[0.5], [1.5], [2.3], [2.0]])
-    off = strays_between(readings, between, readings, 0.01)
-    assert off.tolist() == [False, False, True, False]
-    turning = np.array([0.0, 1.0, 1.9, 1.8, 0.8])  # between the third and the fourth it turned
-    between = np.array([[0.5], [1.5], [2.2], [1.3]])
-    assert not strays_between(turning, between, turning, 0.01).any()

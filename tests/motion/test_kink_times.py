@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from support.motions import constant_jerk, sampled, trapezoids, triangle
 
-from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.sensor import clock_error, last_decimal
-from qlvbayes.motion.trajectory import smooth
+from qlvbayes.motion.trajectory import Stroke, planned, smooth
 
 RECORDS = 40
 

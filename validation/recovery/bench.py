@@ -19,10 +19,9 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.noise import AbstractNoise, Correlated
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.programme import Stroke, planned
 from qlvbayes.motion.record import Record, batch
 from qlvbayes.motion.reduction import reduce_test
-from qlvbayes.motion.trajectory import Trajectory
+from qlvbayes.motion.trajectory import Stroke, Trajectory, planned
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.priors.natural import in_quadratic_coordinates
 

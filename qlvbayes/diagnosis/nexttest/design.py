@@ -13,8 +13,7 @@ from qlvbayes.io.files import Part
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.phases import Kind
-from qlvbayes.motion.programme import Stroke, planned
-from qlvbayes.motion.trajectory import Trajectory
+from qlvbayes.motion.trajectory import Stroke, Trajectory, planned
 
 _SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
 _LEAST_DEPTH = 0.2  # of the rig's depth: below, forces of soft pads drown in noise

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
 from qlvbayes.motion.evidence.record import DirectEvidence
-from qlvbayes.motion.evidence.repeating import drift_seen, repeated_seen
+from qlvbayes.motion.evidence.repeating import contact_seen, drift_seen, repeated_seen
 from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
-from qlvbayes.motion.evidence.touching import contact_seen
 from qlvbayes.motion.experiment import Experiment
 
 __all__ = ["DirectEvidence", "direct_evidence"]

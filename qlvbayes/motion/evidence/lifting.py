@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from qlvbayes.io.arrays import Mask
-from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import (
     CLEAR,
@@ -18,13 +18,13 @@ from qlvbayes.motion.evidence.record import (
     Place,
     Rows,
     exponent,
+    first_ramp,
     level_before,
     level_of,
     mean_speed,
     moves_of,
-    names_of,
     pooled,
-    rows_between,
+    shown,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.falling import speed_changes
@@ -97,15 +97,13 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
         why = "and it does not grow with the speed: it sticks, or it is bonded"
     elif gradual:
         why = "and it comes gradually as the platen moves back: it sticks, or it is bonded"
-    tests, phases = names_of(places)
+    tests = {one.trial.name for one in places}
     sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
-    return (
-        DirectEvidence(
-            "adhesion", "pull after contact", high, largest.sd, unit, tests, phases,
-            f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
-            f"{len(tests)} of {len(experiment.trials)} tests, {why}",
-            (at_rest or speedless or gradual) and 2 * len(tests) > len(back),
-        ),
+    return shown(
+        "adhesion", "pull after contact", places, (high, largest.sd), unit,
+        f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
+        f"{len(tests)} of {len(experiment.trials)} tests, {why}",
+        sure=(at_rest or speedless or gradual) and 2 * len(tests) > len(back),
     )  # fmt: skip
 
 
@@ -113,11 +111,11 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
-    before, inward = level_before(experiment, trial), _lowest_inward(experiment, trial, steady)
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    before = level_before(experiment, trial)
+    inward = None if first is None else _lowest(experiment, trial, first, steady)
     lifts = []
-    for move, rest in moves_of(trial):
-        if move.kind != "unload" or move.control != Control.DISPLACEMENT:
-            continue
+    for _, move, rest in moves_of([trial], "unload"):
         # a specimen that is still pressed at the end has its own zero in the file's
         end = flat = None
         if rest is not None:
@@ -126,75 +124,53 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
         rest_level = before or Level(0.0, experiment.floor.ou)
         rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
         every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
-        levels = [one for one in every if one is not None]
-        rows = rows_between(trial, move.start, move.stop)
-        rows = rows[steady[rows]]
-        if (rest is not None and end is None) or rows.size < _WIDTH:
+        zero = min((one for one in every if one is not None), key=lambda one: one.value)
+        lowest = _lowest(experiment, trial, move, steady)
+        if (rest is not None and end is None) or lowest is None:
             continue
-        zero = min(levels, key=lambda one: one.value)
         speed = mean_speed(trial, move)
-        moving = _pull(experiment, trial, move, _lowest(trial, rows), zero, speed)
-        resting, lasts = None, False
+        moving, resting, lasts = Place.between(trial, move, zero, lowest, speed), None, False
         if rest is not None:
             early = _of_rest(trial, rest, _AFTER, 2.0 * _AFTER)
-            resting = _pull(experiment, trial, rest, early, zero, speed)
-            lasts = early.size >= _LASTS
-        if moving is not None:
-            fall = _first_fall(experiment, trial, move, speed)
-            at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
-            lifts.append(Lift(moving, resting, lasts, at_once))
+            level, lasts = level_of(experiment, trial, early), early.size >= _LASTS
+            resting = None if level is None else Place.between(trial, rest, zero, level, speed)
+        fall = _first_fall(experiment, trial, move, speed)
+        at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
+        lifts.append(Lift(moving, resting, lasts, at_once))
     return lifts
 
 
 def _of_rest(trial: Trial, rest: Phase, begin: float, end: float) -> Rows:
     """Return the readings of a share of a rest, three at least where it has as many there."""
     lasts = rest.stop - rest.start
-    rows = rows_between(trial, rest.start + begin * lasts, rest.start + end * lasts)
+    rows = trial.rows(rest.start + begin * lasts, rest.start + end * lasts)
     if rows.size >= FEWEST:
         return rows
-    every = rows_between(trial, rest.start, rest.stop)
+    every = trial.rows(rest.start, rest.stop)
     first = min(int(begin * every.size), max(every.size - FEWEST, 0))
     return every[first : first + FEWEST]
 
 
-def _lowest(trial: Trial, rows: Rows) -> Rows:
-    """Return the readings in a row whose mean force is the lowest."""
-    means = np.convolve(trial.test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
-    lowest = int(np.argmin(means))
-    return rows[lowest : lowest + _WIDTH]
-
-
-def _lowest_inward(experiment: Experiment, trial: Trial, steady: Mask) -> Level | None:
-    """Return the lowest force of the first ramp; None where it has too few readings."""
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-    if first is None:
-        return None
-    rows = rows_between(trial, first.start, first.stop)
+def _lowest(experiment: Experiment, trial: Trial, move: Phase, steady: Mask) -> Level | None:
+    """Return the lowest mean force of a few readings in a row; None where there are too few."""
+    rows = trial.rows(move.start, move.stop)
     rows = rows[steady[rows]]
-    return level_of(experiment, trial, _lowest(trial, rows)) if rows.size >= _WIDTH else None
+    if rows.size < _WIDTH:
+        return None
+    means = np.convolve(trial.test.force[rows], np.full(_WIDTH, 1.0 / _WIDTH), mode="valid")
+    return level_of(experiment, trial, rows[int(np.argmin(means)) :][:_WIDTH])
 
 
 def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float) -> Place | None:
     """Return by how much the force falls until the movement has reached its speed."""
-    rows = rows_between(trial, move.start, move.stop)
+    rows = trial.rows(move.start, move.stop)
     fast = np.abs(trial.trajectory.velocity(trial.test.time[rows])) >= _REACHED * speed
     rest = np.arange(max(int(rows[0]) - _WIDTH, 0), int(rows[0]))
     before = level_of(experiment, trial, rest)
     if before is None or not np.any(fast):
         return None
     after = float(trial.test.force[rows[int(np.argmax(fast))]])
-    sd = float(np.hypot(before.sd, experiment.floor.total))
-    return Place(trial, move.kind, before.value - after, sd, speed)
-
-
-def _pull(
-    experiment: Experiment, trial: Trial, phase: Phase, rows: Rows, zero: Level, speed: float
-) -> Place | None:
-    level = level_of(experiment, trial, rows)
-    if level is None:
-        return None
-    sd = float(np.hypot(level.sd, zero.sd))
-    return Place(trial, phase.kind, zero.value - level.value, sd, speed)
+    return Place.between(trial, move, before, Level(after, experiment.floor.total), speed)
 
 
 def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -219,19 +195,14 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         return ()
     values = [one.value for one in places]
     agree = max(values) < _AGREE * min(values)
-    value, sd = pooled(places)
-    tests, phases = names_of(places)
+    size = value, sd = pooled(places)
+    most = 2 * len({one.trial.name for one in places}) > len({one.trial.name for one in every})
     unit = experiment.units.force
-    return (
-        DirectEvidence(
-            "friction", "force off the specimen that turns with the direction", value, sd, unit,
-            tests, phases,
-            f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} {way} that "
-            f"before the motion, {side}: something rubs",
-            agree
-            and value > max(CLEAR * sd, WANDERS * experiment.peak)
-            and 2 * len(tests) > len({one.trial.name for one in every}),
-        ),
+    return shown(
+        "friction", "force off the specimen that turns with the direction", places, size, unit,
+        f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} {way} that "
+        f"before the motion, {side}: something rubs",
+        sure=agree and most and value > max(CLEAR * sd, WANDERS * experiment.peak),
     )  # fmt: skip
 
 
@@ -239,38 +210,41 @@ def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
     before = level_before(experiment, trial)
     if before is None:
         return []
-    places = []
-    for move, rest in moves_of(trial):
-        if move.kind != "unload" or move.control != Control.DISPLACEMENT or rest is None:
-            continue
-        level = _flat(experiment, trial, move, rest)
-        if level is not None:
-            sd = float(np.hypot(before.sd, level.sd))
-            place = Place(trial, move.kind, before.value - level.value, sd, mean_speed(trial, move))
-            places.append(place)
-    return places
+    moves = [(move, rest) for _, move, rest in moves_of([trial], "unload") if rest is not None]
+    levels = [(move, _flat(experiment, trial, move, rest)) for move, rest in moves]
+    return [
+        Place.between(trial, move, before, level, mean_speed(trial, move))
+        for move, level in levels
+        if level is not None
+    ]
 
 
 def _every_inward(experiment: Experiment) -> list[Place]:
     """Return by how much the force is higher as the platen begins to move in, where it is flat."""
     places = []
     for trial in experiment.trials:
-        before = level_before(experiment, trial)
-        first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-        if before is None or first is None or first.control != Control.DISPLACEMENT:
+        before, first = level_before(experiment, trial), first_ramp(trial)
+        if before is None or first is None:
             continue
         lasts = first.stop - first.start
-        rows = rows_between(trial, first.start + _BEGUN * lasts, first.start + _END * lasts)
+        rows = trial.rows(first.start + _BEGUN * lasts, first.start + _END * lasts)
         parts = np.array_split(rows[~speed_changes(trial.test, trial.trajectory, _NEAR)[rows]], 3)
-        levels = [level_of(experiment, trial, part) for part in parts]
-        values = [one.value - before.value for one in levels if one is not None]
-        if len(values) < len(parts):
+        levels = _levels(experiment, trial, parts)
+        if levels is None:
             continue
-        sd = float(np.hypot(before.sd, max(one.sd for one in levels if one is not None)))
-        mean = float(np.mean(values))
-        if np.ptp(values) <= max(_SETTLED * abs(mean), 2.0 * sd):
-            places.append(Place(trial, first.kind, mean, sd, mean_speed(trial, first)))
+        values = [one.value for one in levels]
+        level = Level(float(np.mean(values)), max(one.sd for one in levels))
+        place = Place.between(trial, first, level, before, mean_speed(trial, first))
+        if np.ptp(values) <= max(_SETTLED * abs(place.value), 2.0 * place.sd):
+            places.append(place)
     return places
+
+
+def _levels(experiment: Experiment, trial: Trial, parts: Sequence[Rows]) -> list[Level] | None:
+    """Return the force of each of some parts; None where one has too few readings."""
+    every = [level_of(experiment, trial, rows) for rows in parts]
+    known = [one for one in every if one is not None]
+    return known if len(known) == len(every) else None
 
 
 def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Level | None:
@@ -280,13 +254,11 @@ def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Lev
     end of a long rest a specimen may come back to the platen.
     """
     steady = ~speed_changes(trial.test, trial.trajectory, _NEAR)
-    moving = rows_between(trial, move.stop - _END * (move.stop - move.start), move.stop)
+    moving = trial.rows(move.stop - _END * (move.stop - move.start), move.stop)
     early = _AFTER * (rest.stop - rest.start)
-    resting = rows_between(trial, rest.start + early, rest.start + 2.0 * early)
-    parts = (*np.array_split(moving[steady[moving]], 2), resting)
-    every = [level_of(experiment, trial, rows) for rows in parts]
-    levels = [one for one in every if one is not None]
-    if len(levels) < len(every):
+    resting = trial.rows(rest.start + early, rest.start + 2.0 * early)
+    levels = _levels(experiment, trial, (*np.array_split(moving[steady[moving]], 2), resting))
+    if levels is None:
         return None
     values = [one.value for one in levels]
     off = _SETTLED * abs(values[-1]) + 3.0 * max(one.sd for one in levels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,14 +42,28 @@ class DirectEvidence(Part, frozen=True):
 
 
 @dataclass(frozen=True)
-class Place:
+class Level:
+    """Mean of some readings of force, and its sd."""
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Place(Level):
     """A quantity in one phase of one test, and the speed (displacement over s) of its movement."""
 
     trial: Trial
     phase: str
-    value: float
-    sd: float
     speed: float = 0.0
+
+    @classmethod
+    def between(
+        cls, trial: Trial, phase: Phase, above: Level, below: Level, speed: float = 0.0
+    ) -> Place:
+        """Return the difference of two levels of force."""
+        sd = float(np.hypot(above.sd, below.sd))
+        return cls(above.value - below.value, sd, trial, phase.kind, speed)
 
     @property
     def is_clear(self) -> bool:
@@ -57,12 +71,20 @@ class Place:
         return self.value >= CLEAR * self.sd > 0.0
 
 
-@dataclass(frozen=True)
-class Level:
-    """Mean of some readings of force, and its sd."""
+def shown(
+    effect: str, quantity: str, places: Sequence[Place], size: tuple[float, float], unit: str,
+    sentence: str, *, sure: bool,
+) -> tuple[DirectEvidence, ...]:  # fmt: skip
+    """Return the evidence of a quantity of one size and error, seen in some places."""
+    tests = tuple(dict.fromkeys(one.trial.name for one in places))
+    phases = tuple(dict.fromkeys(one.phase for one in places))
+    return (DirectEvidence(effect, quantity, *size, unit, tests, phases, sentence, sure),)
 
-    value: float
-    sd: float
+
+def off_their_mean(places: Sequence[Place], size: tuple[float, float]) -> float:
+    """Return the largest distance of places from their mean, in errors of both."""
+    value, sd = size
+    return max(abs(one.value - value) / float(np.hypot(one.sd, sd)) for one in places)
 
 
 def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
@@ -79,8 +101,8 @@ def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
 
 def level_before(experiment: Experiment, trial: Trial) -> Level | None:
     """Return the force before the platen first moves; None where no rest precedes that."""
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-    if first is None or first.control != Control.DISPLACEMENT:
+    first = first_ramp(trial)
+    if first is None:
         return None
     path, test = trial.trajectory, trial.test
     start, depth = path.displacement(np.array([test.time[0], first.stop]))
@@ -94,20 +116,20 @@ def level_before(experiment: Experiment, trial: Trial) -> Level | None:
     return level_of(experiment, trial, np.arange(min(leaves, rests)))
 
 
-def rows_between(trial: Trial, start: float, stop: float) -> Rows:
-    """Return the indices of the readings from a time to another."""
-    first, last = np.searchsorted(trial.test.time, [start, stop])
-    return np.arange(first, last)
+def first_ramp(trial: Trial) -> Phase | None:
+    """Return the first loading of a test, if its displacement was prescribed."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    return first if first is not None and first.control == Control.DISPLACEMENT else None
 
 
-def moves_of(trial: Trial) -> list[tuple[Phase, Phase | None]]:
-    """Return each movement with the rest after it, None where it is followed by a movement."""
-    phases = trial.used_phases
-    return [
-        (phase, after if after is not None and after.kind not in MOVING else None)
-        for phase, after in zip(phases, (*phases[1:], None), strict=True)
-        if phase.kind in MOVING
-    ]
+def moves_of(trials: Sequence[Trial], *kinds: str) -> Iterator[tuple[Trial, Phase, Phase | None]]:
+    """Yield movements of prescribed displacement, and the rest after each, if there is one."""
+    for trial in trials:
+        phases = trial.used_phases
+        for phase, after in zip(phases, (*phases[1:], None), strict=True):
+            if phase.kind in (kinds or MOVING) and phase.control == Control.DISPLACEMENT:
+                still = after is not None and after.kind not in MOVING
+                yield trial, phase, after if still else None
 
 
 def mean_speed(trial: Trial, move: Phase) -> float:
@@ -123,12 +145,6 @@ def pooled(places: Sequence[Place]) -> tuple[float, float]:
     mean = float(weights @ values / weights.sum())
     scatter = float(np.std(values)) / np.sqrt(max(values.size - 1, 1))
     return mean, float(np.hypot(1.0 / np.sqrt(weights.sum()), scatter))
-
-
-def names_of(places: Sequence[Place]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the tests and the phases of places, each once."""
-    tests = tuple(dict.fromkeys(one.trial.name for one in places))
-    return tests, tuple(dict.fromkeys(one.phase for one in places))
 
 
 def exponent(places: Sequence[Place]) -> tuple[float, float] | None:

@@ -1,39 +1,91 @@
-"""Direct evidence from tests that are repeated: softening, a leak, and a drift of the force."""
+"""Direct evidence from tests set side by side: contact, softening, a leak, a drift of the force."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from qlvbayes.io.contact import FirstContact, first_rises, most_slide
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence.record import (
     CLEAR,
     WANDERS,
     DirectEvidence,
+    Level,
     Place,
     level_before,
     mean_speed,
     moves_of,
-    names_of,
-    rows_between,
+    off_their_mean,
+    pooled,
+    shown,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
 
+_AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
+_AGREE = 3.0  # errors, within which tests have one contact, or their forces lie on one line
 _SAME_SPEED = 0.05  # of the speed, within which two ramps are equal
 _SAME_START = 0.01  # of the depth, within which two ramps begin alike
 _DEPTHS = 5  # depths at which two ramps are set side by side
 _FEWEST = 12  # readings of a ramp
 _TESTS = 3  # tests whose forces before contact show a drift; one more, and it is beyond doubt
-_ALIKE = 3.0  # errors, within which these forces lie on one line
+Press = tuple[Trial, Phase]
+"""Loading of a test."""
 _REMEMBERED = float(np.exp(-1.0))
 """Most that a press of a time T leaves of the force after a rest R, over T/R.
 
 A mode of relaxation time s relaxes by T/s at most in the press, and of that e^{-R/s} is left;
 T/s e^{-R/s} is largest at s = R.
 """
+
+
+def contacts_of(experiment: Experiment) -> list[FirstContact | None]:
+    """Return where the force of each test begins to rise; None if no approach shows it."""
+    found = [_contact_of(experiment, trial) for trial in experiment.trials]
+    slides = most_slide([later for _, later in found])
+    return [later if slides and later else first for first, later in found]
+
+
+def _contact_of(
+    experiment: Experiment, trial: Trial
+) -> tuple[FirstContact | None, FirstContact | None]:
+    """Return the first rise of a test's force, and the one after sliding if that may be it."""
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), trial.phases[0])
+    if experiment.units.dimensionless or first.control == Control.FORCE:
+        return None, None
+    way, force = trial.test.displacement, trial.test.force
+    at_zero = abs(float(way[0])) <= _AT_ZERO * experiment.depth
+    contact, later = first_rises(way, force, at_zero=at_zero)
+    return contact if contact is not None and contact.is_finite else None, later
+
+
+def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+    """Return the evidence of a force that begins before or after the file's zero.
+
+    A soft beginning looks like a late contact, which is therefore not beyond doubt.
+    """
+    places = []
+    for trial, contact in zip(experiment.trials, contacts_of(experiment), strict=True):
+        begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
+        if contact is not None and not begun and contact.sd > 0.0:
+            places.append(Place(float(contact.position), float(contact.sd), trial, "ramp"))
+    if len(places) < 2:
+        return ()
+    size = value, sd = pooled(places)
+    if abs(value) < CLEAR * sd:
+        return ()
+    unit, early = experiment.units.displacement, value < 0.0
+    where = "before the file's zero" if early else "after the file's zero, where a soft beginning"
+    return shown(
+        "contact_offset", "depth at which the force begins", places, size, unit,
+        f"the force begins at {plain(value)} +- {plain(sd, 2)} {unit}, {where}"
+        + ("" if early else " looks alike"),
+        sure=early and off_their_mean(places, size) < _AGREE,
+    )  # fmt: skip
 
 
 def repeated_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -43,31 +95,22 @@ def repeated_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     taken off. Softening, a set, conditioning and a leak all lower the force: one of them is there,
     and none by itself is beyond doubt.
     """
-    if any(not trial.test.start_known for trial in experiment.trials[1:]):
-        ramps = [_ramps(trial) for trial in experiment.trials]
-    else:
-        ramps = [[one for trial in experiment.trials for one in _ramps(trial)]]
-    places = []
-    for some in ramps:
-        some.sort(key=lambda one: one[0].whole.start_s + one[1].start)
-        for earlier, later in pairwise(some):
-            place = _fall(experiment, earlier, later)
-            if place is not None and place.value > 0.0:
-                places.append(place)
+    trials = experiment.trials
+    known = all(trial.test.start_known for trial in trials[1:])
+    pairs = [pairwise(_ramps(some)) for some in ([trials] if known else [[one] for one in trials])]
+    falls = (_fall(experiment, *pair) for some in pairs for pair in some)
+    places = [place for place in falls if place is not None]
     clear = [one for one in places if one.is_clear]
     if not clear:
         return ()
     largest = max(clear, key=lambda one: one.value / one.sd)
-    tests, phases = names_of(clear)
     unit = experiment.units.force
-    return (
-        DirectEvidence(
-            "stress_softening", "fall of the force from a loading to the next", largest.value,
-            largest.sd, unit, tests, phases,
-            f"at equal depth, speed and rest a later loading is lower by {plain(largest.value)} +- "
-            f"{plain(largest.sd, 2)} {unit} than an earlier one: it softens, sets or leaks",
-            False,  # which of them it is, these loadings do not show
-        ),
+    return shown(
+        "stress_softening", "fall of the force from a loading to the next", clear,
+        (largest.value, largest.sd), unit,
+        f"at equal depth, speed and rest a later loading is lower by {plain(largest.value)} +- "
+        f"{plain(largest.sd, 2)} {unit} than an earlier one: it softens, sets or leaks",
+        sure=False,  # which of them it is, these loadings do not show
     )  # fmt: skip
 
 
@@ -80,42 +123,38 @@ def drift_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     if len(known) < _TESTS:
         return ()
     clock = np.array([trial.whole.start_s + float(trial.test.time[0]) for trial, _ in known])
-    force = np.array([level.value for _, level in known])
-    sds = np.array([level.sd for _, level in known])
+    force, sds = np.array([(level.value, level.sd) for _, level in known]).T
     since = clock - np.average(clock, weights=sds**-2)
-    sd = float(np.sum((since / sds) ** 2)) ** -0.5 if np.ptp(clock) > 0.0 else np.inf
-    rate = float(np.sum(since * force / sds**2)) * sd**2 if np.isfinite(sd) else 0.0
+    if np.ptp(clock) == 0.0:
+        return ()
+    sd = float(np.sum((since / sds) ** 2)) ** -0.5
+    rate = float(np.sum(since * force / sds**2)) * sd**2
     if abs(rate) <= CLEAR * sd:
         return ()
     off = np.abs(force - np.average(force, weights=sds**-2) - rate * since) / sds
-    whole, peak = abs(rate) * float(np.ptp(clock)), experiment.peak
-    unit = experiment.units.force
-    places = [Place(trial, "before the ramp", rate, sd) for trial, _ in known]
-    tests, phases = names_of(places)
-    return (
-        DirectEvidence(
-            "force_drift", "change of the force before contact with the clock", rate, sd,
-            f"{unit}/s", tests, phases,
-            f"before the platen moves the force changes by {plain(rate)} +- {plain(sd, 2)} {unit}/s"
-            f" from test to test: the load cell drifts",
-            len(known) > _TESTS and bool(np.max(off) < _ALIKE) and whole > WANDERS * peak,
-        ),
+    whole, unit = abs(rate) * float(np.ptp(clock)), experiment.units.force
+    places = [Place(rate, sd, trial, "before the ramp") for trial, _ in known]
+    several = len(known) > _TESTS and bool(np.max(off) < _AGREE)
+    return shown(
+        "force_drift", "change of the force before contact with the clock", places, (rate, sd),
+        f"{unit}/s",
+        f"before the platen moves the force changes by {plain(rate)} +- {plain(sd, 2)} {unit}/s"
+        f" from test to test: the load cell drifts",
+        sure=several and whole > WANDERS * experiment.peak,
     )  # fmt: skip
 
 
-def _ramps(trial: Trial) -> list[tuple[Trial, Phase]]:
-    return [
+def _ramps(trials: Sequence[Trial]) -> list[Press]:
+    """Return the loadings of enough readings, in the order of time."""
+    every = [
         (trial, move)
-        for move, _ in moves_of(trial)
-        if move.kind == "ramp"
-        and move.control == Control.DISPLACEMENT
-        and rows_between(trial, move.start, move.stop).size >= _FEWEST
+        for trial, move, _ in moves_of(trials, "ramp")
+        if trial.rows(move.start, move.stop).size >= _FEWEST
     ]
+    return sorted(every, key=lambda one: one[0].whole.start_s + one[1].start)
 
 
-def _fall(
-    experiment: Experiment, earlier: tuple[Trial, Phase], later: tuple[Trial, Phase]
-) -> Place | None:
+def _fall(experiment: Experiment, earlier: Press, later: Press) -> Place | None:
     """Return by how much the later of two ramps is lower, beyond what relaxation may leave."""
     (one, first), (two, second) = earlier, later
     speeds = mean_speed(one, first), mean_speed(two, second)
@@ -125,7 +164,11 @@ def _fall(
     if abs(starts[1] - starts[0]) > _SAME_START * experiment.depth:
         return None
     back = next(
-        (move for move, _ in moves_of(one) if move.kind == "unload" and move.start >= first.stop),
+        (
+            phase
+            for phase in one.used_phases
+            if phase.kind == "unload" and phase.start >= first.stop
+        ),
         None,
     )
     if back is None:
@@ -142,8 +185,8 @@ def _fall(
     of = [_force_at(trial, move, depths) for trial, move in (earlier, later)]
     memory = min(_REMEMBERED * pressed / rest, 1.0)
     lower = float(np.mean(of[0] - of[1] - memory * np.abs(of[0])))
-    sd = float(np.sqrt(2.0) * experiment.floor.total)
-    return Place(two, "ramp", lower, sd, speeds[1])
+    of_one = Level(0.0, experiment.floor.total)
+    return Place.between(two, second, Level(lower, of_one.sd), of_one, speeds[1])
 
 
 def _ends(trial: Trial, move: Phase) -> np.ndarray:
@@ -151,6 +194,6 @@ def _ends(trial: Trial, move: Phase) -> np.ndarray:
 
 
 def _force_at(trial: Trial, move: Phase, depths: np.ndarray) -> np.ndarray:
-    rows = rows_between(trial, move.start, move.stop)
+    rows = trial.rows(move.start, move.stop)
     path = np.maximum.accumulate(trial.trajectory.displacement(trial.test.time[rows]))
     return np.interp(depths, path, trial.test.force[rows])

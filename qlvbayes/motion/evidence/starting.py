@@ -16,9 +16,9 @@ from qlvbayes.motion.evidence.record import (
     level_of,
     mean_speed,
     moves_of,
-    names_of,
+    off_their_mean,
     pooled,
-    rows_between,
+    shown,
 )
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
@@ -48,11 +48,10 @@ def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """
     places = [
         place
-        for trial in experiment.trials
-        for move, _ in moves_of(trial)
-        if move.control == Control.DISPLACEMENT
-        for place in (_start(experiment, trial, move), _stop(experiment, trial, move))
-        if place is not None and abs(place.value) > CLEAR * place.sd
+        for trial, move, _ in moves_of(experiment.trials)
+        for begins in (True, False)
+        if (place := _impulse(experiment, trial, move, begins=begins)) is not None
+        if abs(place.value) > CLEAR * place.sd
     ]
     starts = [one for one in places if one.phase.startswith("start")]
     if len(places) < 2:
@@ -60,17 +59,13 @@ def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     value, sd, scatter = _mass(places)
     if value < CLEAR * sd or scatter > _SCATTER:
         return ()  # a specimen's force, which bends
-    tests, phases = names_of(places)
     unit = f"{experiment.units.force} s2/{experiment.units.displacement}"
-    return (
-        DirectEvidence(
-            "inertia", "impulse at starts and stops over change of speed", value, sd, unit, tests,
-            phases,
-            f"the force has a spike at {len(starts)} starts and {len(places) - len(starts)} stops, "
-            f"of the sign of the acceleration, and returns: a moving mass of {plain(value)} +- "
-            f"{plain(sd, 2)} {unit}",
-            0 < len(starts) < len(places),
-        ),
+    return shown(
+        "inertia", "impulse at starts and stops over change of speed", places, (value, sd), unit,
+        f"the force has a spike at {len(starts)} starts and {len(places) - len(starts)} stops, "
+        f"of the sign of the acceleration, and returns: a moving mass of {plain(value)} +- "
+        f"{plain(sd, 2)} {unit}",
+        sure=0 < len(starts) < len(places),
     )  # fmt: skip
 
 
@@ -89,31 +84,16 @@ def _mass(places: Sequence[Place]) -> tuple[float, float, float]:
     return mass, float(weights.sum()) ** -0.5, float(np.sqrt(left)) / max(made, 1e-300)
 
 
-def _start(experiment: Experiment, trial: Trial, move: Phase) -> Place | None:
-    path, mean = trial.trajectory, mean_speed(trial, move)
-    time = np.linspace(move.start, move.start + 0.5 * (move.stop - move.start), 400)
-    fast = np.abs(path.velocity(time)) >= _REACHED * mean
-    over = float(time[np.argmax(fast)]) if np.any(fast) else np.inf
-    return _impulse(experiment, trial, (move.start, over), f"start of {move.kind}", move)
-
-
-def _stop(experiment: Experiment, trial: Trial, move: Phase) -> Place | None:
-    path, mean = trial.trajectory, mean_speed(trial, move)
-    time = np.linspace(move.start + 0.5 * (move.stop - move.start), move.stop, 400)
-    fast = np.abs(path.velocity(time)) >= _REACHED * mean
-    begins = float(time[time.size - 1 - np.argmax(fast[::-1])]) if np.any(fast) else np.inf
-    # what creeps after it has braked does not move a mass
-    return _impulse(experiment, trial, (begins, move.stop), f"stop of {move.kind}", move)
-
-
-def _impulse(
-    experiment: Experiment, trial: Trial, span: tuple[float, float], where: str, move: Phase
-) -> Place | None:
-    """Return the mass by the impulse in a span; None where the force does not return after it."""
-    begin, end = span
-    if not np.isfinite(begin) or not np.isfinite(end):
+def _impulse(experiment: Experiment, trial: Trial, move: Phase, *, begins: bool) -> Place | None:
+    """Return the mass by the impulse of a start or a stop; None where the force does not return."""
+    time, path, middle = trial.test.time, trial.trajectory, 0.5 * (move.start + move.stop)
+    speed, half = mean_speed(trial, move), (move.start, middle) if begins else (middle, move.stop)
+    instants = np.linspace(*half, 400)
+    fast = instants[np.abs(path.velocity(instants)) >= _REACHED * speed]
+    if not fast.size:
         return None
-    time, path = trial.test.time, trial.trajectory
+    # what creeps after it has braked does not move a mass
+    begin, end = (move.start, fast[0]) if begins else (fast[-1], move.stop)
     first, stop = (int(k) for k in np.searchsorted(time, [begin, end]))
     first, stop = first - 2, stop + 3
     if first < _AROUND or stop > time.size - _AROUND:
@@ -130,15 +110,16 @@ def _impulse(
         return None
     lasts = float(time[stop - 1] - time[first])
     change = float(np.diff(path.velocity(time[[first, stop - 1]]))[0])
-    if abs(change) < 0.5 * mean_speed(trial, move):
+    if abs(change) < 0.5 * speed:
         return None
-    noise = np.hypot(experiment.floor.white * np.sqrt(lasts**2 / rows.size), 0.0)
+    noise = experiment.floor.white * lasts / np.sqrt(rows.size)
     slow = lasts * 0.5 * (before.sd + after.sd)
     mass = float(np.trapezoid(spike, time[rows])) / change
     counted = max(int(np.count_nonzero(np.abs(spike) > 0.5 * highest)), 1)
     coarse = _COARSE * mass / counted / CLEAR
     sd = float(np.hypot(np.hypot(noise, slow) / change, coarse))
-    return Place(trial, where, mass, sd, abs(change))
+    where = f"{'start' if begins else 'stop'} of {move.kind}"
+    return Place(mass, sd, trial, where, abs(change))
 
 
 def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -154,36 +135,29 @@ def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """
     places = [
         place
-        for trial in experiment.trials
-        for move, rest in moves_of(trial)
-        if rest is not None and move.kind == "ramp"
-        if move.control == rest.control == Control.DISPLACEMENT
-        for place in [_delay(experiment, trial, move, rest)]
-        if place is not None
+        for trial, move, rest in moves_of(experiment.trials, "ramp")
+        if rest is not None and rest.control == Control.DISPLACEMENT
+        if (place := _delay(experiment, trial, move, rest)) is not None
     ]
     if len(places) < 2:
         return ()
-    value, sd = pooled(places)
+    size = value, sd = pooled(places)
     if value < CLEAR * sd:
         return ()
-    clear = [one for one in places if one.is_clear]
-    off = [abs(one.value - value) / np.hypot(one.sd, sd) for one in places]
-    speeds = [one.speed for one in clear]
-    tests, phases = names_of(places)
-    return (
-        DirectEvidence(
-            "channel_lag", "delay of the force after a stop", value, sd, "s", tests, phases,
-            f"at {len(places)} stops the force follows the displacement {plain(value)} +- "
-            f"{plain(sd, 2)} s later: one channel lags",
-            len(clear) > 1 and bool(max(speeds) >= 2.0 * min(speeds) and max(off) < _ALIKE),
-        ),
+    speeds = [one.speed for one in places if one.is_clear]
+    several = len(speeds) > 1 and max(speeds) >= 2.0 * min(speeds)
+    return shown(
+        "channel_lag", "delay of the force after a stop", places, size, "s",
+        f"at {len(places)} stops the force follows the displacement {plain(value)} +- "
+        f"{plain(sd, 2)} s later: one channel lags",
+        sure=several and off_their_mean(places, size) < _ALIKE,
     )  # fmt: skip
 
 
 def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Place | None:
     """Return the delay (s) about the stop of a movement; None where it cannot be measured."""
-    before = rows_between(trial, move.start, move.stop)[-_ABOUT:]
-    rows = np.concatenate([before, rows_between(trial, move.stop, rest.stop)[:_ABOUT]])
+    before = trial.rows(move.start, move.stop)[-_ABOUT:]
+    rows = np.concatenate([before, trial.rows(move.stop, rest.stop)[:_ABOUT]])
     if rows.size < 2 * _ABOUT:
         return None
     time, delay, sd = trial.test.time[rows], 0.0, 0.0
@@ -205,7 +179,7 @@ def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Pl
             return None
         if abs(more) < 0.1 * sd:
             break
-    return Place(trial, f"stop of {move.kind}", delay, sd, mean_speed(trial, move))
+    return Place(delay, sd, trial, f"stop of {move.kind}", mean_speed(trial, move))
 
 
 def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -216,10 +190,9 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """
     stops = [
         (mean_speed(trial, move), _tone(trial, rest))
-        for trial in experiment.trials
-        for move, rest in moves_of(trial)
+        for trial, move, rest in moves_of(experiment.trials)
         if rest is not None and rest.control == Control.DISPLACEMENT
-        if rows_between(trial, rest.start, rest.stop).size > _FEWEST
+        if trial.rows(rest.start, rest.stop).size > _FEWEST
     ]
     fastest = max(stops, key=lambda one: one[0], default=(0.0, None))[1]
     if fastest is None or fastest.value < _SMALLEST * experiment.peak:
@@ -234,22 +207,18 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         return ()
     slowest = min(speed for speed, _ in ringing)
     largest = max(alike, key=lambda one: one.value)
-    tests, phases = names_of(alike)
     unit = experiment.units.force
-    return (
-        DirectEvidence(
-            "frame_ringing", "decaying sine after stops", largest.value, largest.sd, unit, tests,
-            phases,
-            f"after {len(alike)} stops the force swings at {plain(fastest.speed)} Hz and dies away"
-            f", by up to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
-            len(alike) > 0.5 * sum(speed >= slowest for speed, _ in stops),
-        ),
+    return shown(
+        "frame_ringing", "decaying sine after stops", alike, (largest.value, largest.sd), unit,
+        f"after {len(alike)} stops the force swings at {plain(fastest.speed)} Hz and dies away"
+        f", by up to {plain(largest.value)} +- {plain(largest.sd, 2)} {unit}: the frame rings",
+        sure=len(alike) > 0.5 * sum(speed >= slowest for speed, _ in stops),
     )  # fmt: skip
 
 
 def _tone(trial: Trial, rest: Phase) -> Place | None:
     """Return the amplitude of a decaying sine after a stop; ``speed`` is its frequency (Hz)."""
-    resting = rows_between(trial, rest.start, rest.stop)[1:]
+    resting = trial.rows(rest.start, rest.stop)[1:]
     rows = resting[:_READINGS]
     if rows.size < _FEWEST:
         return None
@@ -282,7 +251,7 @@ def _tone(trial: Trial, rest: Phase) -> Place | None:
         rate = np.tile(_FADING, _TONES)[best] * tones[best]
         if hum > _HUMS * amplitude * np.exp(-rate * np.mean(since)) + CLEAR * sd:
             return None
-    return Place(trial, rest.kind, amplitude, sd, float(tones[best]))
+    return Place(amplitude, sd, trial, rest.kind, float(tones[best]))
 
 
 def _left(columns: Array, values: Array) -> tuple[float, Array, Array]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -18,6 +18,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import Bounds, minimize
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.data import Test
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.noisefloor.floor import Dwells, NoiseFloor, prior_log_tau
 from qlvbayes.motion.noisefloor.pool import Dwell, Pool
@@ -56,19 +57,6 @@ _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's r
 _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
-class Measured(Protocol):
-    """Times, displacements, forces and, if known, their sds: what the noise floor needs."""
-
-    @property
-    def time(self) -> Array: ...  # noqa: D102
-    @property
-    def displacement(self) -> Array: ...  # noqa: D102
-    @property
-    def force(self) -> Array: ...  # noqa: D102
-    @property
-    def force_sd(self) -> Array | None: ...  # noqa: D102
-
-
 class _Readings(NamedTuple):
     """Sound readings of a test, with the relative sd of each."""
 
@@ -78,7 +66,7 @@ class _Readings(NamedTuple):
     scale: Array
 
     @classmethod
-    def of(cls, test: Measured) -> _Readings:
+    def of(cls, test: Test) -> _Readings:
         """Return the readings of a test without outlying ones."""
         sound = ~outlying(test.time, test.force)
         sd = None if test.force_sd is None else test.force_sd[sound]
@@ -104,11 +92,11 @@ class _Readings(NamedTuple):
 
 
 def measure(
-    tests: Sequence[Measured],
+    tests: Sequence[Test],
     phases: Sequence[Sequence[Phase]],
     *,
     of_a_step: float = 0.0,
-    read: Sequence[Measured] | None = None,
+    read: Sequence[Test] | None = None,
 ) -> NoiseFloor:
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
@@ -138,7 +126,7 @@ def measure(
     return _at_least(floor, step, float(np.hypot(_EXACT * peak, _ROUNDED * of_a_step)))
 
 
-def _force_step(tests: Sequence[Measured]) -> float:
+def _force_step(tests: Sequence[Test]) -> float:
     """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
     forces = [test.force[:20_000] for test in tests if test.force.size > 2]
     step = min(map(encoder_step, forces), default=0.0)

@@ -10,9 +10,9 @@ from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import direct_evidence
-from qlvbayes.motion.evidence.touching import contacts_of
+from qlvbayes.motion.evidence.repeating import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
+from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
 from qlvbayes.motion.past import remembered_tests
 from qlvbayes.motion.phases import Phase
 from qlvbayes.motion.specimen import pull_notices
@@ -128,7 +128,7 @@ def _phases(trial: Trial) -> list[PhaseSeen]:
             phase.stop,
             begin,
             end,
-            int(rows(trial, phase).size),
+            int(trial.rows(phase.start, phase.stop).size),
             phase.control,
         )
         for phase, (begin, end) in zip(trial.phases, ends, strict=True)
