@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.phrases import stage_name
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Ranked
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import Constant, FitSummary
-from qlvbayes.io.wording import percent, plain, significant, to_noise
+from qlvbayes.io.wording import percent, plain, significant, to_noise, with_ends
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
 _MOST = 8  # most hypotheses in a table
@@ -27,13 +27,14 @@ def constants_table(summary: FitSummary) -> Table:
     for head in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
         table.add_column(head, justify="right")
     for name, c in summary.parameters.items():
+        median, low, high = with_ends(c.median, *c.hdi90)
         table.add_row(
             name,
             "" if c.unit == "1" else c.unit,
-            significant(c.median, c.sd),
+            median,
             significant(c.mean, c.sd),
             "fixed" if c.fixed else significant(c.sd, c.sd),
-            _interval(c),
+            "" if c.fixed else f"{low} to {high}",
             "" if c.r_hat is None else f"{c.r_hat:.3f}",
             "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
         )
@@ -47,11 +48,6 @@ def constants_line(summary: FitSummary) -> str:
         f"{name} {significant(c.median, c.sd)} ± {plain(c.sd, 2)}" for name, c in shown
     )
     return f"pad {summary.pad}: {values}"
-
-
-def _interval(c: Constant) -> str:
-    low, high = (significant(x, c.sd) for x in c.hdi90)
-    return "" if c.fixed else f"{low} to {high}"
 
 
 def pads_table(summaries: Sequence[FitSummary]) -> Table:
@@ -73,10 +69,7 @@ def pads_table(summaries: Sequence[FitSummary]) -> Table:
 
 
 def _cell(c: Constant | None) -> str:
-    if c is None:
-        return ""
-    low, high = (significant(x, c.sd) for x in c.hdi90)
-    return f"{significant(c.median, c.sd)} ({low} to {high})"
+    return "" if c is None else "{} ({} to {})".format(*with_ends(c.median, *c.hdi90))
 
 
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:

@@ -18,7 +18,8 @@ from qlvbayes.io.wording import (
     joined,
     number,
     percent_unbroken,
-    to_sd,
+    typeset,
+    with_ends,
     with_unit,
 )
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
@@ -80,6 +81,11 @@ def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     added = sorted({effect for pad in pads for effect in pad.final.effects if _reshapes(effect)})
     before = f", before {joined(added)} acts" if added else ""
     return {name: _meaning(name, known, before) for name in constant_names(pads)}
+
+
+def ends(c: Constant) -> list[str]:
+    """Return a constant's median and the ends of its interval, typeset."""
+    return [typeset(text) for text in with_ends(c.median, *c.hdi90)]
 
 
 def constants_words(pad: PadResults) -> str | None:
@@ -148,9 +154,8 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
-    low, high = (to_sd(x, c.sd) for x in c.hdi90)
-    text = with_unit(to_sd(c.median, c.sd), c.unit)
-    return f"{name} = {text} (with 90 % probability {low} to {high})"
+    median, low, high = ends(c)
+    return f"{name} = {with_unit(median, c.unit)} (with 90 % probability {low} to {high})"
 
 
 def _lasting(summary: FitSummary) -> str:
