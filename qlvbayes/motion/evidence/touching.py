@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qlvbayes.io.contact import FirstContact, first_rises, most_slide
@@ -34,13 +36,15 @@ def _contact_of(
     return contact if contact is not None and contact.is_finite else None, later
 
 
-def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+def contact_seen(
+    experiment: Experiment, contacts: Sequence[FirstContact | None]
+) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force that begins before or after the file's zero.
 
     A soft beginning looks like a late contact, which is therefore not beyond doubt.
     """
     places = []
-    for trial, contact in zip(experiment.trials, contacts_of(experiment), strict=True):
+    for trial, contact in zip(experiment.trials, contacts, strict=True):
         begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
         if contact is not None and not begun and contact.sd > 0.0:
             places.append(Place(trial, "ramp", float(contact.position), float(contact.sd)))

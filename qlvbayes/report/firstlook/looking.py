@@ -9,7 +9,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
 from qlvbayes.motion.evidence.touching import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of, rows
@@ -41,6 +41,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     floor, falls = experiment.floor, experiment.falls
     contacts = contacts_of(experiment)
     tests = tuple(_test(experiment, k, contact) for k, contact in enumerate(contacts))
+    seen = direct_evidence(experiment, bonded, contacts)
     return PadSeen(
         experiment.pad,
         experiment.fluid,
@@ -55,15 +56,15 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
         (
-            *_corrections(experiment, tests),
+            *_corrections(experiment, tests, seen),
             *falls,
-            *pull_notices(experiment, bonded=bonded, effects=effects),
+            *pull_notices(experiment, bonded=bonded, effects=effects, shown=seen),
         ),
         (
             *(text for text in experiment.notices if text not in falls),
             *(f"pad {experiment.pad}: {text}" for text in floor.notices),
         ),
-        direct_evidence(experiment, bonded),
+        seen,
     )
 
 
@@ -190,9 +191,12 @@ def _peak_time(trial: Trial) -> float:
     return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
 
 
-def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
+def _corrections(
+    experiment: Experiment, tests: tuple[TestSeen, ...], seen: tuple[DirectEvidence, ...]
+) -> list[str]:
     """Return sentences on what to correct or to decide before a fit."""
     units, noise, cautions = experiment.units, noise_of(experiment), []
+    lag = next((o.value for o in seen if o.effect == "channel_lag" and o.beyond_doubt), 0.0)
     for test in tests:
         name = f"pad {experiment.pad}, test {test.test}"
         if test.peak < _DEAD * noise:
@@ -202,13 +206,18 @@ def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[st
                 "cell was connected, or leave the test out"
             )
             continue
-        cautions += [f"{name}: {text}" for text in _of_contact(test, units)]
+        late = lag * (test.reached or 0.0)
+        cautions += [f"{name}: {text}" for text in _of_contact(test, units, late)]
     return cautions
 
 
-def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
+def _of_contact(test: TestSeen, units: UnitSystem, late: float) -> list[str]:
+    """Return sentences on a test's contact, and on the force before it.
+
+    late: depth by which the force rises too late, as its channel lags.
+    """
     contact, cautions = test.contact, []
-    if contact is not None and contact.position > max(_SURE * contact.sd, _TOE * test.depth):
+    if contact and contact.position - late > max(_SURE * contact.sd, _TOE * test.depth):
         cautions.append(
             f"the force begins to rise at {plain(contact.position)} +- {plain(contact.sd, 2)} "
             f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
