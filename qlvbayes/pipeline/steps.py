@@ -26,6 +26,7 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
+from qlvbayes.fitting.prior_pull import pulled
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.residuals import CheckResult, check_pad, curves
 from qlvbayes.fitting.results import load, save
@@ -39,6 +40,7 @@ from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.parallel.running import Fault, package_digest
 from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.report.collect import facts_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
@@ -250,6 +252,9 @@ class FitStep:
         summary = FitSummary.read(folder / "summary.json")
         for text in summary.notices:
             watcher.notice(text)
+        priors = json.loads(facts_of(folder / "posterior.nc").get("priors", "{}"))
+        for text in pulled(summary, priors):
+            watcher.notice(f"pad {summary.pad}: {text}")
         watcher.fitted(summary)
 
 
