@@ -78,8 +78,16 @@ def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     }
     for pad in pads:
         known |= _of_laws(pad)
-    added = sorted({effect for pad in pads for effect in pad.final.effects if _reshapes(effect)})
-    before = f", before {joined(added)} acts" if added else ""
+    acting: dict[str, list[str]] = {}
+    for pad in pads:
+        own = joined(sorted(filter(_reshapes, pad.final.effects)))
+        acting.setdefault(own, []).append(pad.title)
+    acts = [
+        f"{added} acts{f' in {joined(titles)}' * (len(acting) > 1)}"
+        for added, titles in acting.items()
+        if added
+    ]
+    before = f", before {joined(acts)}" if acts else ""
     return {name: _meaning(name, known, before) for name in constant_names(pads)}
 
 

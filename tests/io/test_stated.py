@@ -118,7 +118,12 @@ def test_dates_that_can_mean_one_thing_are_read(line, began):
 
 @pytest.mark.parametrize(
     "line",
-    ["Specimen: Pad P", "Specimen\tPad P", "Specimen: Pad P\t\tStarted: 9:26:05", "; Sample: Pad P"],
+    [
+        "Specimen: Pad P",
+        "Specimen\tPad P",
+        "Specimen: Pad P\t\tStarted: 9:26:05",
+        "; Pad: Pad P",
+    ],
 )
 def test_a_key_and_its_value_may_share_a_cell(line):
     assert stated_above([line]).specimen == "Pad P"
