@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, written
+from qlvbayes.comparison.contrast import Comparison, with_interval, written
 from qlvbayes.diagnosis.phrases import stage_name
-from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Ranked
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.wording import percent, plain, significant, to_noise, with_ends
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
@@ -63,13 +63,10 @@ def pads_table(summaries: Sequence[FitSummary]) -> Table:
     for summary in summaries:
         rows |= {name: c.unit for name, c in summary.parameters.items()}
     for name, unit in rows.items():
-        cells = [_cell(summary.parameters.get(name)) for summary in summaries]
+        own = [summary.parameters.get(name) for summary in summaries]
+        cells = ["{} ({} to {})".format(*with_ends(c.median, *c.hdi90)) if c else "" for c in own]
         table.add_row(name, "" if unit == "1" else unit, *cells)
     return table
-
-
-def _cell(c: Constant | None) -> str:
-    return "" if c is None else "{} ({} to {})".format(*with_ends(c.median, *c.hdi90))
 
 
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
@@ -124,21 +121,17 @@ def contrasts_table(comparison: Comparison) -> Table:
         if before not in (None, c.group):
             table.add_section()
         before = c.group
-        table.add_row(*_cells(c))
+        table.add_row(
+            c.quantity + (" *" if c.extrapolated else ""),
+            "" if c.unit == "1" else c.unit,
+            written(c.first)[0],
+            written(c.second)[0],
+            "" if c.ratio is None else with_interval(c.ratio),
+            f"{c.direction:.3f}",
+            f"{c.equivalence:.3f}",
+            Text(c.answer, style=_STYLES[c.answer]),
+        )
     return table
-
-
-def _cells(c: Contrast) -> list[str | Text]:
-    return [
-        c.quantity + (" *" if c.extrapolated else ""),
-        "" if c.unit == "1" else c.unit,
-        written(c.first)[0],
-        written(c.second)[0],
-        "" if c.ratio is None else with_interval(c.ratio),
-        f"{c.direction:.3f}",
-        f"{c.equivalence:.3f}",
-        Text(c.answer, style=_STYLES[c.answer]),
-    ]
 
 
 def steps_table(result: DiagnosisResult, unit: str) -> Table:
@@ -177,20 +170,10 @@ def ranking_table(result: DiagnosisResult, unit: str) -> Table:
     for ranked in result.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
         sure = "" if ranked.certainty is None else percent(ranked.certainty)
-        table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, result.noise))
+        factor, error = _one_digit(ranked.log_bayes_factor), to_noise(ranked.rmse, result.noise)
+        constants = ", ".join(f"{name} = {e}" for name, e in ranked.parameters.items())
+        table.add_row(name, percent(ranked.inclusion), sure, factor, error, constants)
     return table
-
-
-def _figures(ranked: Ranked, noise: float) -> tuple[str, str, str]:
-    return (
-        _one_digit(ranked.log_bayes_factor),
-        to_noise(ranked.rmse, noise),
-        ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
-    )
-
-
-def _constant(name: str, e: Estimate) -> str:
-    return f"{name} = {e}"
 
 
 def _one_digit(value: float | None) -> str:

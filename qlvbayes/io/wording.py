@@ -118,6 +118,11 @@ def typeset(text: str) -> str:
     return f"{base} × 10{raised}" if power else base
 
 
+def ends(median: float, low: float, high: float) -> list[str]:
+    """Return a median and the ends of its interval as `with_ends` does, typeset."""
+    return [typeset(text) for text in with_ends(median, low, high)]
+
+
 def to_sd(value: float | None, sd: float | None) -> str:
     """Return a number as `significant` does, typeset; a dash where it is not known."""
     known = value is not None and sd and isfinite(sd)

@@ -85,7 +85,12 @@ def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[
             if len(groups[-1]) == len(left):
                 break
         largest = max(groups, key=len)  # of equals that with the slowest file
-        stages.append(_joint([tests[k] for k in largest], [shown[k] for k in largest], largest))
+        own, contacts = [tests[k] for k in largest], [shown[k] for k in largest]
+        position, sd = contacts[0].position, contacts[0].sd
+        if len(own) > 1:
+            position, sd = _joint_position(own, contacts)
+        force = float(np.mean([contact.force for contact in contacts]))
+        stages.append(StageContact(position, sd, force, tuple(sorted(largest))))
         left = [k for k in left if k not in largest]
     return stages
 
@@ -125,17 +130,6 @@ def _line(positions: Floats, sds: Floats, speeds: Floats) -> tuple[Floats, Float
         evidence = 0.5 * float(np.linalg.slogdet(covariance)[1]) - np.log(delay) - 0.5 * misfit
         lines.append((round(evidence, 6), mean + np.array([centre, 0.0]), covariance, misfit))
     return max(lines, key=itemgetter(0))[1:]  # of equals the shorter delay
-
-
-def _joint(
-    tests: Sequence[Loaded], contacts: Sequence[FirstContact], members: Sequence[int]
-) -> StageContact:
-    """Return what the files of one stage show together."""
-    position, sd = contacts[0].position, contacts[0].sd
-    if len(tests) > 1:
-        position, sd = _joint_position(tests, contacts)
-    force = float(np.mean([contact.force for contact in contacts]))
-    return StageContact(position, sd, force, tuple(sorted(members)))
 
 
 def _joint_position(

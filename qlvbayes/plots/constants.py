@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.summary import Entry
-from qlvbayes.io.wording import pad_title, typeset, with_ends
+from qlvbayes.io.wording import ends, pad_title
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style
@@ -80,7 +80,7 @@ def _draw(
     for row in range(len(pads)):
         axis.axhline(row + _DOWN, color="0.92", linewidth=0.4, zorder=0)
     axis.margins(x=0.12)
-    long = max(len(text) for one in entries for text in _told(one)) > _SHORT
+    long = max(len(text) for e in entries for text in ends(e.median, e.low, e.high)) > _SHORT
     axis.xaxis.set_major_locator(MaxNLocator(2 if long else 3, min_n_ticks=1 if long else 2))
     first = entries[0]
     axis.set_xlabel(parameter_label(first.parameter, first.unit))
@@ -88,10 +88,6 @@ def _draw(
         axis.set_xlim(first.median - 0.5, first.median + 0.5)
 
 
-def _told(entry: Entry) -> list[str]:
-    return [typeset(text) for text in with_ends(entry.median, entry.low, entry.high)]
-
-
 def _values_text(entry: Entry) -> str:
-    median, low, high = _told(entry)
+    median, low, high = ends(entry.median, entry.low, entry.high)
     return f"{median} (fixed)" if entry.low == entry.high else f"{median} ({low} to {high})"

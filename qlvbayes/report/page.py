@@ -129,7 +129,7 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
         "compared_words": questions.compared_words, "diagnosis_words": questions.diagnosis_words,
-        "answer_kinds": questions.KINDS, "ends": questions.ends,
+        "answer_kinds": questions.KINDS, "ends": wording.ends,
     }  # fmt: skip
     environment.filters |= {
         "split_first": _split_first, "seen": questions.seen, "number": wording.number,

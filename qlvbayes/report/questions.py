@@ -15,11 +15,10 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import (
     NBSP,
     capitalized,
+    ends,
     joined,
     number,
     percent_unbroken,
-    typeset,
-    with_ends,
     with_unit,
 )
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
@@ -91,11 +90,6 @@ def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     return {name: _meaning(name, known, before) for name in constant_names(pads)}
 
 
-def ends(c: Constant) -> list[str]:
-    """Return a constant's median and the ends of its interval, typeset."""
-    return [typeset(text) for text in with_ends(c.median, *c.hdi90)]
-
-
 def constants_words(pad: PadResults) -> str | None:
     """Return one sentence of what is known of a pad's constants and from what."""
     summary = pad.final.summary
@@ -162,7 +156,7 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
-    median, low, high = ends(c)
+    median, low, high = ends(c.median, *c.hdi90)
     return f"{name} = {with_unit(median, c.unit)} (with 90 % probability {low} to {high})"
 
 

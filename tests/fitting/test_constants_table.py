@@ -20,8 +20,7 @@ from qlvbayes.fitting.summary import (
     write_constants,
 )
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import with_ends
-from qlvbayes.report.questions import ends
+from qlvbayes.io.wording import ends, with_ends
 from qlvbayes.simulate import TABLE_1
 
 PAPER = Path(__file__).parents[2] / "data" / "paper_table1.csv"
@@ -123,7 +122,8 @@ def test_digits_follow_the_interval(entry, texts):
 def test_the_ends_of_an_interval_differ_in_every_table(median, share):
     one = constant("1/um", median, median * (1.0 - share), median * (1.0 + share))
     fit = summary("B", b=one)
-    texts = [with_ends(one.median, *one.hdi90), ends(one), str(fit).strip(" 1/um").split()[1:]]
+    values = one.median, *one.hdi90
+    texts = [with_ends(*values), ends(*values), str(fit).strip(" 1/um").split()[1:]]
     told = [*constants_table_of(fit).columns[5].cells, *pads_table([fit]).columns[2].cells]
     texts += [text.replace("(", "").replace(")", "").replace("to ", "").split() for text in told]
     for text in texts:

@@ -70,7 +70,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
 
 def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> TestSeen:
     trial = experiment.trials[index]
-    test, whole = trial.test, trial.whole
+    test, whole, ramp = trial.test, trial.whole, _first_ramp(trial)
     tests = [one.whole for one in experiment.trials]
     before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
@@ -87,7 +87,9 @@ def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> T
         start_known=test.start_known,
         after=tuple(experiment.trials[k].name for k in before),
         rate=trial.rate if np.isfinite(trial.rate) else None,
-        reached=_reached(trial),
+        reached=None
+        if ramp is None or ramp.control == Control.FORCE
+        else move_of(trial, ramp).speed,
         depth=_depth(trial, experiment.units),
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
@@ -104,17 +106,8 @@ def _depth(trial: Trial, units: UnitSystem) -> float:
     return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
 
 
-def _reached(trial: Trial) -> float | None:
-    ramp = _first_ramp(trial)
-    return None if ramp is None or _loaded(ramp) else move_of(trial, ramp).speed
-
-
 def _first_ramp(trial: Trial) -> Phase | None:
     return next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-
-
-def _loaded(phase: Phase) -> bool:
-    return phase.control == Control.FORCE
 
 
 def _phases(trial: Trial) -> list[PhaseSeen]:
@@ -169,12 +162,13 @@ def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None)
     if contact is not None and contact.sliding:  # what rubs as the platen moves is no force at rest
         return contact.force if abs(contact.force) > _clear(experiment) else None
     first = _first_ramp(trial)
-    if experiment.units.dimensionless or _loaded(first or trial.phases[0]):
+    if experiment.units.dimensionless or (first or trial.phases[0]).control == Control.FORCE:
         return None
     begin = test.time[0] if first is None else first.start
     near = np.abs(test.displacement) <= _AT_ZERO * experiment.depth
     before = (near & (test.time < begin)) | (
-        (test.displacement < -_AT_ZERO * experiment.depth) & (test.time < _peak_time(trial))
+        (test.displacement < -_AT_ZERO * experiment.depth)
+        & (test.time < test.time[np.argmax(np.abs(test.force))])
     )
     if np.count_nonzero(before) < _RESTS:
         return None
@@ -185,10 +179,6 @@ def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None)
 def _clear(experiment: Experiment) -> float:
     """Return the force that a load cell at rest clearly does not show."""
     return max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
-
-
-def _peak_time(trial: Trial) -> float:
-    return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
 
 
 def _corrections(
