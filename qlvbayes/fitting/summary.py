@@ -244,8 +244,8 @@ def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
     """Return the cells of one constant of one pad, with its reference if there is a column."""
     if entry is None:
         return ["--", "--"] if with_reference else ["--"]
-    told = with_ends(entry.median, entry.low, entry.high)
-    median, low, high = (text.replace("-", "$-$") for text in told)
+    texts = with_ends(entry.median, entry.low, entry.high)
+    median, low, high = (text.replace("-", "$-$") for text in texts)
     fixed = entry.low == entry.high
     cells = [f"{median} (fixed)" if fixed else f"{median} [{low}, {high}]"]
     if with_reference:

@@ -125,8 +125,9 @@ def ends(median: float, low: float, high: float) -> list[str]:
 
 def to_sd(value: float | None, sd: float | None) -> str:
     """Return a number as `significant` does, typeset; a dash where it is not known."""
-    known = value is not None and sd and isfinite(sd)
-    return typeset(significant(value, sd)) if known else number(value, 4)
+    if value is None or not sd or not isfinite(sd):
+        return number(value, 4)
+    return typeset(significant(value, sd))
 
 
 def percent_unbroken(share: float | None) -> str:

@@ -59,8 +59,8 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
         for row, ranked in enumerate(ranking):
             value, look = ranked.log_bayes_factor, _look(diagnosis, ranked)
             axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
-            told = "n/a" if value is None else f"{value:z.1f}".replace("-", "−")
-            for text, points in zip((told, percentage(ranked.inclusion)), _TEXT_END, strict=True):
+            number = "n/a" if value is None else f"{value:z.1f}".replace("-", "−")
+            for text, points in zip((number, percentage(ranked.inclusion)), _TEXT_END, strict=True):
                 write_right(axis, text, row, points, ha="right")
         _scale(axis, [x for r in ranking if (x := r.log_bayes_factor) is not None], tight)
         _label(axis, diagnosis, ranking)
