@@ -171,8 +171,8 @@ def names_above(line: str, mark: str, width: int) -> str:
     """
     by_mark = [name.strip() for name in line.split(separator_of(line))]
     counts = (width, width - 1) if mark == "\t" else (width,)
-    ways = (names for names in (by_mark, _NAME.findall(line)) if len(names) in counts)
-    return mark.join(next(ways, [line]))
+    by_blanks = [] if mark in line else _NAME.findall(line)
+    return mark.join(next((n for n in (by_mark, by_blanks) if len(n) in counts), [line]))
 
 
 def is_like_number(cell: str) -> bool:
