@@ -113,16 +113,18 @@ def _said(answers: dict[str, str]) -> dict[str, Any]:
 def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -> Answer:
     """Return the question of an error, with the first lines of the file that it is about."""
     file = next((one for one in files if str(one) == str(error.file)), files[0])
-    lines = ""
+    lines, ask = "", []
     if error.option == "columns":
         lines_in = Lines.from_bytes(decoded(head_of(file)).encode())
         names = [f"{c.index + 1}: {c.written}" for c in columns_in(lines_in)]
-        ask = [_choice(what, f"the column of {_WORDS[what]}", names, _like(what, names))
-               for what in _NAMES]  # fmt: skip
+        for what, pattern in _NAMES.items():
+            alike = (n for n in names if re.search(pattern, n.partition(": ")[2], re.I))
+            ask.append(_choice(what, f"the column of {_WORDS[what]}", names, next(alike, None)))
     elif error.option == "units":
-        ask = [_choice(f"{what}_unit", f"the unit of {_WORDS[what]}", units,
-                       _unit_in(answers.get(what, ""), units))
-               for what, units in _UNITS.items()]  # fmt: skip
+        for what, units in _UNITS.items():  # as in a column's name: '(mm)' or after an underscore
+            words = re.findall(r"[\w/%]+", answers.get(what, "").replace("_", " "))
+            unit = next((word for word in reversed(words) if word in units), None)
+            ask.append(_choice(f"{what}_unit", f"the unit of {_WORDS[what]}", units, unit))
     else:
         choices = list(SIGNS) if error.option == "sign" else None
         ask = [_choice(error.option, error.question, choices, answers.get(error.option))]
@@ -135,18 +137,6 @@ def _asked(error: UnsureError, files: Sequence[Path], answers: dict[str, str]) -
 
 def _choice(name: str, text: str, choices: list[str] | None, value: str | None) -> Answer:
     return {"name": name, "text": text, "choices": choices, "value": value}
-
-
-def _like(what: str, names: Sequence[str]) -> str | None:
-    """Return the column that is named like a quantity."""
-    named = (name for name in names if re.search(_NAMES[what], name.partition(": ")[2], re.I))
-    return next(named, None)
-
-
-def _unit_in(column: str, units: Sequence[str]) -> str | None:
-    """Return the unit in a column's name, as '(mm)' or after an underscore."""
-    words = re.findall(r"[\w/%]+", column.replace("_", " "))
-    return next((word for word in reversed(words) if word in units), None)
 
 
 def _asked_for_pads(conversion: Conversion) -> Answer:

@@ -108,11 +108,8 @@ class Worker:
     def run(self) -> None:
         """Answer until the server has ended."""
         threading.Thread(target=self._threads[True].run, daemon=True).start()
-        self._parent.listen(self._sort)
+        self._parent.listen(lambda x: self._threads[x["call"] in self._first].arrived.put(x))
         self._threads[False].run()
-
-    def _sort(self, request: Request) -> None:
-        self._threads[request["call"] in self._first].arrived.put(request)
 
 
 def main() -> None:

@@ -67,9 +67,10 @@ def app_command(
         raise InputError(f"no address {behind!r}", remedy="write https://NAME")
     if effects_file is not None:
         own_effects(effects_file)
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     options = {
         "token": secrets.token_urlsafe(32),
-        "sessions": str((sessions or _data_folder()).resolve()),
+        "sessions": str((sessions or Path(base) / "qlvbayes" / "sessions").resolve()),
         "host": host,
         "port": port,
         "behind": behind,
@@ -83,8 +84,3 @@ def app_command(
     serve = Path(qlvbayes.app.__file__).with_name("serve.py")
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-P", str(serve), json.dumps(options)])
-
-
-def _data_folder() -> Path:
-    base = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
-    return Path(base) / "qlvbayes" / "sessions"

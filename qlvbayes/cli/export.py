@@ -46,19 +46,16 @@ def export_command(
     names = split_names(to)
     if not names:
         raise InputError("no target", remedy=f"give --to {_NAMES}")
-    for name in names:
-        find(name)
+    kinds = {name: find(name) for name in names}
     pad = pads or _only_pad(folder)
-    written: dict[str, list[str]] = {}
-    for name in names:
-        with waiting(f"export to {name}"):
-            files = export(folder, pad, name, draws=draws, height=height, area=area, data=data)
-        written[name] = [str(path) for path in files]
+    with waiting(f"export to {', '.join(kinds)}"):
+        files = export(folder, pad, *kinds, draws=draws, height=height, area=area, data=data)
+    written = {name: [str(path) for path in files if path.parent.name == name] for name in kinds}
     if as_json:
         print(json.dumps(written))
         return
     for name, paths in written.items():
-        out.print(f"{name}: {find(name).what}", soft_wrap=True)
+        out.print(f"{name}: {kinds[name].what}", soft_wrap=True)
         for path in paths:
             out.print(f"  {path}", soft_wrap=True)
 

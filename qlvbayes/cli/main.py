@@ -114,7 +114,11 @@ def _general(
 def run() -> None:
     """Run the command; exit with status 2 and one line on invalid input, never a traceback."""
     if sys.argv[1:] == ["study"]:
-        _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_bundled_hint()}")
+        file, hint = bundled("hidden.csv"), ""
+        if file.exists():
+            command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
+            hint = f", or try a simulated pad: {command}"
+        _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{hint}")
     names = [word for word in _arguments()[:1] if word in _COMMANDS | _HIDDEN]
     app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
@@ -147,13 +151,6 @@ def _arguments() -> list[str]:
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
     words = line.split()[1:]
     return words if words and words[-1].startswith("-") else []
-
-
-def _bundled_hint() -> str:
-    """Return a hint at the bundled measurements, or an empty text where they are missing."""
-    file = bundled("hidden.csv")
-    command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
-    return f", or try a simulated pad: {command}" if file.exists() else ""
 
 
 def _stop(status: int, *lines: str) -> None:

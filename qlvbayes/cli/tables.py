@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, written
+from qlvbayes.comparison.contrast import Comparison, with_interval, written
 from qlvbayes.diagnosis.phrases import stage_name
-from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Ranked
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.summary import Constant, FitSummary
-from qlvbayes.io.wording import percent, plain, significant, to_noise
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.wording import percent, plain, significant, to_noise, with_ends
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
 _MOST = 8  # most hypotheses in a table
@@ -27,13 +27,14 @@ def constants_table(summary: FitSummary) -> Table:
     for head in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
         table.add_column(head, justify="right")
     for name, c in summary.parameters.items():
+        median, low, high = with_ends(c.median, *c.hdi90)
         table.add_row(
             name,
             "" if c.unit == "1" else c.unit,
-            significant(c.median, c.sd),
+            median,
             significant(c.mean, c.sd),
             "fixed" if c.fixed else significant(c.sd, c.sd),
-            _interval(c),
+            "" if c.fixed else f"{low} to {high}",
             "" if c.r_hat is None else f"{c.r_hat:.3f}",
             "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
         )
@@ -49,11 +50,6 @@ def constants_line(summary: FitSummary) -> str:
     return f"pad {summary.pad}: {values}"
 
 
-def _interval(c: Constant) -> str:
-    low, high = (significant(x, c.sd) for x in c.hdi90)
-    return "" if c.fixed else f"{low} to {high}"
-
-
 def pads_table(summaries: Sequence[FitSummary]) -> Table:
     """Return the table of all pads side by side: median (90 % interval)."""
     table = Table(
@@ -67,16 +63,10 @@ def pads_table(summaries: Sequence[FitSummary]) -> Table:
     for summary in summaries:
         rows |= {name: c.unit for name, c in summary.parameters.items()}
     for name, unit in rows.items():
-        cells = [_cell(summary.parameters.get(name)) for summary in summaries]
+        own = [summary.parameters.get(name) for summary in summaries]
+        cells = ["{} ({} to {})".format(*with_ends(c.median, *c.hdi90)) if c else "" for c in own]
         table.add_row(name, "" if unit == "1" else unit, *cells)
     return table
-
-
-def _cell(c: Constant | None) -> str:
-    if c is None:
-        return ""
-    low, high = (significant(x, c.sd) for x in c.hdi90)
-    return f"{significant(c.median, c.sd)} ({low} to {high})"
 
 
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
@@ -131,21 +121,17 @@ def contrasts_table(comparison: Comparison) -> Table:
         if before not in (None, c.group):
             table.add_section()
         before = c.group
-        table.add_row(*_cells(c))
+        table.add_row(
+            c.quantity + (" *" if c.extrapolated else ""),
+            "" if c.unit == "1" else c.unit,
+            written(c.first)[0],
+            written(c.second)[0],
+            "" if c.ratio is None else with_interval(c.ratio),
+            f"{c.direction:.3f}",
+            f"{c.equivalence:.3f}",
+            Text(c.answer, style=_STYLES[c.answer]),
+        )
     return table
-
-
-def _cells(c: Contrast) -> list[str | Text]:
-    return [
-        c.quantity + (" *" if c.extrapolated else ""),
-        "" if c.unit == "1" else c.unit,
-        written(c.first)[0],
-        written(c.second)[0],
-        "" if c.ratio is None else with_interval(c.ratio),
-        f"{c.direction:.3f}",
-        f"{c.equivalence:.3f}",
-        Text(c.answer, style=_STYLES[c.answer]),
-    ]
 
 
 def steps_table(result: DiagnosisResult, unit: str) -> Table:
@@ -184,20 +170,10 @@ def ranking_table(result: DiagnosisResult, unit: str) -> Table:
     for ranked in result.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
         sure = "" if ranked.certainty is None else percent(ranked.certainty)
-        table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, result.noise))
+        factor, error = _one_digit(ranked.log_bayes_factor), to_noise(ranked.rmse, result.noise)
+        constants = ", ".join(f"{name} = {e}" for name, e in ranked.parameters.items())
+        table.add_row(name, percent(ranked.inclusion), sure, factor, error, constants)
     return table
-
-
-def _figures(ranked: Ranked, noise: float) -> tuple[str, str, str]:
-    return (
-        _one_digit(ranked.log_bayes_factor),
-        to_noise(ranked.rmse, noise),
-        ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
-    )
-
-
-def _constant(name: str, e: Estimate) -> str:
-    return f"{name} = {e}"
 
 
 def _one_digit(value: float | None) -> str:

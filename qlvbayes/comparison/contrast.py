@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, log10
 
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.io.wording import with_ends
 
 SHARE = 0.90  # of the draws, that an interval holds
 DECIDED = 0.975  # probability of direction at which one is called greater
 EQUAL = 0.95  # probability of equivalence at which two are called equal
 BY_CHANCE = 2.0 * (1.0 - DECIDED)  # of equal quantities that are called different
-_SMALL = 1e-4
 
 
 class Interval(Part, frozen=True):
@@ -110,15 +109,8 @@ class Comparison(Result, frozen=True, kw_only=True):
 
 
 def written(value: Interval) -> tuple[str, str, str]:
-    """Format median, low and high; the interval's half-width keeps one to two digits."""
-    values = value.median, value.low, value.high
-    half = 0.5 * (value.high - value.low)
-    if half <= 0.0 or max(map(abs, values)) < _SMALL:
-        median, low, high = (f"{x:.3g}" for x in values)
-        return median, low, high
-    decimals = max(0, -floor(log10(half / 2.5)))
-    median, low, high = (f"{x:z.{decimals}f}" for x in values)
-    return median, low, high
+    """Format median, low and high as every table does."""
+    return with_ends(value.median, value.low, value.high)
 
 
 def with_interval(value: Interval) -> str:

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.io.wording import decimals_of, plain
+from qlvbayes.io.wording import significant
 from qlvbayes.motion.evidence import DirectEvidence
 
 
@@ -23,11 +23,8 @@ class Estimate(Part, frozen=True):
 
     def __str__(self) -> str:
         """Return both to the sd's second digit, as ``0.001672 ± 0.000090 N s/mm``."""
-        decimals = decimals_of(self.sd) if self.sd > 0.0 else 3
         unit = "" if self.unit == "1" else f" {self.unit}"
-        if decimals > 6:
-            return f"{plain(self.mean)} ± {plain(self.sd, 1)}{unit}"
-        return f"{self.mean:.{decimals}f} ± {self.sd:.{decimals}f}{unit}"
+        return f"{significant(self.mean, self.sd)} ± {significant(self.sd, self.sd)}{unit}"
 
 
 class LawPair(Part, frozen=True):

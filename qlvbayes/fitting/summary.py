@@ -7,7 +7,7 @@ import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Part, Result, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.io.wording import as_cells, tex
+from qlvbayes.io.wording import as_cells, tex, with_ends
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import lasting_share
 
@@ -80,7 +80,7 @@ class FitSummary(Result, frozen=True, kw_only=True):
         """Return a line for each constant: median, 90 % interval and unit."""
         wide = max(map(len, self.parameters), default=0)
         lines = [
-            f"{name:{wide}}  {c.median:.4g} [{c.hdi90[0]:.4g}, {c.hdi90[1]:.4g}]"
+            f"{name:{wide}}  {'{} [{}, {}]'.format(*with_ends(c.median, *c.hdi90))}"
             f"{'' if c.unit == '1' else f' {c.unit}'}{' (fixed)' if c.fixed else ''}"
             for name, c in self.parameters.items()
         ]
@@ -240,22 +240,12 @@ def symbol(name: str) -> str:
     return f"${name}$" if len(name) == 1 else tex(name)
 
 
-def rounded(entry: Entry) -> tuple[str, str, str]:
-    """Return median, low and high to two digits of half the interval's width, or to four digits."""
-    half = 0.5 * (entry.high - entry.low)
-    values = (entry.median, entry.low, entry.high)
-    decimals = 1 - floor(log10(half)) if half > 0.0 else 7
-    if decimals > 6:
-        return f"{values[0]:.4g}", f"{values[1]:.4g}", f"{values[2]:.4g}"
-    median, low, high = (f"{round(x, decimals):.{max(decimals, 0)}f}" for x in values)
-    return median, low, high
-
-
 def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
     """Return the cells of one constant of one pad, with its reference if there is a column."""
     if entry is None:
         return ["--", "--"] if with_reference else ["--"]
-    median, low, high = (text.replace("-", "$-$") for text in rounded(entry))
+    texts = with_ends(entry.median, entry.low, entry.high)
+    median, low, high = (text.replace("-", "$-$") for text in texts)
     fixed = entry.low == entry.high
     cells = [f"{median} (fixed)" if fixed else f"{median} [{low}, {high}]"]
     if with_reference:

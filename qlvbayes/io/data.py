@@ -172,7 +172,7 @@ def read_tidy(file: Path, dialect: Dialect) -> Rows:
     """Return the rows of a tidy file, its numbers in the units of the dialect."""
     numbers = [(column.index, column.name) for column in dialect.numeric.values()]
     labels = [column.index for column in dialect.labels.values()]
-    form = Form(dialect.separator, numbers, labels, dialect.width, dialect.decimal)
+    form = Form(dialect.separator, numbers, labels, len(dialect.names), dialect.decimal)
     rows = content(file).split(b"\n", dialect.line)[-1]
     read = read_rows(rows, form, file, dialect.line + 1)
     for column, values in zip(dialect.numeric.values(), read.columns, strict=True):

@@ -46,6 +46,7 @@ from qlvbayes.io.recording import (
 from qlvbayes.io.splitting import LEAST
 from qlvbayes.io.table import parse_number
 from qlvbayes.io.text import (
+    COMMENT,
     HEAD,
     Lines,
     decoded,
@@ -159,7 +160,7 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
 def _first_names(head: bytes) -> list[str]:
     """Return the cells of the first line that is no comment."""
     lines = decoded(head).splitlines()
-    rows = (line for line in lines if line.strip() and not line.startswith(("#", "sep=")))
+    rows = (t for t in lines if t.strip() and not COMMENT.match(t) and not t.startswith("sep="))
     return [name.strip(' "') for name in re.split(r"[,;\t| ]", next(rows, ""))]
 
 

@@ -18,7 +18,7 @@ from qlvbayes.io.columns import (
     plain_name,
 )
 from qlvbayes.io.table import are_numbers
-from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
+from qlvbayes.io.text import COMMENT, Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import QUANTITIES, unit_of
 from qlvbayes.io.wording import joined
 
@@ -187,7 +187,7 @@ def _stated(name: str, written: Sequence[str], columns: Sequence[NamedColumn]) -
 def clocks_in(lines: Lines) -> tuple[int, list[NamedColumn], list[NamedColumn]]:
     """Return the first line that is no comment, the columns that it names, and their clocks."""
     for number, text in enumerate(lines.texts):
-        if text.strip() and not text.startswith(("#", "%")):
+        if text.strip() and not COMMENT.match(text):
             columns = in_cells(cells_of(text, separator_of(text)))
             return number, columns, [c for c in columns if re.fullmatch(_CLOCK, plain_name(c.name))]
     return 0, [], []

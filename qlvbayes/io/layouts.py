@@ -98,6 +98,7 @@ class Layout:
                 yield head, data.count(b"\n", 0, found.start("rows")), rows
 
     def _tests(self, head: str, above: int, data: bytes, path: Path, name: str) -> list[Recording]:
+        over = head.split("\n") if self.block else Lines.from_bytes(data).texts
         data, blanks = with_tabs(data) if self.general else (data, False)
         lines = Lines.from_bytes(data)
         start = 0
@@ -109,7 +110,7 @@ class Layout:
             if columns := columns_in(lines):
                 raise unsure_of_columns(columns, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])
-        over = head.split("\n") if self.block else lines.texts[: header.line]
+        over = over if self.block else over[: header.line]
         stated = stated_above(over, lines.texts[header.line])
         tests = tests_below(header, data, lines, path, name, above, self.part)
         return [replace(test, stated=stated) for test in tests]

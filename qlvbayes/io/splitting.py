@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import (
     NamedColumn,
@@ -119,8 +118,11 @@ class _Table:
             form = Form(self.separator, [(c.index, c.name) for c in used], labels, names=width)
             read = read_rows(rows, form, self.file, first)
             values = read.columns[:NAMES]
-            if sheared and _shear_moved(values[1], read.columns[NAMES + 1], sheared["strain"]):
-                one, values = sheared, read.columns[NAMES:]
+            if sheared:  # a rheometer: it sheared the specimen where it squeezed it less
+                unit = unit_of(sheared["strain"].unit, "strain")
+                gap, strain = values[1], read.columns[NAMES + 1] * (unit.factor if unit else 1.0)
+                if float(np.ptp(strain)) > np.ptp(gap) / max(float(np.abs(gap).max()), 1e-300):
+                    one, values = sheared, read.columns[NAMES:]
             own = on_clock(one, read.clocks, self.file)
             test = recording(columns, own, values, read.dropped, f"{self.name} {title}".strip())
             if clock is not None:
@@ -151,13 +153,6 @@ class _Table:
                     line=first + rows.count(b"\n", 0, found.start()),
                     remedy="export each test to a file of its own",
                 )
-
-
-def _shear_moved(gap: Floats, strain: Floats, named: NamedColumn) -> bool:
-    """Return whether a rheometer sheared a specimen rather than squeezed it."""
-    unit = unit_of(named.unit, "strain")
-    squeezed = float(np.ptp(gap)) / max(float(np.abs(gap).max()), 1e-300)
-    return float(np.ptp(strain)) * (unit.factor if unit else 1.0) > squeezed
 
 
 def _by_specimen(test: Recording, label: NamedColumn, named: Labels) -> list[Recording]:

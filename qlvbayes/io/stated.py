@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from qlvbayes.io.columns import plain_name, split_header
 from qlvbayes.io.recording import Stated
-from qlvbayes.io.text import cells_of, separator_of
+from qlvbayes.io.text import COMMENT, cells_of, separator_of
 
 # Keys without accents and marks, in English, German, French, Italian and Spanish.
 _SPECIMEN = (
@@ -22,6 +22,10 @@ _DATE = (
     r"|date (et )?heure|fecha y hora|data e ora|time ?stamp|zeitstempel"
 )
 _TIME = r"(start )?time|start ?(zeit|time)|uhrzeit|heure|hora|ora"
+_BEGAN = (
+    r"|(test )?(start(ed)?|beg[aiu]n|beginn(ing)?|recorded|measured|acquired|gestartet|gemessen"
+    r"|debut|inicio|inizio)( (on|at|am|um|le|el|il))?"
+)
 # An English probe is a tip: the word names a specimen where the file is German.
 _GERMAN = re.compile(r"\b(datum|pruf\w*|\w*zeit|\w*kraft|\w*weg)\b")
 _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
@@ -51,10 +55,10 @@ def stated_above(lines: Sequence[str], names: str = "") -> Stated:
             if not column and (german or word != "probe"):
                 specimen = f"{key} {value}" if value.isdigit() else value
                 named = f"{key}: {value}"
-        elif not date and re.fullmatch(_DATE, word) and _day(value):
+        elif not date and re.fullmatch(_DATE + _BEGAN, word) and _day(value):
             date = value
             dated.append(f"{key}: {value}")
-        elif not clock and re.fullmatch(_TIME, word) and _CLOCK.fullmatch(value):
+        elif not clock and re.fullmatch(_TIME + _BEGAN, word) and _CLOCK.fullmatch(value):
             clock = value
             dated.append(f"{key}: {value}")
     began, either = _began(date, clock)
@@ -64,11 +68,13 @@ def stated_above(lines: Sequence[str], names: str = "") -> Stated:
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
     """Yield keys with their values, and whether a pair has a line of its own."""
     for line in lines:
-        text = line.strip(" \t#%")
-        cells = [cell for cell in cells_of(text, separator_of(text)) if cell]
-        first, _, rest = (cells[0] if len(cells) == 1 else text).partition(":")
-        if rest.strip() and not re.search('[\t;,|"]', first):
-            yield first.strip(), rest.strip(" \t,;"), True
+        text = COMMENT.sub("", line).strip()
+        mark = separator_of(text)
+        cells = [cell for cell in cells_of(text, mark) if cell]
+        for part in [text] if mark == "," and len(cells) > 1 else cells:
+            key, _, value = part.partition(":")
+            if value.strip() and not re.search('[;,|"]', key):
+                yield key.strip(), value.strip(" ,;"), True
         for k in range(0, len(cells) - 1, 2):
             yield cells[k].rstrip(" :"), cells[k + 1], len(cells) == 2
 

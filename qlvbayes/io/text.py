@@ -21,7 +21,7 @@ _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _HEADER_LINES = 400  # more lines than any header has
 _MARKS = "\t;|,"
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
-_COMMENT = re.compile(rb"(?m)^[ \t]*[#%]+[ \t]*")
+COMMENT = re.compile(r"(?m)^[ \t]*([#%!*]+|//+|;(?=[^;\n]*$))[ \t]*")  # signs of comments
 _NAME = re.compile(  # a quoted name, or one with its unit
     r"\"[^\"]*\"|[^\s(\[\"]+(?:\s?[(\[][^)\]]*[)\]])?|[(\[][^)\]]*[)\]]"
 )
@@ -142,25 +142,37 @@ class Lines:
 
 
 def with_tabs(data: bytes) -> tuple[bytes, bool]:
-    """Return a text with tabs where blanks separate its numbers, and whether they do."""
-    data = _COMMENT.sub(b"", data)
+    """Return a text with tabs where blanks separate its numbers, and whether they do.
+
+    Names above the numbers are separated as these are, and the signs of comments are left out.
+    """
+    data = re.sub(COMMENT.pattern.encode(), b"", data)
     lines = Lines.from_bytes(data)
     for number, line in enumerate(lines.texts):
-        cells = [cell.strip('"') for cell in line.split()]
-        alone = all(is_like_number(cell) and cell[-1] not in ",;" for cell in cells)
-        if len(cells) < 3 or not alone:
+        cells, mark = [cell.strip('"') for cell in line.split()], separator_of(line)
+        blanks = "\t" not in line and not any(cell.endswith((",", ";")) for cell in cells)
+        if not blanks or len(cells) < 3:
+            cells, blanks = cells_of(line, mark), False
+        if len(cells) < 3 or not all(map(is_like_number, cells)):
             continue
-        if "\t" in line:
-            return data, False
-        names = map(_NAME.findall, lines.texts[:number])
-        head = [
-            "\t".join(some) if len(some) in (len(cells), len(cells) - 1) else text
-            for some, text in zip(names, lines.texts, strict=False)
-        ]
-        rows = re.sub(rb"[ \t]+", b"\t", data[lines.starts[number] :])
-        rows = re.sub(rb"(?m)^\t|\t$", b"", rows)
-        return "".join(f"{line}\n" for line in head).encode() + rows, True
+        mark = "\t" if blanks else mark
+        head = [names_above(text, mark, len(cells)) for text in lines.texts[:number]]
+        rows = data[lines.starts[number] :]
+        if blanks:
+            rows = re.sub(rb"(?m)^\t|\t$", b"", re.sub(rb"[ \t]+", b"\t", rows))
+        return "".join(f"{line}\n" for line in head).encode() + rows, blanks
     return data, False
+
+
+def names_above(line: str, mark: str, width: int) -> str:
+    """Return a line above ``width`` columns, separated by their mark where it names each of them.
+
+    The names of columns that blanks separate may leave out that of the first.
+    """
+    by_mark = [name.strip() for name in line.split(separator_of(line))]
+    counts = (width, width - 1) if mark == "\t" else (width,)
+    by_blanks = [] if mark in line else _NAME.findall(line)
+    return mark.join(next((n for n in (by_mark, by_blanks) if len(n) in counts), [line]))
 
 
 def is_like_number(cell: str) -> bool:

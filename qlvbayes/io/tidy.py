@@ -10,10 +10,20 @@ from itertools import chain, islice
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import LABELS, in_cells, quantities, split_name
+from qlvbayes.io.columns import LABELS, in_cells, is_tidy_name, quantities, split_name
 from qlvbayes.io.files import stem_of
 from qlvbayes.io.table import EXPORT, THOUSANDS
-from qlvbayes.io.text import HEAD, cells_of, content, decoded, head_of, is_like_number, is_text
+from qlvbayes.io.text import (
+    COMMENT,
+    HEAD,
+    cells_of,
+    content,
+    decoded,
+    head_of,
+    is_like_number,
+    is_text,
+    names_above,
+)
 from qlvbayes.io.units import (
     PAD,
     SAME,
@@ -53,15 +63,15 @@ class Column:
 class Dialect:
     """Form of a tidy file: columns that are read and their units, separator, decimal mark, header.
 
-    ``numeric`` are time, displacement, force and force_sd. ``ignored`` are names of other columns,
-    ``width`` is the number of all; ``line`` is that of the header.
+    ``numeric`` are time, displacement, force and force_sd. ``ignored`` are other columns of the
+    ``names``; ``line`` is that of the header.
     """
 
     units: UnitSystem
     numeric: dict[str, Column]
     labels: dict[str, Column]
     ignored: tuple[str, ...]
-    width: int
+    names: Sequence[str]
     separator: str
     decimal: str
     line: int
@@ -86,7 +96,7 @@ def sniff(path: Path) -> Dialect:
         line = head.count(b"\n", 0, head.index(b"\0")) + 1
         raise InputError("the line has binary zeros", file=path, line=line, remedy=EXPORT)
     lines = text_of_head.split("\n")
-    rows = ((n, text) for n, text in enumerate(lines, 1) if text.strip() and text[0] != "#")
+    rows = ((n, t) for n, t in enumerate(lines, 1) if t.strip() and not COMMENT.match(t))
     written = list(islice(rows, 2))
     if not written:
         what = "there are only comments" if "#" in lines[0] else "the file is empty"
@@ -97,6 +107,10 @@ def sniff(path: Path) -> Dialect:
     line, text = written[0]
     separator = stated[1] if stated else max(_SEPARATORS, key=text.count)
     names = cells_of(text, separator)
+    if all(map(is_like_number, names)) and line > 1:  # the names are in the comment above
+        over = names_above(COMMENT.sub("", lines[line - 2]), separator, len(names))
+        if any(map(is_tidy_name, cells_of(over, separator))):
+            names, line, written = cells_of(over, separator), line - 1, [*written[:1], *written]
     units, numeric, labels = _columns(names, path, line)
     if len(written) == 1:
         raise InputError("there are no rows below the header", file=path, line=line, remedy=EXPORT)
@@ -107,7 +121,7 @@ def sniff(path: Path) -> Dialect:
     # "1,234" in a comma-separated file may well be a thousand
     plain = (x for x in numbers if separator != "," or not THOUSANDS.fullmatch(x))
     decimal = next((match[1] for cell in plain if (match := _FRACTION.fullmatch(cell))), ".")
-    return Dialect(units, numeric, labels, ignored, len(names), separator, decimal, line)
+    return Dialect(units, numeric, labels, ignored, names, separator, decimal, line)
 
 
 def _columns(
@@ -199,16 +213,15 @@ def joined(files: Sequence[Path], pad: str) -> bytes:
     file. InputError if a file names its pads or tests, or has other columns than the first.
     """
     lines, first = [], sniff(files[0])
-    head = content(files[0]).decode().split("\n")[first.line - 1]
-    lines.append(first.separator.join(["pad", "test", head]))
+    lines.append(first.separator.join(["pad", "test", *first.names]))
     for file in files:
         dialect = sniff(file)
-        header, *rows = content(file).decode().split("\n")[dialect.line - 1 :]
+        rows = content(file).decode().split("\n")[dialect.line :]
         if {"pad", "test"} & set(dialect.labels):
             remedy = "leave it out: its tests have a pad"
             raise InputError("it names its pads or tests itself", file=file, remedy=remedy)
-        if (header, dialect.decimal) != (head, first.decimal):
-            what = f"its columns ({header.strip()}) are not those of {files[0].name}"
+        if (dialect.names, dialect.decimal) != (first.names, first.decimal):
+            what = f"its columns ({', '.join(dialect.names)}) are not those of {files[0].name}"
             raise InputError(what, file=file, remedy="join files with the same columns")
         named = first.separator.join([pad, stem_of(file), ""])
         lines += [named + row for row in rows if row.strip() and not row.startswith("#")]

@@ -11,7 +11,7 @@ import re
 import shlex
 import unicodedata
 from collections.abc import Collection, Iterable
-from math import floor, isfinite, log10
+from math import floor, inf, isfinite, log10
 
 DASH = "–"  # for what is not known
 UNNAMED = "pad"  # name of the only pad of a file that has no names
@@ -79,14 +79,27 @@ def capitalized(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def decimals_of(sd: float) -> int:
-    """Return how many decimals show two digits of an sd; 0 where it has none."""
-    return max(0, 1 - floor(log10(sd))) if sd > 0.0 else 0
+def significant(value: float, sd: float, largest: float = 0.0) -> str:
+    """Return a number with two digits of its sd (four significant ones where it has none).
+
+    Beyond six decimals it may have a power of ten; ``largest`` is the largest number beside it.
+    """
+    if not 0.0 < sd < inf:
+        return f"{value:.4g}"
+    decimals = 1 - floor(log10(sd))
+    if decimals > 6:
+        return f"{value:#.{decimals + 1 + floor(log10(max(abs(value), largest, sd)))}g}"
+    return f"{round(value, decimals):z.{max(decimals, 0)}f}"
 
 
-def significant(value: float, sd: float) -> str:
-    """Return a number with two digits of its sd (four significant ones where it has none)."""
-    return f"{value:.{decimals_of(sd)}f}" if sd > 0.0 else f"{value:.4g}"
+def with_ends(median: float, low: float, high: float) -> tuple[str, str, str]:
+    """Return a median and the ends of its interval, to two digits of half the interval's width.
+
+    So the ends differ, in every table and on every page.
+    """
+    half, largest = 0.5 * (high - low), max(abs(low), abs(high))
+    middle, begin, end = (significant(x, half, largest) for x in (median, low, high))
+    return middle, begin, end
 
 
 def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
@@ -94,20 +107,27 @@ def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
     if value is None or not isfinite(value):
         return DASH
     text = (f"{value:#.{digits}g}" if zeros else f"{value:.{digits}g}").removesuffix(".")
-    if "e" not in text:
-        return text.replace("-", "−")
-    base, _, power = text.partition("e")
-    if 0 <= int(power) < 7:
-        return f"{round(value, digits - 1 - int(power)):.0f}".replace("-", "−")
-    return f"{base} × 10{str(int(power)).translate(_SUPERSCRIPT)}".replace("-", "−")
+    power = int(text.partition("e")[2] or -1)
+    return typeset(f"{round(value, digits - 1 - power):.0f}" if 0 <= power < 7 else text)
+
+
+def typeset(text: str) -> str:
+    """Return a number's text with a minus, and a power of ten as '1.2 × 10⁻⁷'."""
+    base, _, power = text.replace("-", "−").partition("e")
+    raised = str(int(power.replace("−", "-") or 0)).translate(_SUPERSCRIPT)
+    return f"{base} × 10{raised}" if power else base
+
+
+def ends(median: float, low: float, high: float) -> list[str]:
+    """Return a median and the ends of its interval as `with_ends` does, typeset."""
+    return [typeset(text) for text in with_ends(median, low, high)]
 
 
 def to_sd(value: float | None, sd: float | None) -> str:
     """Return a number as `significant` does, typeset; a dash where it is not known."""
     if value is None or not sd or not isfinite(sd):
         return number(value, 4)
-    decimals = decimals_of(sd)
-    return number(value) if decimals > 6 else f"{value:.{decimals}f}".replace("-", "−")
+    return typeset(significant(value, sd))
 
 
 def percent_unbroken(share: float | None) -> str:

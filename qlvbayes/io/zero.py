@@ -6,15 +6,17 @@ between the channels moves it by the speed times a delay. The power of depth wit
 begins, the drag and the delay are common to the files. For each power and drag, the contacts that
 the files show are
 
-.. math:: d_i = d_0 + (v_i - v_0) T + e_i, \quad T \sim N(0, 5\,\mathrm{ms}),
+.. math:: d_i = d_0 + (v_i - v_0) T + e_i, \quad T \sim N(0, \tau),
 
-where v_0 is the slowest speed of the stage. The files decide together on the power and the drag.
+where v_0 is the slowest speed of the stage and tau 5 ms, or 25 ms where that is likelier. The files
+decide together on the power and the drag.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -37,7 +39,9 @@ from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.wording import plain
 
 _APART = 3.0  # standard errors beyond which the contacts of two files differ
-_DELAY = 0.005  # s: lag, or drag over stiffness, by which the onset of a quick test may be off
+# s: lag, or drag over stiffness, by which the onset of a quick test may be off; that of a slow
+# filter is taken where it is likelier
+_DELAYS = (0.005, 0.025)
 _DRAGS = (0.0, *np.geomspace(0.002, 0.25, 15).tolist())  # of the peak force at the largest speed
 _FASTER = 1.5  # ratio of the speeds above which they show a drag
 _TINY = 1e-12  # share of the positions' size that an error has at least
@@ -81,7 +85,12 @@ def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[
             if len(groups[-1]) == len(left):
                 break
         largest = max(groups, key=len)  # of equals that with the slowest file
-        stages.append(_joint([tests[k] for k in largest], [shown[k] for k in largest], largest))
+        own, contacts = [tests[k] for k in largest], [shown[k] for k in largest]
+        position, sd = contacts[0].position, contacts[0].sd
+        if len(own) > 1:
+            position, sd = _joint_position(own, contacts)
+        force = float(np.mean([contact.force for contact in contacts]))
+        stages.append(StageContact(position, sd, force, tuple(sorted(largest))))
         left = [k for k in left if k not in largest]
     return stages
 
@@ -106,29 +115,21 @@ def _line(positions: Floats, sds: Floats, speeds: Floats) -> tuple[Floats, Float
     """Return the line through contacts (n,) over speeds (n,) above the slowest one.
 
     Its mean (2,) is the contact at the slowest speed and the delay (s), with covariance (2, 2) and
-    misfit.
+    misfit, for the sd of the delay with the larger evidence.
     """
     centre = float(np.median(positions))
     least = _TINY * max(float(np.abs(positions).max()), np.finfo(float).tiny)
     weights = np.maximum(sds, least) ** -2.0
     rows = np.stack([np.ones_like(speeds), speeds])
-    precision = (rows * weights) @ rows.T + np.diag([0.0, _DELAY**-2.0])
-    covariance = np.asarray(np.linalg.inv(precision), float)
-    mean = np.asarray(covariance @ (rows * weights) @ (positions - centre))
-    residual = positions - centre - mean @ rows
-    misfit = float(weights @ residual**2 + (mean[1] / _DELAY) ** 2)
-    return mean + np.array([centre, 0.0]), covariance, misfit
-
-
-def _joint(
-    tests: Sequence[Loaded], contacts: Sequence[FirstContact], members: Sequence[int]
-) -> StageContact:
-    """Return what the files of one stage show together."""
-    position, sd = contacts[0].position, contacts[0].sd
-    if len(tests) > 1:
-        position, sd = _joint_position(tests, contacts)
-    force = float(np.mean([contact.force for contact in contacts]))
-    return StageContact(position, sd, force, tuple(sorted(members)))
+    lines = []
+    for delay in _DELAYS:
+        precision = (rows * weights) @ rows.T + np.diag([0.0, delay**-2.0])
+        covariance = np.asarray(np.linalg.inv(precision), float)
+        mean = np.asarray(covariance @ (rows * weights) @ (positions - centre))
+        misfit = float(weights @ (positions - centre - mean @ rows) ** 2 + (mean[1] / delay) ** 2)
+        evidence = 0.5 * float(np.linalg.slogdet(covariance)[1]) - np.log(delay) - 0.5 * misfit
+        lines.append((round(evidence, 6), mean + np.array([centre, 0.0]), covariance, misfit))
+    return max(lines, key=itemgetter(0))[1:]  # of equals the shorter delay
 
 
 def _joint_position(

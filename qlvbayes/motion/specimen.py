@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.past import ROUNDED, pause, remembered_tests
 
@@ -106,17 +106,21 @@ def pull_of(experiment: Experiment) -> TensileForce | None:
 
 
 def pull_notices(
-    experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()
+    experiment: Experiment,
+    *,
+    bonded: bool,
+    effects: tuple[str, ...] = (),
+    shown: Sequence[DirectEvidence] | None = None,
 ) -> tuple[str, ...]:
     """Return one line if a pad pulls that neither is bonded nor has adhesion in its model.
 
     A mass that is moved also makes the force negative: where the readings show one beyond doubt,
-    and no adhesion, there is no line.
+    and no adhesion, there is no line. ``shown`` is what they show, where it is known already.
     """
     pull = None if bonded or "adhesion" in effects else pull_of(experiment)
     if pull is None:
         return ()
-    shown = direct_evidence(experiment, bonded)
+    shown = direct_evidence(experiment, bonded) if shown is None else shown
     moved = any(one.beyond_doubt and one.effect == "inertia" for one in shown)
     if moved and all(one.effect != "adhesion" for one in shown):
         return ()

@@ -26,19 +26,21 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
+from qlvbayes.fitting.prior_pull import pulled
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.residuals import CheckResult, check_pad, curves
 from qlvbayes.fitting.results import load, save
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import DESCRIBED, results_folder, write_json, write_whole
-from qlvbayes.io.wording import as_typed, plain
+from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.parallel.running import Fault, package_digest
 from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.report.collect import facts_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
@@ -250,6 +252,9 @@ class FitStep:
         summary = FitSummary.read(folder / "summary.json")
         for text in summary.notices:
             watcher.notice(text)
+        priors = json.loads(facts_of(folder / "posterior.nc").get("priors", "{}"))
+        for text in pulled(summary, priors):
+            watcher.notice(f"pad {summary.pad}: {text}")
         watcher.fitted(summary)
 
 
@@ -311,19 +316,18 @@ class DiagnoseStep:
                 experiment, self.choices, kinds=self.choices.candidates,
                 settings=self.thresholds, seed=self.seed, report=report,
                 watch=lambda progress: watcher.searched(pad.name, progress),
-            )  # fmt: skip
+            ).typed(study.source, str(folder.parent), str(folder / DESCRIBED))  # fmt: skip
             if diagnosis.result.verdict in ("unexplained", "partly_explained"):
                 report("a discrepancy for what is left")
                 _write_discrepancy(diagnosis, folder)
             report("writing")
             if law := diagnosis.law_file:
-                write_whole(folder / DESCRIBED, as_pasted(law, folder, study.source).encode())
+                write_whole(folder / DESCRIBED, law.encode())
             else:  # that of an earlier diagnosis
                 (folder / DESCRIBED).unlink(missing_ok=True)
             diagnosis.result.write(folder / "diagnosis.json")
             drawn_hypotheses(diagnosis, self.choices, seed=self.seed).write(folder / HYPOTHESES)
-            text = as_pasted(diagnosis.text(), folder, study.source)
-            write_whole(folder / "diagnosis.txt", f"{text}\n".encode())
+            write_whole(folder / "diagnosis.txt", f"{diagnosis.text()}\n".encode())
             save_figures("diagnose", folder, diagnosis)
 
     def report(self, folder: Path, watcher: Watcher) -> None:
@@ -334,21 +338,6 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
-
-
-def as_pasted(text: str, folder: Path, source: str) -> str:
-    """Return a diagnosis whose commands name the user's files, not FILE, OUT and a file in it.
-
-    ``folder`` is that of the pad's results. Paths are as they were typed.
-    """
-    out = str(folder.parent)
-    for words, real in (
-        ("FILE -o OUT", (source, "-o", out)),
-        ("design OUT", ("design", out)),
-        (f"--effects-file {DESCRIBED}", ("--effects-file", str(folder / DESCRIBED))),
-    ):
-        text = text.replace(words, as_typed(*real))
-    return text
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from qlvbayes.fitting.summary import Entry, rounded
-from qlvbayes.io.wording import pad_title
+from qlvbayes.fitting.summary import Entry
+from qlvbayes.io.wording import ends, pad_title
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.panels import legend_entries
 from qlvbayes.plots.style import DOUBLE, canvas, colours, narrow, shortened, style
@@ -80,7 +80,7 @@ def _draw(
     for row in range(len(pads)):
         axis.axhline(row + _DOWN, color="0.92", linewidth=0.4, zorder=0)
     axis.margins(x=0.12)
-    long = max(len(text) for entry in entries for text in rounded(entry)) > _SHORT
+    long = max(len(text) for e in entries for text in ends(e.median, e.low, e.high)) > _SHORT
     axis.xaxis.set_major_locator(MaxNLocator(2 if long else 3, min_n_ticks=1 if long else 2))
     first = entries[0]
     axis.set_xlabel(parameter_label(first.parameter, first.unit))
@@ -89,5 +89,5 @@ def _draw(
 
 
 def _values_text(entry: Entry) -> str:
-    median, low, high = (text.replace("-", "−") for text in rounded(entry))
+    median, low, high = ends(entry.median, entry.low, entry.high)
     return f"{median} (fixed)" if entry.low == entry.high else f"{median} ({low} to {high})"

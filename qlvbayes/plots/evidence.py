@@ -57,7 +57,11 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
         figure = canvas(width, height)
         axis = figure.subplots()
         for row, ranked in enumerate(ranking):
-            _bar(axis, row, ranked, _look(diagnosis, ranked))
+            value, look = ranked.log_bayes_factor, _look(diagnosis, ranked)
+            axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
+            number = "n/a" if value is None else f"{value:z.1f}".replace("-", "−")
+            for text, points in zip((number, percentage(ranked.inclusion)), _TEXT_END, strict=True):
+                write_right(axis, text, row, points, ha="right")
         _scale(axis, [x for r in ranking if (x := r.log_bayes_factor) is not None], tight)
         _label(axis, diagnosis, ranking)
         _legend(figure, diagnosis, tight)
@@ -77,14 +81,6 @@ def _look(diagnosis: DiagnosisResult, ranked: Ranked) -> str:
     if ranked.effect in diagnosis.group:
         return _GROUP
     return _TRIED if ranked.effect in diagnosis.tried else _OTHER
-
-
-def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
-    value = ranked.log_bayes_factor
-    axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
-    number = "n/a" if value is None else f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
-    for text, points in zip((number, percentage(ranked.inclusion)), _TEXT_END, strict=True):
-        write_right(axis, text, row, points, ha="right")
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:

@@ -33,7 +33,8 @@ def plot_prediction(forecast: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     """
     tight = narrow(width)
     with style():
-        scales = ["linear", "log"] if _quick(forecast) and not tight else ["linear"]
+        quick = _DECADES * _first(forecast) <= forecast.time[-1] - forecast.time[0]
+        scales = ["linear", "log"] if quick and not tight else ["linear"]
         figure = canvas(width, 2.0 * _PANEL + _FRAME)
         axes = figure.subplots(2, len(scales), sharex="col", sharey="row", squeeze=False)
         for column, scale in zip(axes.T, scales, strict=True):
@@ -82,7 +83,3 @@ def _first(forecast: Forecast) -> float:
     ends = np.flatnonzero(change)
     last = int(ends[0]) + 1 if ends.size else forecast.time.size - 1
     return float(forecast.time[last] - forecast.time[0])
-
-
-def _quick(forecast: Forecast) -> bool:
-    return _DECADES * _first(forecast) <= forecast.time[-1] - forecast.time[0]

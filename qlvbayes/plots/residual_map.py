@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor, log10
 from textwrap import fill
 
 from matplotlib.axes import Axes
@@ -10,7 +11,7 @@ from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.diagnosis.result import DiagnosisResult, Stage
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import decimals_of, pad_title
+from qlvbayes.io.wording import pad_title
 from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
     LEAST_ROWS,
@@ -76,7 +77,7 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
 
 def _text(cell: Cell, noise: float) -> str:
     """Return a cell's error over the noise floor, and below it its bias."""
-    digits = decimals_of(max(cell.rmse, noise))
+    digits = max(0, 1 - floor(log10(max(cell.rmse, noise) or 1.0)))
     text = f"{cell.bias:+.{digits}f}" if digits < 6 else f"{cell.bias:+.1e}"
     text = text.replace("-", "+") if float(text) == 0.0 else text
     return f"{short(over_floor(cell.rmse, noise))}\n{text.replace('-', chr(0x2212))}"

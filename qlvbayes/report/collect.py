@@ -13,6 +13,7 @@ import numpy as np
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
+from qlvbayes.fitting.prior_pull import pulled
 from qlvbayes.fitting.residuals import CheckResult, Curves
 from qlvbayes.fitting.results import Run, RunLog, load
 from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of
@@ -64,6 +65,12 @@ class PadResults:
     def parameters(self) -> dict[str, Constant]:
         """Constants of the last model; none where it was not fitted."""
         return self.final.summary.parameters if self.final.summary else {}
+
+    @property
+    def pulled(self) -> tuple[str, ...]:
+        """Sentences on the constants of the last model that lie far out of their priors."""
+        priors = json.loads(self.final.facts.get("priors", "{}"))
+        return pulled(self.final.summary, priors) if self.final.summary else ()
 
     @property
     def notices(self) -> list[str]:

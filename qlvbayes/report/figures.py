@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.residuals import Curves, TestCurves
+from qlvbayes.fitting.residuals import TestCurves
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report.collect import FitResults, PadResults
+from qlvbayes.report.collect import PadResults
 
 _DPI, _CSS_DPI = 200, 96
 _MM = 25.4 / _CSS_DPI  # mm, a pixel of the page
@@ -94,7 +94,11 @@ def chart_of(pad: PadResults) -> dict | None:
     curves = pad.final.curves
     if curves is None or not curves.tests:
         return None
-    before, tests, check = _baseline_means(pad), _by_rate(curves), pad.final.check
+    check, plain = pad.final.check, pad.baseline
+    other = plain.curves if plain and plain.effects != pad.final.effects else None
+    before = {test.test: test for test in other.tests} if other else {}
+    # the slowest first, as in the figures; tests without a rate are last
+    tests = sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
     limits = {(c.test, c.phase): c.limit for c in check.cells} if check else {}
     return {
         "unit": curves.force_unit,
@@ -115,19 +119,6 @@ def _first(pad: PadResults, names: list[str]) -> int:
         if worst and worst.test in names:
             return names.index(worst.test)
     return len(names) - 1
-
-
-def _baseline_means(pad: PadResults) -> dict[str, TestCurves]:
-    """Return the baseline model's curves, by test, where it is not the last model."""
-    baseline: FitResults | None = pad.baseline
-    if baseline is None or baseline.curves is None or baseline.effects == pad.final.effects:
-        return {}
-    return {test.test: test for test in baseline.curves.tests}
-
-
-def _by_rate(curves: Curves) -> list[TestCurves]:
-    """Return the slowest first, as in the figures; tests without a rate are last."""
-    return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
 
 
 def _floor(test: TestCurves, noise: float, limits: dict) -> list[float]:

@@ -50,6 +50,8 @@ def methods_of(results: Results) -> Methods:
     """Return what lies in ``posterior.nc`` and ``run.json``, as far as they are there."""
     choices = _choices(results)
     runs = list(results.runs.values())
+    facts = [pad.final.facts for pad in results.pads]
+    seeds = {str(int(f["seed"])) for f in facts if "seed" in f} | {str(run.seed) for run in runs}
     return Methods(
         *_laws(choices),
         "bonded: the specimen can pull"
@@ -61,7 +63,7 @@ def methods_of(results: Results) -> Methods:
         _comparisons(results),
         tuple(_basis(pad) for pad in results.pads),
         tuple(sorted(_sources(results))),
-        ", ".join(sorted({str(seed) for seed in _seeds(results)})) or DASH,
+        ", ".join(sorted(seeds)) or DASH,
         tuple(_versions(results).items()),
         tuple(run.command for run in runs) or _commands(results),
     )
@@ -127,12 +129,6 @@ def _sources(results: Results) -> set[tuple[str, str]]:
     sources = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
     sources += [(run.source, run.sha256) for run in results.runs.values()]
     return {(Path(source).name, digest) for source, digest in sources}
-
-
-def _seeds(results: Results) -> set[int]:
-    facts = [pad.final.facts for pad in results.pads]
-    seeds = {int(f["seed"]) for f in facts if "seed" in f}
-    return seeds | {run.seed for run in results.runs.values()}
 
 
 def _versions(results: Results) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache, partial
@@ -9,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from qlvbayes.diagnosis.phrases import stage_name
 from qlvbayes.fitting.relaxation import RelaxationReport
@@ -128,12 +129,12 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
         "compared_words": questions.compared_words, "diagnosis_words": questions.diagnosis_words,
-        "answer_kinds": questions.KINDS,
+        "answer_kinds": questions.KINDS, "ends": wording.ends,
     }  # fmt: skip
     environment.filters |= {
         "split_first": _split_first, "seen": questions.seen, "number": wording.number,
         "percent": wording.percent_unbroken, "to_sd": wording.to_sd,
-        "with_unit": wording.with_unit, "titled": wording.capitalized,
+        "with_unit": wording.with_unit, "parted": _parted, "titled": wording.capitalized,
     }  # fmt: skip
     return environment.get_template(f"{name}.html.j2")
 
@@ -144,6 +145,11 @@ def _split_first(text: str) -> tuple[str, str]:
         text = text.replace(sign, sign.replace(" ", NBSP))
     head, stop, rest = text.partition(". ")
     return (f"{head}.", rest) if stop else (text, "")
+
+
+def _parted(name: str) -> Markup:
+    """Return a name that may break into lines after a point or an underscore."""
+    return Markup(re.sub(r"(?<=[._])", "<wbr>", escape(name)))
 
 
 def _asset(folder: str, name: str) -> Markup:

@@ -15,10 +15,10 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import (
     NBSP,
     capitalized,
+    ends,
     joined,
     number,
     percent_unbroken,
-    to_sd,
     with_unit,
 )
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
@@ -77,8 +77,16 @@ def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     }
     for pad in pads:
         known |= _of_laws(pad)
-    added = sorted({effect for pad in pads for effect in pad.final.effects if _reshapes(effect)})
-    before = f", before {joined(added)} acts" if added else ""
+    acting: dict[str, list[str]] = {}
+    for pad in pads:
+        own = joined(sorted(filter(_reshapes, pad.final.effects)))
+        acting.setdefault(own, []).append(pad.title)
+    acts = [
+        f"{added} acts{f' in {joined(titles)}' * (len(acting) > 1)}"
+        for added, titles in acting.items()
+        if added
+    ]
+    before = f", before {joined(acts)}" if acts else ""
     return {name: _meaning(name, known, before) for name in constant_names(pads)}
 
 
@@ -148,9 +156,8 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
-    low, high = (to_sd(x, c.sd) for x in c.hdi90)
-    text = with_unit(to_sd(c.median, c.sd), c.unit)
-    return f"{name} = {text} (with 90 % probability {low} to {high})"
+    median, low, high = ends(c.median, *c.hdi90)
+    return f"{name} = {with_unit(median, c.unit)} (with 90 % probability {low} to {high})"
 
 
 def _lasting(summary: FitSummary) -> str:

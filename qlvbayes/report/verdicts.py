@@ -36,7 +36,10 @@ def verdict_box(pad: PadResults) -> Box:
     """Return the box of one pad."""
     d = pad.diagnosis
     if d is None:
-        return Box("open", "not diagnosed", _undiagnosed(pad), (), (), "", tuple(_warnings(pad)))
+        check, line = pad.final.check, "Fitted, but neither checked nor diagnosed."
+        if check is not None:
+            line = f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
+        return Box("open", "not diagnosed", line, (), (), "", tuple(_warnings(pad)))
     left_out = "on tests left out" if _heldout(d) else "of the fit"
     return Box(
         d.verdict,
@@ -96,13 +99,6 @@ def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
         name = f"the {'model ' if check.effects else ''}{model_name(check.effects)}"
         words.append(f"{table.basis}, {name} {count}{most}")
     return f"{'; '.join(words)}."
-
-
-def _undiagnosed(pad: PadResults) -> str:
-    check = pad.final.check
-    if check is None:
-        return "Fitted, but neither checked nor diagnosed."
-    return f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
 
 
 def _heldout(d: DiagnosisResult) -> list[float] | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import shlex
 from itertools import combinations
-from pathlib import Path
 from types import SimpleNamespace
 
 import jax.numpy as jnp
@@ -26,6 +25,7 @@ from qlvbayes.diagnosis.description.source import (
 )
 from qlvbayes.diagnosis.result import LawPair
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN
@@ -33,7 +33,6 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.pipeline.steps import as_pasted
 from qlvbayes.use.exports.code import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
@@ -106,15 +105,16 @@ def test_the_command_in_a_laws_file_is_that_of_the_diagnosis_and_names_the_users
     space = SimpleNamespace(bonded=False)
     search = SimpleNamespace(density=SimpleNamespace(space=space))
     text = f"Add it with\n\n    {ADDED_BY}\n"
-    work = SimpleNamespace(search=search, law=SimpleNamespace(text=text))
-    written = as_pasted(Diagnosis(result, work).law_file, Path("my results/B"), "pads.csv")
+    work = DiagnosisWork(None, search, None, (), SimpleNamespace(text=text))
+    typed = "pads.csv", "my results", "my results/B/described_effect.py"
+    found = Diagnosis(result, work).typed(*typed)
+    written = found.law_file
     assert shlex.split(written)[3:] == [
         *("qlvbayes", "fit", "pads.csv", "-o", "my results", "--all-tests"),
         *("--effects-file", "my results/B/described_effect.py", "--elastic", "hertz"),
         *("--add", "friction", "--add", "drag"),
     ]
-    said = as_pasted("qlvbayes design OUT --for cause proposes one.", Path("r/B"), "pads.csv")
-    assert said == "qlvbayes design r --for cause proposes one."
+    assert found.work.typed.design == "qlvbayes design 'my results' --for cause"
 
 
 def test_forces_on_many_sets_are_those_of_each() -> None:

@@ -5,6 +5,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from qlvbayes.cli.tables import constants_table as constants_table_of
+from qlvbayes.cli.tables import pads_table
 from qlvbayes.fitting.summary import (
     Constant,
     Entry,
@@ -15,10 +17,10 @@ from qlvbayes.fitting.summary import (
     constants_table,
     matching_references,
     read_references,
-    rounded,
     write_constants,
 )
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import ends, with_ends
 from qlvbayes.simulate import TABLE_1
 
 PAPER = Path(__file__).parents[2] / "data" / "paper_table1.csv"
@@ -105,12 +107,28 @@ def test_latex_gives_two_digits_of_half_the_interval_and_gaps_where_a_pad_has_no
     [
         ((12345.6, 12000.0, 12700.0), ("12350", "12000", "12700")),
         ((6.36, 6.2, 6.53), ("6.36", "6.20", "6.53")),
-        ((1.23e-9, 1.1e-9, 1.4e-9), ("1.23e-09", "1.1e-09", "1.4e-09")),
+        ((1.23e-9, 1.1e-9, 1.4e-9), ("1.23e-09", "1.10e-09", "1.40e-09")),
         ((0.14, 0.14, 0.14), ("0.14", "0.14", "0.14")),
+        ((0.0011003, 0.001095, 0.0011052), ("0.0011003", "0.0010950", "0.0011052")),
+        ((-0.3, -1.4, 0.9), ("-0.3", "-1.4", "0.9")),
     ],
 )
 def test_digits_follow_the_interval(entry, texts):
-    assert rounded(Entry("B", "m", "N", *entry)) == texts
+    assert with_ends(*entry) == texts
+
+
+@pytest.mark.parametrize("share", [1e-7, 3.1e-4, 0.02, 0.6, 30.0])
+@pytest.mark.parametrize("median", [1.1e-9, 1.1003e-3, 0.0997, 2.345, 99961.0])
+def test_the_ends_of_an_interval_differ_in_every_table(median, share):
+    one = constant("1/um", median, median * (1.0 - share), median * (1.0 + share))
+    fit = summary("B", b=one)
+    values = one.median, *one.hdi90
+    texts = [with_ends(*values), ends(*values), str(fit).strip(" 1/um").split()[1:]]
+    told = [*constants_table_of(fit).columns[5].cells, *pads_table([fit]).columns[2].cells]
+    texts += [text.replace("(", "").replace(")", "").replace("to ", "").split() for text in told]
+    for text in texts:
+        *_, low, high = text
+        assert low.strip("[,") != high.strip("]")
 
 
 @pytest.mark.parametrize(

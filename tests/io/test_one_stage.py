@@ -1,5 +1,6 @@
 """Files of one pad on one stage: one contact, told where files disagree; our own and those kept."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,20 @@ def test_contacts_that_differ_stay_apart_and_are_told_with_the_option(tmp_path):
     assert "doubt: the pad's 3 other files have it at 7.0" in said or "at 6.99" in said
     assert f"--contact {alone['at_1']:.6g}" in said
     assert not any("doubt" in line for name in alone for line in found[name].findings)
+
+
+def test_a_lag_of_the_force_moves_the_contact_of_no_file(tmp_path):
+    """The onset of the quickest press is late by 0.3 mm, which the slower ones foretell."""
+    files = []
+    for seed, speed in enumerate((0.1, 0.5, 3.0, 10.0, 15.0)):
+        press = film_press(speed, seed, eta=0.0)
+        load = np.interp(press.time - 0.02, press.time, press.load)
+        files.append(written(tmp_path, f"at_{speed:g}", replace(press, load=load), 3.0))
+    tests = convert(files, ONE).tests
+    (zero,) = {test.zero for test in tests}
+    (sd,) = {test.zero_sd for test in tests}
+    assert abs(zero - 3.0) < 3.0 * sd
+    assert sd < 0.03
 
 
 def test_a_file_that_begins_at_its_zero_without_force_keeps_it(tmp_path):

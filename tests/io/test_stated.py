@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from support.endtoend import call
 from support.machine_files import pressed
@@ -12,6 +13,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.stated import stated_above
+from qlvbayes.io.tidy import joined
 from qlvbayes.pipeline.source import Source
 
 GERMAN = "Prüfzeit;Traversenweg;Prüfkraft\ns;mm;N"
@@ -103,10 +105,66 @@ def test_a_date_with_day_and_month_in_either_order_serves_within_its_day(tmp_pat
         ("Calibration date: 2026-11-24 09:26:05", None),
         ("Date: 31.02.2026 09:26:05", None),
         ("Date: 2026-11-24", None),
+        ("# started: 2026-11-24 09:26:05", 1795512365.0),
+        ("// Begin: 24.11.2026 09:26:05", 1795512365.0),
+        ("! recorded on\t2026-11-24T09:26:05", 1795512365.0),
+        ("Specimen: Pad P\t\tStarted: 2026-11-24 09:26:05", 1795512365.0),
+        ("% finished: 2026-11-24 09:26:05", None),
     ],
 )
 def test_dates_that_can_mean_one_thing_are_read(line, began):
     assert stated_above([line]).began == began
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Specimen: Pad P",
+        "Specimen\tPad P",
+        "Specimen: Pad P\t\tStarted: 9:26:05",
+        "; Pad: Pad P",
+    ],
+)
+def test_a_key_and_its_value_may_share_a_cell(line):
+    assert stated_above([line]).specimen == "Pad P"
+
+
+@pytest.mark.parametrize(
+    ("header", "comments", "delimiter"),
+    [
+        ("time_s displacement_mm force_N", "# ", " "),
+        ("time_s,displacement_mm,force_N", "# ", ","),
+        ("time_s displacement_mm force_N", "# ", ","),
+        ("time_s\tdisplacement_mm\tforce_N", "%", "\t"),
+        ("t (s), d (mm), F (N)", "% ", " "),
+        ("t [s]   d [mm]   F [N]", "# ", "\t"),
+        ("specimen: Pad P\nt (s) d (mm) F (N)", "// ", " "),
+        ("Time Displacement Force\ns mm N", "# ", "\t"),
+        ("Time (s); Displacement (mm); Force (N)", "! ", ";"),
+    ],
+)
+def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comments, delimiter):
+    one = pressed(0.4, hold=1.0, rate=50.0)
+    file = tmp_path / "P.txt"
+    columns = np.c_[one.time, one.way, one.load]
+    np.savetxt(file, columns, header=header, comments=comments, delimiter=delimiter)
+    (pad,) = read_measurements(file).pads
+    assert pad.name == ("Pad P" if "specimen" in header else "pad")
+    assert (pad.units.displacement, pad.units.force) == ("mm", "N")
+    (test,) = pad.tests
+    assert np.array_equal(test.time, one.time)
+    assert np.ptp(test.displacement) == np.ptp(one.way)
+
+
+def test_files_whose_names_stand_in_comments_are_joined(tmp_path):
+    one = pressed(0.4, hold=1.0, rate=50.0)
+    files = [tmp_path / "slow.csv", tmp_path / "quick.csv"]
+    for file in files:
+        columns = np.c_[one.time, one.way, one.load]
+        np.savetxt(file, columns, header="time_s displacement_mm force_N", delimiter=",")
+    (tmp_path / "P.csv").write_bytes(joined(files, "P"))
+    (pad,) = read_measurements(tmp_path / "P.csv").pads
+    assert (pad.name, [len(test.time) for test in pad.tests]) == ("P", [len(one.time)] * 2)
 
 
 def test_a_probe_is_a_specimen_in_german_alone():

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import arviz_base
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -41,7 +42,7 @@ from qlvbayes.pipeline.comparing import compare_pairs
 from qlvbayes.report.collect import collect
 from qlvbayes.report.figures import chart_of
 from qlvbayes.report.methods import methods_of
-from qlvbayes.report.questions import shifts_of
+from qlvbayes.report.questions import meanings, shifts_of
 from qlvbayes.report.verdicts import verdict_box
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
@@ -105,6 +106,45 @@ def test_the_verdict_comes_first_with_errors_before_and_after_beside_the_noise(p
     assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
     shares = [share for _, share, _, _ in box.bars]
     assert shares == pytest.approx([1.0, 0.0103 / 0.048, NOISE / 0.048])
+
+
+def test_the_answer_and_its_figure_come_before_the_reasons_which_are_folded(tmp_path):
+    out = write_study(tmp_path)
+    (out / "B" / "diagnosis.txt").write_text("Pad B: told in words.\n\nNext step.\n\nA reason.\n")
+    page = Page(write_report(out))
+    part = page.words[page.words.index("Which effect is missing?") :]
+    order = [
+        "Told in words.",
+        "Next step.",
+        "Error over noise floor",
+        "question 3: here",
+        "A reason.",
+    ]
+    assert sorted(order, key=part.index) == order
+    assert not any("open" in attrs for attrs in page.of("details"))
+
+
+def test_a_constant_far_out_of_its_prior_is_told_below_the_constants(tmp_path):
+    out = write_study(tmp_path)
+    prior = json.dumps({"m": "lognormal(0,0.2)", "viscous_drag.eta": "halfnormal(0.003)"})
+    with h5py.File(out / "B" / "posterior.nc", "a") as file:
+        file.attrs["priors"] = prior
+    words = Page(write_report(out)).words
+    said = "Pad B: m: the estimate lies 5.4 prior scales out, and the prior lognormal(0,0.2) pulls"
+    assert words.count("prior scales out") == words.count(said) == 1
+
+
+def test_shares_before_an_effect_acts_are_said_of_the_pads_that_have_it():
+    def pad(name, *effects):
+        known = {"c[0]": parameter(0.4), "m": parameter(1.0)}
+        final = SimpleNamespace(effects=effects, facts={})
+        return SimpleNamespace(title=name, final=final, parameters=known)
+
+    mode, plain = pad("pad P", "extra_relaxation_mode"), pad("pad Q", "friction")
+    both = "share that never relaxes, before extra_relaxation_mode acts"
+    assert meanings([mode, mode])["c[0]"] == both
+    assert meanings([mode, plain])["c[0]"] == f"{both} in pad P"
+    assert meanings([plain])["c[0]"] == "share that never relaxes"
 
 
 def on_hertz(verdict, named=()):

@@ -282,6 +282,13 @@ def test_the_command_writes_each_target_into_a_folder_with_the_summarys_interval
     assert text.count("= 7 (6 to 8) x") == len(names)
 
 
+def test_of_several_targets_all_are_written_or_none(tmp_path):
+    write_fit(tmp_path)
+    status, _, err = call("export", tmp_path, "--pad", "B", "--to", "c,json,febio")
+    assert (status, "--height MM and --area MM2" in err) == (2, True)
+    assert not (tmp_path / "B" / "export").exists()
+
+
 def test_the_middle_draw_is_one_of_the_posterior(pads):
     pad = pads()
     assert np.sum(pad.fractions) == pytest.approx(1.0, abs=EXACT)

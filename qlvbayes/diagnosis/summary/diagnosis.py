@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from qlvbayes.diagnosis.description.source import ADDED_BY
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.summary.law import fit_command
 from qlvbayes.diagnosis.summary.words import paragraphs
-from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.diagnosis.summary.work import DiagnosisWork, Typed
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +21,10 @@ class Diagnosis:
 
     result: DiagnosisResult
     work: DiagnosisWork
+
+    def typed(self, file: str, out: str, law: str) -> Diagnosis:
+        """Return the diagnosis whose commands name the user's files instead of FILE and OUT."""
+        return replace(self, work=replace(self.work, typed=Typed(file, out, law)))
 
     def paragraphs(self) -> list[str]:
         """Return what is missing in plain words: a few short paragraphs, the verdict first."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from qlvbayes.diagnosis.result import Description, DiagnosisResult
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
-from qlvbayes.io.files import DESCRIBED
-from qlvbayes.io.wording import joined, plain, to_noise
+from qlvbayes.io.wording import as_typed, joined, plain, to_noise
 from qlvbayes.model.choices import Choices
 
 _NOTABLE = 0.02  # share of the error below which it is not said what a kind of terms could remove
@@ -72,10 +71,11 @@ def _closest(d: DiagnosisResult, law: Description) -> list[str]:
 def fit_command(d: DiagnosisResult, work: DiagnosisWork, law: Description | None = None) -> str:
     """Return the command that fits the selected hypothesis, or one with a law, to all tests."""
     default, base = Choices(), law.base if law else d.base
-    words = ["qlvbayes fit FILE -o OUT --all-tests"]
+    typed = work.typed
+    words = [as_typed("qlvbayes", "fit", typed.file, "-o", typed.out, "--all-tests")]
     bonded = work.search.density.space.bonded
     words += ["--bonded" if bonded else "--loose"] * (bonded != d.units.bonded_default)
-    words += [f"--effects-file {DESCRIBED}"] * (law is not None)
+    words += [as_typed("--effects-file", typed.law)] * (law is not None)
     words += [f"--elastic {base.elastic}"] * (base.elastic != default.elastic)
     words += [f"--relaxation {base.relaxation}"] * (base.relaxation != default.relaxing)
     added = [*d.stages[0].effects]

@@ -82,7 +82,7 @@ def _own(d: DiagnosisResult, notice: str) -> str:
 def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
     """Return the step that follows from the verdict."""
     if d.verdict == Verdict.ADEQUATE and d.probability_of("none") < LIKELY:
-        return "another test, as qlvbayes design OUT --for cause proposes, would show more."
+        return f"another test, as {work.typed.design} proposes, would show more."
     if d.verdict == Verdict.ADEQUATE and not d.changed:
         return "use the constants; no effect has to be added."
     if d.verdict in (Verdict.ADEQUATE, Verdict.MISSING_EFFECT):
@@ -93,7 +93,7 @@ def _next(d: DiagnosisResult, work: DiagnosisWork) -> str:
         )
     if d.verdict == Verdict.AMBIGUOUS:
         if not d.suggestions:
-            return "a test that distinguishes them: qlvbayes design OUT --for cause proposes one."
+            return f"a test that distinguishes them: {work.typed.design} proposes one."
         best = d.suggestions[0]
         return (
             f"this test would distinguish them: {best.test} (expected 2 ln Bayes factor "

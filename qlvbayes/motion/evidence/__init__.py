@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from qlvbayes.io.contact import FirstContact
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
 from qlvbayes.motion.evidence.record import DirectEvidence
-from qlvbayes.motion.evidence.repeating import contact_seen, drift_seen, repeated_seen
+from qlvbayes.motion.evidence.repeating import (
+    contact_seen,
+    contacts_of,
+    drift_seen,
+    repeated_seen,
+)
 from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
 from qlvbayes.motion.experiment import Experiment
 
 __all__ = ["DirectEvidence", "direct_evidence"]
 
 
-def direct_evidence(experiment: Experiment, bonded: bool) -> tuple[DirectEvidence, ...]:
+def direct_evidence(
+    experiment: Experiment, bonded: bool, contacts: Sequence[FirstContact | None] | None = None
+) -> tuple[DirectEvidence, ...]:
     """Return what the readings show without a model, those beyond doubt first.
 
-    bonded: whether the specimen is fixed to the platen, which then may pull.
+    bonded: whether the specimen is fixed to the platen, which then may pull; contacts: those of the
+    tests, where they are known already.
     """
+    known = contacts_of(experiment) if contacts is None else contacts
     every = (
         *adhesion_seen(experiment, bonded=bonded),
         *inertia_seen(experiment),
         *friction_seen(experiment),
         *ringing_seen(experiment),
         *lag_seen(experiment),
-        *contact_seen(experiment),
+        *contact_seen(experiment, known),
         *repeated_seen(experiment),
         *drift_seen(experiment),
     )

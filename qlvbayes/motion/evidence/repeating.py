@@ -63,13 +63,15 @@ def _contact_of(
     return contact if contact is not None and contact.is_finite else None, later
 
 
-def contact_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+def contact_seen(
+    experiment: Experiment, contacts: Sequence[FirstContact | None]
+) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a force that begins before or after the file's zero.
 
     A soft beginning looks like a late contact, which is therefore not beyond doubt.
     """
     places = []
-    for trial, contact in zip(experiment.trials, contacts_of(experiment), strict=True):
+    for trial, contact in zip(experiment.trials, contacts, strict=True):
         begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
         if contact is not None and not begun and contact.sd > 0.0:
             places.append(Place(float(contact.position), float(contact.sd), trial, "ramp"))

@@ -9,7 +9,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
 from qlvbayes.motion.evidence.repeating import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
@@ -41,6 +41,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     floor, falls = experiment.floor, experiment.falls
     contacts = contacts_of(experiment)
     tests = tuple(_test(experiment, k, contact) for k, contact in enumerate(contacts))
+    seen = direct_evidence(experiment, bonded, contacts)
     return PadSeen(
         experiment.pad,
         experiment.fluid,
@@ -55,21 +56,21 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
         (
-            *_corrections(experiment, tests),
+            *_corrections(experiment, tests, seen),
             *falls,
-            *pull_notices(experiment, bonded=bonded, effects=effects),
+            *pull_notices(experiment, bonded=bonded, effects=effects, shown=seen),
         ),
         (
             *(text for text in experiment.notices if text not in falls),
             *(f"pad {experiment.pad}: {text}" for text in floor.notices),
         ),
-        direct_evidence(experiment, bonded),
+        seen,
     )
 
 
 def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> TestSeen:
     trial = experiment.trials[index]
-    test, whole = trial.test, trial.whole
+    test, whole, ramp = trial.test, trial.whole, _first_ramp(trial)
     tests = [one.whole for one in experiment.trials]
     before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
@@ -86,7 +87,9 @@ def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> T
         start_known=test.start_known,
         after=tuple(experiment.trials[k].name for k in before),
         rate=trial.rate if np.isfinite(trial.rate) else None,
-        reached=_reached(trial),
+        reached=None
+        if ramp is None or ramp.control == Control.FORCE
+        else move_of(trial, ramp).speed,
         depth=_depth(trial, experiment.units),
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
@@ -103,17 +106,8 @@ def _depth(trial: Trial, units: UnitSystem) -> float:
     return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
 
 
-def _reached(trial: Trial) -> float | None:
-    ramp = _first_ramp(trial)
-    return None if ramp is None or _loaded(ramp) else move_of(trial, ramp).speed
-
-
 def _first_ramp(trial: Trial) -> Phase | None:
     return next((phase for phase in trial.phases if phase.kind == "ramp"), None)
-
-
-def _loaded(phase: Phase) -> bool:
-    return phase.control == Control.FORCE
 
 
 def _phases(trial: Trial) -> list[PhaseSeen]:
@@ -168,12 +162,13 @@ def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None)
     if contact is not None and contact.sliding:  # what rubs as the platen moves is no force at rest
         return contact.force if abs(contact.force) > _clear(experiment) else None
     first = _first_ramp(trial)
-    if experiment.units.dimensionless or _loaded(first or trial.phases[0]):
+    if experiment.units.dimensionless or (first or trial.phases[0]).control == Control.FORCE:
         return None
     begin = test.time[0] if first is None else first.start
     near = np.abs(test.displacement) <= _AT_ZERO * experiment.depth
     before = (near & (test.time < begin)) | (
-        (test.displacement < -_AT_ZERO * experiment.depth) & (test.time < _peak_time(trial))
+        (test.displacement < -_AT_ZERO * experiment.depth)
+        & (test.time < test.time[np.argmax(np.abs(test.force))])
     )
     if np.count_nonzero(before) < _RESTS:
         return None
@@ -186,13 +181,12 @@ def _clear(experiment: Experiment) -> float:
     return max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
 
 
-def _peak_time(trial: Trial) -> float:
-    return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
-
-
-def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
+def _corrections(
+    experiment: Experiment, tests: tuple[TestSeen, ...], seen: tuple[DirectEvidence, ...]
+) -> list[str]:
     """Return sentences on what to correct or to decide before a fit."""
     units, noise, cautions = experiment.units, noise_of(experiment), []
+    lag = next((o.value for o in seen if o.effect == "channel_lag" and o.beyond_doubt), 0.0)
     for test in tests:
         name = f"pad {experiment.pad}, test {test.test}"
         if test.peak < _DEAD * noise:
@@ -202,13 +196,18 @@ def _corrections(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[st
                 "cell was connected, or leave the test out"
             )
             continue
-        cautions += [f"{name}: {text}" for text in _of_contact(test, units)]
+        late = lag * (test.reached or 0.0)
+        cautions += [f"{name}: {text}" for text in _of_contact(test, units, late)]
     return cautions
 
 
-def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
+def _of_contact(test: TestSeen, units: UnitSystem, late: float) -> list[str]:
+    """Return sentences on a test's contact, and on the force before it.
+
+    late: depth by which the force rises too late, as its channel lags.
+    """
     contact, cautions = test.contact, []
-    if contact is not None and contact.position > max(_SURE * contact.sd, _TOE * test.depth):
+    if contact and contact.position - late > max(_SURE * contact.sd, _TOE * test.depth):
         cautions.append(
             f"the force begins to rise at {plain(contact.position)} +- {plain(contact.sd, 2)} "
             f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "

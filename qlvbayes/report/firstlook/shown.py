@@ -23,7 +23,6 @@ from qlvbayes.motion.facts import (
     DEEPER,
     OF_UNLOADING,
     Facts,
-    LoadedDwell,
     at_one_depth,
     loaded_once,
     noise_of,
@@ -99,7 +98,9 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
     longest = max(facts.longest_hold, slow)
     if not facts.holds:
         return _without_holds(facts, about, constants)
-    window = f"times from {span(shortest)} ({_whose(facts)}) to {span(longest)}"
+    sampled = facts.interval > _LEFT * facts.durations[0]
+    bound = "the interval between readings" if sampled else "a tenth of the quickest movement"
+    window = f"times from {span(shortest)} ({bound}) to {span(longest)}"
     longer = facts.longest_hold >= slow
     window += " (the longest hold)" if longer else " (the longest movement; no hold is as long)"
     if longest < _WIDE * shortest:
@@ -108,7 +109,8 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
     modes = max(1, floor(log10(longest / shortest)))
     many = "one relaxation time" if modes == 1 else f"up to {modes} relaxation times"
     reason = f"{window}: {many}, about one a decade"
-    moving = _still_changing(facts)
+    long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
+    moving = max(long, key=lambda hold: abs(hold.change))  # in its second half
     if abs(moving.change) < _STILL:
         return Shown(about, "yes", reason, "", constants)
     units = experiment.units
@@ -118,13 +120,6 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
         f"{100.0 * abs(moving.change):.2g} % of the largest"
     )
     return Shown(about, "yes", reason, "slower relaxation needs a longer hold", constants)
-
-
-def _whose(facts: Facts) -> str:
-    """Return what bounds the shortest time."""
-    if facts.interval > _LEFT * facts.durations[0]:
-        return "the interval between readings"
-    return "a tenth of the quickest movement"
 
 
 def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Shown:
@@ -137,12 +132,6 @@ def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Show
         return Shown(about, "hardly", f"no hold: by {several}, {longest}", remedy, constants)
     reason = "no hold and one speed: relaxation and stiffness cannot be distinguished"
     return Shown(about, "no", reason, remedy, constants)
-
-
-def _still_changing(facts: Facts) -> LoadedDwell:
-    """Return the hold, of nearly the longest ones, whose second half changes most."""
-    long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
-    return max(long, key=lambda hold: abs(hold.change))
 
 
 def _speed(experiment: Experiment, facts: Facts) -> Shown:

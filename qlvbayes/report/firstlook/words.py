@@ -43,7 +43,10 @@ def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
         *_contact(pad, units),
         *_clock(pad),
         *_control(pad, units),
-        *_evidence(pad),
+        *(
+            f"{'beyond doubt' if one.beyond_doubt else 'perhaps'} {one.effect}: {one.sentence}"
+            for one in pad.direct_evidence
+        ),
     ]
 
 
@@ -167,11 +170,3 @@ def _tests(names: Sequence[str]) -> str:
 
 def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
-
-
-def _evidence(pad: PadSeen) -> list[str]:
-    """Return a line on each effect that the readings show without any model."""
-    return [
-        f"{'beyond doubt' if one.beyond_doubt else 'perhaps'} {one.effect}: {one.sentence}"
-        for one in pad.direct_evidence
-    ]

@@ -2,6 +2,11 @@
 // A viewer a pad in the report: drag to zoom, double-click for all, a button a phase.
 document.documentElement.classList.add("js");
 
+const sideways = new ResizeObserver((seen) => {
+  for (const { target } of seen) target.classList.toggle("cut", target.scrollWidth > target.clientWidth);
+});
+for (const wide of document.querySelectorAll(".wide")) sideways.observe(wide);
+
 class Viewer {
   constructor(root) {
     this.root = root;

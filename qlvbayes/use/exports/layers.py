@@ -315,14 +315,12 @@ _FORCE = _instruction("elastic_force", lambda *_: [_NUMBER])
 _STIFFNESS = _instruction("stiffness", lambda *_: [_NUMBER])
 
 
-def _step_of(make: Expressions, state: Expression, *line: Expression) -> list[Expression]:
-    moved = make.call("step_beneath", state, *line)
-    return [moved, make.call("force_beneath", moved)]
-
-
 _CALLS = {
     "begin_beneath": lambda make, depth: [make.call("begin_beneath", depth)],
-    "step_beneath": _step_of,
+    "step_beneath": lambda make, state, *line: [
+        moved := make.call("step_beneath", state, *line),
+        make.call("force_beneath", moved),
+    ],
     "elastic_force": lambda make, depth: [make.call("elastic_force", depth)],
     "stiffness": lambda make, depth: [make.call("stiffness", depth)],
 }

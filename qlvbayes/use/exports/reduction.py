@@ -11,7 +11,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
@@ -21,11 +20,10 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
-from qlvbayes.model.model import Model
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import Covered
 from qlvbayes.motion.phases import MOVING
-from qlvbayes.motion.record import Record, batch
+from qlvbayes.motion.record import batch
 from qlvbayes.use.exports.pad import ExportedPad
 
 SI = unit_system("m", "N")
@@ -168,8 +166,8 @@ def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _MotionRun:
 def _tested(pad: ExportedPad, tests: Experiment) -> list[_MotionRun]:
     samples = [representative_rows(trial) for trial in tests.trials]
     records = map(partial(single_samples, tests), tests.trials, samples)
-    forces = eqx.filter_jit(eqx.filter_vmap(_averages, in_axes=(None, 0)))
-    averages = np.asarray(forces(pad.model, batch(list(records))))
+    mean = eqx.filter_vmap(lambda model, x: x.average(model.force(x.motion)), in_axes=(None, 0))
+    averages = np.asarray(eqx.filter_jit(mean)(pad.model, batch(list(records))))
     runs = []
     for trial, rows, force in zip(tests.trials, samples, averages, strict=True):
         time = trial.test.time[rows]
@@ -182,10 +180,6 @@ def _tested(pad: ExportedPad, tests: Experiment) -> list[_MotionRun]:
         cells = [PhaseLabel(trial.name, trial.role, str(kind)) for kind in trial.phase_of(time)]
         runs.append(_MotionRun(cells, columns))
     return runs
-
-
-def _averages(model: Model, record: Record) -> Array:
-    return record.average(model.force(record.motion))
 
 
 def fitted(columns: Sequence[Floats], pressed: Pressing) -> Floats:

@@ -59,21 +59,20 @@ def find(name: str) -> type[AbstractTarget]:
 def export(
     out: str | Path,
     pad: str,
-    to: str,
-    *,
+    *to: str,
     draws: int = EXPORT_DRAWS,
     height: float | None = None,
     area: float | None = None,
     data: str | Path | None = None,
 ) -> list[Path]:
-    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``; return them.
+    """Write a fitted pad as files of other programs into ``out/<pad>/export/<to>``; return them.
 
-    All files or none: nothing is written until every one is there.
+    All files of all targets or none: nothing is written until every one is there.
 
     Parameters
     ----------
     out, pad, to
-        The folder of results, the name of the pad, and a target, as after ``--to``.
+        The folder of results, the name of the pad, and targets, each as after ``--to``.
     draws
         How many of the posterior, where the target takes more than one.
     height, area
@@ -88,18 +87,24 @@ def export(
         The results cannot be read, or the pad cannot go there.
     """
     specimen = _specimen(height, area)
-    target = find(to)()
+    targets = [find(name)() for name in dict.fromkeys(to)]
     if draws < 1:
         raise InputError(f"{draws} draws", remedy="ask for one or more")
     date = datetime.now(UTC).date().isoformat()
     exported = read_pad(
         Path(out), pad, draws=draws, date=date, data=None if data is None else Path(data)
     )
-    content = target.files(exported, specimen)
-    folder = results_folder(exported.folder / "export" / to)
-    for name, text in content.items():
-        write_whole(folder / name, text)
-    return [folder / name for name in content]
+    content = {
+        Path(target.name, name): text
+        for target in targets
+        for name, text in target.files(exported, specimen).items()
+    }
+    folder = exported.folder / "export"
+    for target in targets:
+        results_folder(folder / target.name)
+    for path, text in content.items():
+        write_whole(folder / path, text)
+    return [folder / path for path in content]
 
 
 def _specimen(height: float | None, area: float | None) -> Geometry | None:

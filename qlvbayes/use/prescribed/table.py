@@ -57,7 +57,9 @@ def read_table(path: Path, units: UnitSystem) -> Program:
             file=path,
             remedy=f"give 2 to {MOST}",
         )
-    quantity = _quantity(names)
+    quantities = {split[0] for name in names if (split := split_name(name))}
+    way = bool(quantities & {"displacement", "strain"})
+    quantity: Literal["displacement", "force"] = "displacement" if way else "force"
     if quantity == "force":
         between = _crept(time)
         times = np.concatenate([time, between])
@@ -90,11 +92,6 @@ def _crept(time: np.ndarray) -> np.ndarray:
         between += [hold(time[k], 0.0, width[k]).time[1:-1]]
         between += [np.linspace(time[k], time[k + 1], RAMP_POINTS)[1:-1]]
     return np.unique(np.concatenate(between))
-
-
-def _quantity(names: list[str]) -> Literal["displacement", "force"]:
-    quantities = {split[0] for name in names if (split := split_name(name))}
-    return "displacement" if quantities & {"displacement", "strain"} else "force"
 
 
 def _columns(names: list[str], units: UnitSystem, path: Path) -> list[tuple[int, float]]:
