@@ -53,7 +53,8 @@ def stated_above(lines: Sequence[str], names: str = "") -> Stated:
         if alone and not specimen and re.fullmatch(_SPECIMEN, word):
             column = split_header(value)[1]  # the value names the next column of another table
             if not column and (german or word != "probe"):
-                specimen = f"{key} {value}" if value.isdigit() else value
+                own = re.sub(r"^pad[ _]+", "", value, flags=re.IGNORECASE)  # it is told as "pad"
+                specimen = f"{key} {value}" if value.isdigit() else own
                 named = f"{key}: {value}"
         elif not date and re.fullmatch(_DATE + _BEGAN, word) and _day(value):
             date = value

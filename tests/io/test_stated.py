@@ -48,7 +48,7 @@ def test_specimens_above_the_tables_are_pads_and_dates_their_clock(tmp_path):
     first, second = source.read.pads
     assert [(pad.name, len(pad.tests)) for pad in (first, second)] == [
         ("Silikon A", 2),
-        ("pad B", 1),
+        ("B", 1),
     ]
     assert [(t.name, t.start_s, t.start_known) for t in first.tests] == [
         ("a_v2", 0.0, True),
@@ -126,7 +126,7 @@ def test_dates_that_can_mean_one_thing_are_read(line, began):
     ],
 )
 def test_a_key_and_its_value_may_share_a_cell(line):
-    assert stated_above([line]).specimen == "Pad P"
+    assert stated_above([line]).specimen == "P"
 
 
 @pytest.mark.parametrize(
