@@ -149,7 +149,7 @@ def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comment
     columns = np.c_[one.time, one.way, one.load]
     np.savetxt(file, columns, header=header, comments=comments, delimiter=delimiter)
     (pad,) = read_measurements(file).pads
-    assert pad.name == ("Pad P" if "specimen" in header else "pad")
+    assert pad.name == ("P" if "specimen" in header else "pad")
     assert (pad.units.displacement, pad.units.force) == ("mm", "N")
     (test,) = pad.tests
     assert np.array_equal(test.time, one.time)
