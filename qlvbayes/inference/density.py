@@ -31,7 +31,6 @@ from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
 from qlvbayes.inference.forward.space import STEP, Space
 from qlvbayes.io.arrays import Array
-from qlvbayes.priors.natural import Natural
 
 _COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
 LARGEST_FORCE = 1e6
@@ -266,11 +265,9 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
 def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
     """Return by how much (K,) the log prior changes where negligible amplitudes are excluded."""
     logs = np.zeros(len(thetas))
-    for leaf in parameters.leaves:
-        if isinstance(leaf.prior, Natural):
-            inner = leaf.prior.inner
-            amplitudes = thetas[:, leaf.theta.start].tolist()
-            logs += [log_noticeable(inner, own, 0.0, tolerance) for own in amplitudes]
+    for leaf in parameters.amplitude_of.values():
+        amplitudes = thetas[:, leaf.theta.start].tolist()
+        logs += [log_noticeable(leaf.prior, own, 0.0, tolerance) for own in amplitudes]
     return logs
 
 

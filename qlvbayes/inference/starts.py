@@ -12,7 +12,6 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import FEW, Space
 from qlvbayes.inference.projection import projected, with_curve
 from qlvbayes.io.arrays import Array
-from qlvbayes.priors.natural import Natural
 
 _SCALED = 0.1  # least share of an amplitude to which a start is scaled down
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
@@ -28,10 +27,8 @@ class Amplitude(NamedTuple):
 
 def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:
     """Return the amplitude of an effect; None if no parameter of its is an amplitude."""
-    for name, leaf in parameters.by_name.items():
-        if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
-            return Amplitude(leaf.theta.start, leaf.constants.start, float(leaf.prior.sd))
-    return None
+    leaf = parameters.amplitude_of.get(effect)
+    return leaf and Amplitude(leaf.theta.start, leaf.constants.start, float(leaf.prior.sd))
 
 
 def transferred(
@@ -74,7 +71,7 @@ def over_shapes(
     for leaf in leaves:
         values = draws[:, taken : taken + len(leaf.theta)]
         taken += len(leaf.theta)
-        if isinstance(leaf.prior, Natural):
+        if leaf is parameters.amplitude_of.get(effect):
             base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
             continue
         base[list(leaf.theta)] = np.median(values, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space, in_natural_amplitude
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.data import Test
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.law import AbstractElastic
@@ -24,7 +24,6 @@ from qlvbayes.motion.record import Record, batch
 from qlvbayes.motion.reduction import reduce_test
 from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
 """Protocol of the simulated tests."""
@@ -52,9 +51,9 @@ class RecoveryBench:
         """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
-            {self.elastic.name: in_quadratic_coordinates(self.elastic)},
-            {self.relaxation.name: in_quadratic_coordinates(self.relaxation)},
-            {one.name: in_quadratic_coordinates(in_natural_amplitude(one)) for one in effects},
+            {self.elastic.name: self.elastic},
+            {self.relaxation.name: self.relaxation},
+            {one.name: one for one in effects},
             Correlated(_WHITE, _OU, _TAU),
             bonded=bonded,
         )

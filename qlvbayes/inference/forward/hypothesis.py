@@ -16,8 +16,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import is_prior, names, value_shape
-from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect, Natural
+from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior, HalfNormal, Normal
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
@@ -76,7 +75,7 @@ class Direct:
     @classmethod
     def from_leaves(cls, leaves: Iterable[Leaf]) -> Direct:
         """Return those parameters among some fields that have such a prior."""
-        pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractDirect)]
+        pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractScalarPrior)]
         densities = [prior.density() for _, prior in pairs]
         return cls(
             np.array([leaf.theta.start for leaf, _ in pairs], dtype=np.intp),
@@ -134,7 +133,7 @@ class Parameters:
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
         low, high, length = np.concatenate(bounds).T.copy()
-        joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractDirect))
+        joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractScalarPrior))
         rest = np.concatenate(fixed), Direct.from_leaves(leaves), joint
         return cls(hypothesis, model, noise, tuple(leaves), low, high, length, *rest)
 
@@ -158,9 +157,20 @@ class Parameters:
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
 
     @cached_property
+    def amplitude_of(self) -> dict[str, Leaf]:
+        """Return the field of each effect with which its force grows, by the effect's name.
+
+        It is the first one at whose null value the effect vanishes; where its prior is neither
+        normal nor half-normal, it is no amplitude.
+        """
+        firsts = ((one.name, f"{one.name}.{next(iter(one.null))}") for one in self.model.effects)
+        fields = ((effect, self.by_name.get(name)) for effect, name in firsts)
+        return {k: leaf for k, leaf in fields if leaf and isinstance(leaf.prior, Normal | HalfNormal)}
+
+    @cached_property
     def amplitudes(self) -> list[int]:
         """Return the indices in theta of the effects' amplitudes."""
-        return [leaf.theta.start for leaf in self.leaves if isinstance(leaf.prior, Natural)]
+        return [leaf.theta.start for leaf in self.amplitude_of.values()]
 
     @cached_property
     def columns(self) -> dict[str, slice]:
@@ -225,6 +235,6 @@ class Parameters:
 
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
     """Return lower bound, upper bound and natural length of a prior's parameters."""
-    if isinstance(prior, AbstractDirect):
+    if isinstance(prior, AbstractScalarPrior):
         return prior.density()[:3]
     return -math.inf, math.inf, 1.0
