@@ -21,7 +21,7 @@ from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space, in_natural_amplitude
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -32,7 +32,6 @@ from qlvbayes.model.noise import Correlated, Floor, White
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
@@ -134,12 +133,9 @@ def _space(
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         _record(experiment, choices, model),
-        {name: in_quadratic_coordinates(law) for name, law in elastic.items()},
-        {name: in_quadratic_coordinates(law) for name, law in relaxation.items()},
-        {
-            name: in_quadratic_coordinates(in_natural_amplitude(effect))
-            for name, effect in effects.items()
-        },
+        elastic,
+        relaxation,
+        effects,
         Correlated.from_floor(experiment.floor),
         choices.bonded,
     )
