@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from qlvbayes.laws.motion import Motion
     from qlvbayes.model import noise
     from qlvbayes.model.choices import Choices
-    from qlvbayes.model.dual import displacement_from_force
     from qlvbayes.model.model import Model
+    from qlvbayes.model.stepping import displacement_from_force
     from qlvbayes.motion.experiment import Experiment
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study

@@ -20,14 +20,16 @@ from qlvbayes.io.wording import plain
 from qlvbayes.laws.catalogue import find_elastic
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import (
+    check_draws,
     described_model,
     drawn_models,
     factors,
+    infer_choices,
     lasting_share,
     pad_alone,
     rig_effects,
+    wanted_names,
 )
-from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.motion.facts import Covered, covered

@@ -27,7 +27,7 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.running import Fault, Shard, fault_of
-from qlvbayes.pipeline.comparing import (
+from qlvbayes.pipeline.derived import (
     ReferenceFile,
     compare_few,
     draw_constants,

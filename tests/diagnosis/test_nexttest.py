@@ -39,7 +39,7 @@ from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.pipeline.designing import design_into
+from qlvbayes.pipeline.derived import design_into
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 ERRORS = ReadingErrors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)

@@ -23,7 +23,7 @@ from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, predicted_decrease
-from qlvbayes.inference.projection import projected
+from qlvbayes.inference.starts import projected
 from qlvbayes.motion.experiment import prepare
 
 HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"

@@ -5,7 +5,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 import qlvbayes
-from qlvbayes.pipeline.comparing import CompareStep
+from qlvbayes.pipeline.derived import CompareStep
 from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 
 ROOT = Path(qlvbayes.__file__).parent

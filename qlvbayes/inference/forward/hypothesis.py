@@ -165,7 +165,9 @@ class Parameters:
         """
         firsts = ((one.name, f"{one.name}.{next(iter(one.null))}") for one in self.model.effects)
         fields = ((effect, self.by_name.get(name)) for effect, name in firsts)
-        return {k: leaf for k, leaf in fields if leaf and isinstance(leaf.prior, Normal | HalfNormal)}
+        return {
+            k: leaf for k, leaf in fields if leaf and isinstance(leaf.prior, Normal | HalfNormal)
+        }
 
     @cached_property
     def amplitudes(self) -> list[int]:
