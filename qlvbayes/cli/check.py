@@ -39,7 +39,7 @@ def check(
         return
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
-    from qlvbayes.pipeline.comparing import draw_forces_at_rates
+    from qlvbayes.pipeline.derived import draw_forces_at_rates
     from qlvbayes.pipeline.many import Work, raise_failed, run_pads
     from qlvbayes.pipeline.run import saved_studies
     from qlvbayes.pipeline.steps import CheckStep

@@ -65,7 +65,7 @@ def design_command(
     """
     # imported here, so that neither the help nor other commands wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
-    from qlvbayes.pipeline.designing import design_into
+    from qlvbayes.pipeline.derived import design_into
 
     watcher = Terminal(quiet=as_json)
     results, figures = [], []
