@@ -18,7 +18,7 @@ from scipy.optimize import least_squares as minimise
 
 from qlvbayes.fitting.marginal_likelihood import has_uncertain_zeros, with_zero_errors
 from qlvbayes.fitting.posterior import Predictor
-from qlvbayes.inference.common_errors import stage_changes
+from qlvbayes.inference.errors.whitening import stage_changes
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.io.wording import joined, plain

@@ -13,7 +13,6 @@ import numpy as np
 
 from qlvbayes.fitting.marginal_likelihood import known_floor, with_zero_errors
 from qlvbayes.fitting.posterior import Predictor
-from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Locations
 from qlvbayes.io.arrays import Array
@@ -232,7 +231,6 @@ def errors_given_fit(
     sizes, scales = constants[:, -1], constants[:, -2]
     blocks = predictor.record.blocks
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
-    discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
     left = discrepancy.whitener(predictor.residuals(constants))
     draws = np.zeros((len(constants), locations.size.size))
     rows = np.flatnonzero(sizes > 0.0)
