@@ -170,11 +170,10 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
         return task(pad)
 
 
-def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
-    """Raise FailedError where pads failed in one of the runs; the first run had all pads."""
-    faults = [fault for tally in tallies for fault in tally.faults]
-    if faults:
-        raise FailedError(faults, tallies[0].total, results)
+def raise_failed(tally: Tally, results: Sequence[Any] = ()) -> None:
+    """Raise FailedError where pads failed; ``results`` are those of the others."""
+    if tally.faults:
+        raise FailedError(tally.faults, tally.total, results)
 
 
 def _prepared(

@@ -38,7 +38,7 @@ from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.parallel.running import Fault, package_digest
-from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.plots.catalogue import figures_of, pictures_of, save_figures
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
@@ -334,6 +334,16 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
+
+
+def files_of_fit(step: str = "") -> tuple[str, ...]:
+    """Return the files that a fit and its check may leave, or those of one of these steps."""
+    files = [*FitStep.leaves, "relaxation.json", "relaxation.txt"] if step != CheckStep.name else []
+    files += CheckStep.leaves if step != FitStep.name else ()
+    figures = (
+        one.name for name in ("fit", "check") if step in ("", name) for one in figures_of(name)
+    )
+    return (*files, *(f"{name}.{kind}" for name in figures for kind in ("png", "pdf")))
 
 
 def as_pasted(text: str, folder: Path, source: str) -> str:
