@@ -63,7 +63,7 @@ def check(
     else:
         _show_constants([folder / name for name in names])
         show_figures(figures)
-    raise_failed([done])
+    raise_failed(done)
 
 
 def _show_constants(folders: Sequence[Path]) -> None:

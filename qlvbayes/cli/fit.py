@@ -64,4 +64,4 @@ def fit(
                 draw_constants(output, reference_file)
     show_done(output, done, "summary.json", as_json=as_json)
     watcher.took()
-    raise_failed([done])
+    raise_failed(done)
