@@ -82,7 +82,10 @@ def predict(
         predictor = predictor.over(with_zero_errors(predictor.record, trials, middle))
         fitted = experiment.with_role("fit")
         of_fit = with_zero_errors(experiment.record(fitted), fitted, middle)
-        places, inside = _places(known, trials, chosen, forces.mean(axis=0))
+        samples = predictor.record.blocks
+        inside = np.asarray(samples.real)
+        expected = replace(samples, force=forces.mean(axis=0))
+        places = Locations.from_blocks(known, trials, expected)
         contacts = Contacts.from_trials(trials, fitted)
         noise[:, inside], zeros = errors_given_fit(
             known, predictor.over(of_fit), fitted, matrix, places, contacts, rng
@@ -142,22 +145,6 @@ def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -
     if samples.contact.any():
         errors += samples.contact * rng.standard_normal((*shape[:2], 1))
     return errors
-
-
-def _places(
-    experiment: Experiment,
-    trials: Sequence[Trial],
-    chosen: Sequence[np.ndarray],
-    forces: np.ndarray,
-) -> tuple[Locations, np.ndarray]:
-    """Return the locations of all samples, where the force is (T, B), and which of those are."""
-    names = [trial.name for trial in experiment.trials]
-    locations, inside = [], np.zeros(forces.shape, dtype=bool)
-    for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
-        where = names.index(trial.name), trial.test.time[rows], forces[k, : rows.size]
-        locations.append(Locations.from_trial(experiment, trial, *where))
-        inside[k, : rows.size] = True
-    return Locations.joined(locations), inside
 
 
 @dataclass(frozen=True)

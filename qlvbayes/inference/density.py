@@ -260,9 +260,9 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
 def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
     """Return by how much (K,) the log prior changes where negligible amplitudes are excluded."""
     logs = np.zeros(len(thetas))
-    for leaf in parameters.amplitude_of.values():
-        amplitudes = thetas[:, leaf.theta.start].tolist()
-        logs += [log_noticeable(leaf.prior, own, 0.0, tolerance) for own in amplitudes]
+    for amplitude in parameters.amplitude_of.values():
+        values = thetas[:, amplitude.number].tolist()
+        logs += [log_noticeable(amplitude.prior, one, 0.0, tolerance) for one in values]
     return logs
 
 

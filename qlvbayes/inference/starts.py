@@ -8,14 +8,13 @@ the constants are fitted to the curve without any force of the record.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.fixedrates import relaxation_of
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
 from qlvbayes.inference.forward.space import FEW, Space
 from qlvbayes.io.arrays import Array
 
@@ -23,18 +22,9 @@ _SCALED = 0.1  # least share of an amplitude to which a start is scaled down
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
 
 
-class Amplitude(NamedTuple):
-    """The parameter with which an effect's force grows."""
-
-    number: int  # its index in theta
-    constant: int  # its index in the constants
-    sd: float  # of its prior
-
-
 def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:
     """Return the amplitude of an effect; None if no parameter of its is an amplitude."""
-    leaf = parameters.amplitude_of.get(effect)
-    return leaf and Amplitude(leaf.theta.start, leaf.constants.start, float(leaf.prior.sd))
+    return parameters.amplitude_of.get(effect)
 
 
 def transferred(
@@ -77,7 +67,7 @@ def over_shapes(
     for leaf in leaves:
         values = draws[:, taken : taken + len(leaf.theta)]
         taken += len(leaf.theta)
-        if leaf is parameters.amplitude_of.get(effect):
+        if leaf.theta.start in parameters.amplitudes:
             base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
             continue
         base[list(leaf.theta)] = np.median(values, axis=0)

@@ -90,8 +90,9 @@ class CompareStep:
 
     def _key(self, first: Group, second: Group) -> str:
         fits = (*first[1], *second[1])
-        digests = [(x.pad, x.fluid, hashlib.sha256(x.draws.tobytes()).hexdigest()) for x in fits]
-        parts = (self, first[0], second[0], digests, package_digest(self.code))
+        facts = [(x.pad, x.fluid, x.covered) for x in fits]
+        digests = [hashlib.sha256(x.draws.tobytes()).hexdigest() for x in fits]
+        parts = (self, first[0], second[0], facts, digests, package_digest(self.code))
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 

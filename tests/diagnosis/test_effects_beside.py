@@ -54,8 +54,8 @@ def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share)
     start = shapes(density.space, point, own, kind.name)[0]
     amplitude = amplitude_of(own, kind.name)
     start[amplitude.number] = 0.5 * amplitude.sd
-    others = (leaf for leaf in own.leaves if leaf is not own.amplitude_of.get(kind.name))
-    halves = [leaf.theta.start for leaf in others if isinstance(leaf.prior, HalfNormal)]
+    halves = [leaf.theta.start for leaf in own.leaves if isinstance(leaf.prior, HalfNormal)]
+    halves = [number for number in halves if number not in own.amplitudes]
     start[halves] *= share
     place = density.at(hypothesis, start)
     sizes = density.discrepancy.sizes.tolist()

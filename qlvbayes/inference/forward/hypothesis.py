@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -56,6 +57,19 @@ class Leaf:
         """Return values (..., K) of the field and log prior densities (K,) at thetas (K, F)."""
         value, log = self.prior.constrain(thetas[:, self.theta.start : self.theta.stop].T)
         return np.asarray(value), np.asarray(log)
+
+
+class Amplitude(NamedTuple):
+    """The parameter with which an effect's force grows."""
+
+    number: int  # its index in theta
+    constant: int  # its index in the constants
+    prior: Normal | HalfNormal
+
+    @property
+    def sd(self) -> float:
+        """Return the standard deviation of the prior, for a half-normal before it is folded."""
+        return float(self.prior.sd)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,22 +171,24 @@ class Parameters:
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
 
     @cached_property
-    def amplitude_of(self) -> dict[str, Leaf]:
-        """Return the field of each effect with which its force grows, by the effect's name.
+    def amplitude_of(self) -> dict[str, Amplitude]:
+        """Return the amplitude of each effect that has one, by the effect's name.
 
-        It is the first one at whose null value the effect vanishes; where its prior is neither
-        normal nor half-normal, it is no amplitude.
+        It is the first constant at whose null value the effect vanishes, where its prior is normal
+        or half-normal.
         """
-        firsts = ((one.name, f"{one.name}.{next(iter(one.null))}") for one in self.model.effects)
-        fields = ((effect, self.by_name.get(name)) for effect, name in firsts)
-        return {
-            k: leaf for k, leaf in fields if leaf and isinstance(leaf.prior, Normal | HalfNormal)
-        }
+        found = {}
+        for effect in self.model.effects:
+            leaf = self.by_name.get(f"{effect.name}.{next(iter(effect.null))}")
+            if leaf is not None and isinstance(leaf.prior, Normal | HalfNormal):
+                numbers = leaf.theta.start, leaf.constants.start
+                found[effect.name] = Amplitude(*numbers, leaf.prior)
+        return found
 
     @cached_property
     def amplitudes(self) -> list[int]:
         """Return the indices in theta of the effects' amplitudes."""
-        return [leaf.theta.start for leaf in self.amplitude_of.values()]
+        return [one.number for one in self.amplitude_of.values()]
 
     @cached_property
     def columns(self) -> dict[str, slice]:
