@@ -49,11 +49,11 @@ def candidate_at(
     """Return a hypothesis at a mode with Laplace's evidence about it."""
     laplace = evidence(density, mode.point, mode.size)
     log = laplace.log
-    for leaf in mode.point.own.amplitude_of.values():
+    for amplitude in mode.point.own.amplitude_of.values():
         if math.isfinite(log):
-            k = leaf.theta[0]
+            k = amplitude.number
             sd = math.sqrt(max(laplace.covariance[k, k], 0.0))
-            log += log_noticeable(leaf.prior, float(laplace.mean[k]), sd, tolerance)
+            log += log_noticeable(amplitude.prior, float(laplace.mean[k]), sd, tolerance)
     mode.point.separation.forget()
     return Candidate(hypothesis, mode, laplace, log)
 

@@ -110,8 +110,8 @@ def values_of(own: Parameters, constants: Array) -> dict[str, float]:
 def nothing_added(own: Parameters, space: Space) -> Array:
     """Return (F,) free parameters at their priors' medians, every effect's amplitude at zero."""
     theta = median(space.prior_draws(own.hypothesis))
-    for effect, leaf in own.amplitude_of.items():
-        theta[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
+    for effect, amplitude in own.amplitude_of.items():
+        theta[amplitude.number] = next(iter(space.effects[effect].null.values()))
     return np.asarray(own.within(theta))
 
 
