@@ -83,7 +83,7 @@ _HOMES = {
     "Study": "pipeline.specimen.Study",
     "Test": "io.data.Test",
     "compare": "comparison.compare.compare",
-    "displacement_from_force": "model.dual.displacement_from_force",
+    "displacement_from_force": "model.stepping.displacement_from_force",
     "export": "use.exports.target.export",
     "load_results": "fitting.results.load",
     "predict_program": "use.prescribed.forecast.predict_program",

@@ -159,7 +159,7 @@ def _rows(density: Density, mode: Mode, search: Search) -> list[Row]:
             continue
         theta = transferred(point.own, point.theta, parameters)
         own = search.families.family_of[name] == name
-        shapes = max(breadth.shapes if own else 1, space.effects[name].shapes)
+        shapes = breadth.shapes if own else 1
         none = np.stack(over_shapes(space, parameters, name, theta, shapes))
         signed = bool(parameters.lowest[amplitude.number] == -np.inf)
         sizes = [_AMPLITUDE, -_AMPLITUDE] if signed else [_AMPLITUDE]

@@ -51,17 +51,15 @@ def shapes(
     space: Space, point: Point, parameters: Parameters, effect: str, count: int = _SHAPES
 ) -> list[Array]:
     """Return thetas (G,) that add an effect without force to a point, over its shape's prior."""
-    count = max(count, space.effects[effect].shapes)
-    return over_shapes(
-        space, parameters, effect, transferred(point.own, point.theta, parameters), count
-    )
+    theta = transferred(point.own, point.theta, parameters)
+    return over_shapes(space, parameters, effect, theta, count)
 
 
 def over_shapes(
     space: Space, parameters: Parameters, effect: str, theta: Array, count: int = _SHAPES
 ) -> list[Array]:
-    """Return thetas (G,) that add an effect without force, over its shape's prior."""
-    base = theta.copy()
+    """Return thetas (G,), ``count`` or more, that add an effect without force over its shapes."""
+    base, count = theta.copy(), max(count, space.effects[effect].shapes)
     leaves = [leaf for name, leaf in parameters.by_name.items() if name.startswith(f"{effect}.")]
     draws, taken, shape = space.draws("effects", effect), 0, None
     for leaf in leaves:
@@ -141,8 +139,7 @@ def _screened(
     projected on what the constants at the point cannot follow. The one of each
     size that gains most starts, scaled to where it gains most.
     """
-    many = max(count, space.effects[effect].shapes)
-    at_zero = np.stack(over_shapes(space, parameters, effect, theta, many))
+    at_zero = np.stack(over_shapes(space, parameters, effect, theta, count))
     amplitude = amplitude_of(parameters, effect)
     if amplitude is None:
         return list(at_zero)
