@@ -134,8 +134,8 @@ def side_of(source: Source, name: str) -> Side:
         draws = source.constants.reshape(-1, len(source.names))
         return Side(source.pad, tuple(source.names), _some(draws), source.choices, *known)
     if isinstance(source, Saved):
-        known = source.units, source.covered, source.fluid, source.fitted, source.converged
-        return Side(source.pad, source.names, _some(source.draws), source.choices, *known)
+        stated = source.units, source.covered, source.fluid, source.fitted, source.converged
+        return Side(source.pad, source.names, _some(source.draws), source.choices, *stated)
     given = {key: np.ravel(np.asarray(values, float)) for key, values in source.items()}
     choices = infer_choices(given)
     names = tuple(wanted_names(choices, given))

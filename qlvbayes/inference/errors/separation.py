@@ -59,61 +59,54 @@ class DiscrepancyOfSize:
     """A discrepancy of one size s (N), with the covariance C or, where it is separated, C_P.
 
     The matrices act on whitened block means. C^-1 = root (1 - axes^T axes) root, with root (n,):
-    D^(-1/2), and axes (M, n). log_volume: ln of the determinant. own (U, n), projected (U, M):
-    scaled U and its components along the axes; inverse (U, U): M^-1; without rows where C_P is C.
+    D^(-1/2), and axes (M, n). log_volume: ln of the determinant. separating: scaled U (U, n), its
+    components along the axes (U, M), and M^-1 (U, U); None where C_P is C.
     """
 
     size: float
     root: Array
     axes: Array
     log_volume: float
-    own: Array | None = None
-    projected: Array | None = None
-    inverse: Array | None = None
+    separating: tuple[Array, Array, Array] | None = None
 
     def separated(
         self, basis: Array, coupled: Array, scattered: Array, cost: float
     ) -> DiscrepancyOfSize:
         """Return it separated by Q and Y (R, n), with scaled V (K, n), all whitened."""
         scale = self.size or 1.0  # makes Q and Y of similar size, which saves digits
-        rows = np.concatenate([scale * basis, coupled / scale, scattered])
-        own, projected = self._scaled(rows)
+        own, along = self._scaled(np.concatenate([scale * basis, coupled / scale, scattered]))
         rank = len(basis)
-        inner = -np.eye(len(rows))
+        inner = -np.eye(len(own))
         inner[: 2 * rank, : 2 * rank] = np.roll(np.eye(2 * rank), rank, axis=0)
-        core = inner - (own @ own.T - projected @ projected.T)
+        core = inner - (own @ own.T - along @ along.T)
         log_volume = self.log_volume + float(np.linalg.slogdet(core)[1]) + cost
-        inverse = np.linalg.inv(core)
-        return replace(self, log_volume=log_volume, own=own, projected=projected, inverse=inverse)
+        separating = own, along, np.asarray(np.linalg.inv(core), float)
+        return replace(self, log_volume=log_volume, separating=separating)
 
     def products(self, vectors: Array) -> Array:
         """Return the products v^T C_P^-1 w (M, M) of whitened vectors (M, n)."""
         scaled, along = self._scaled(vectors)
         products = scaled @ scaled.T - along @ along.T
-        if self.own is not None:
-            with_u = self._with_u(scaled, along)
-            products = products + with_u @ self.inverse @ with_u.T
+        if self.separating is not None:
+            own, own_along, inverse = self.separating
+            with_u = scaled @ own.T - along @ own_along.T
+            products = products + with_u @ inverse @ with_u.T
         return np.asarray(products)
 
     def squares(self, vectors: Array) -> Array:
         """Return v^T C_P^-1 v (M,) of whitened vectors (M, n)."""
         scaled, along = self._scaled(vectors)
         squares = (scaled**2).sum(axis=1) - (along**2).sum(axis=1)
-        if self.own is not None:
-            with_u = self._with_u(scaled, along)
-            squares = squares + np.einsum("mu,uw,mw->m", with_u, self.inverse, with_u)
+        if self.separating is not None:
+            own, own_along, inverse = self.separating
+            with_u = scaled @ own.T - along @ own_along.T
+            squares = squares + np.einsum("mu,uw,mw->m", with_u, inverse, with_u)
         return np.asarray(squares)
 
     def _scaled(self, vectors: Array) -> tuple[Array, Array]:
         """Return the scaled vectors (M, n) and their components (M, K) along the K axes."""
         scaled = vectors * self.root
         return scaled, scaled @ self.axes.T
-
-    def _with_u(self, scaled: Array, along: Array) -> Array:
-        """Return the products v^T C^-1 U^T (M, U) of scaled vectors."""
-        assert self.own is not None
-        assert self.projected is not None
-        return np.asarray(scaled @ self.own.T - along @ self.projected.T)
 
 
 def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
