@@ -90,8 +90,9 @@ class AbstractScalarPrior(AbstractPrior):
     """Prior of one constant, whose log density is quadratic over its coordinate within bounds.
 
     ``word`` names the prior on the command line; the fields are its arguments, in order. The
-    coordinate is the constant itself, or its logarithm where ``in_log`` says so; an optimiser has
-    to stay within the bounds. Any other prior of a user's own extends `AbstractPrior`.
+    coordinate is the constant itself, or in sds from its mean where it may have either sign, or its
+    logarithm where ``in_log`` says so; an optimiser has to stay within the bounds. Any other prior
+    of a user's own extends `AbstractPrior`.
     """
 
     word: ClassVar[str]
@@ -101,6 +102,11 @@ class AbstractScalarPrior(AbstractPrior):
     def size(self) -> int:
         """Return 1: one coordinate stands for the value."""
         return 1
+
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return shift and scale of the value over its coordinate, if that is no logarithm."""
+        return 0.0, 1.0
 
     @abstractmethod
     def log_density(self, value: ArrayLike) -> Array:
@@ -112,14 +118,14 @@ class AbstractScalarPrior(AbstractPrior):
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
         """Return the value at y, shape (1,), and the log density over y."""
-        value = xp.exp(y[0]) if self.in_log else y[0]
-        log_density = self.log_density(value)
-        return value, log_density + y[0] if self.in_log else log_density
+        shift, scale = self.affine
+        value = xp.exp(y[0]) if self.in_log else shift + scale * y[0]
+        return value, self.log_density(value) + (y[0] if self.in_log else xp.log(scale))
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the coordinate of the value, shape (1,)."""
-        one = xp.asarray(value)[None]
-        return xp.log(one) if self.in_log else one
+        one, (shift, scale) = xp.asarray(value)[None], self.affine
+        return xp.log(one) if self.in_log else (one - shift) / scale
 
     def describe(self) -> str:
         """Return ``word(a, b)``, as the prior is written on the command line."""
@@ -144,17 +150,35 @@ class Normal(AbstractScalarPrior):
     sd: Array | float
     word: ClassVar[str] = "normal"
 
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return mean and sd: the coordinate does not depend on the constant's unit."""
+        return self.mean, self.sd
+
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the normal distribution at ``value``."""
         return log_normal_density(value, self.mean, self.sd)
 
     def density(self) -> QuadraticDensity:
-        """Return the log density; its natural step is the sd."""
-        return _normal(float(self.mean), float(self.sd))
+        """Return the log density in sds from the mean."""
+        return _normal(0.0, 1.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.asarray(rng.normal(self.mean, self.sd))
+
+
+class SignedAmplitude(Normal):
+    """Normal prior over an amplitude itself, with which an effect's force is linear from zero."""
+
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return 0 and 1: the coordinate is the amplitude."""
+        return 0.0, 1.0
+
+    def density(self) -> QuadraticDensity:
+        """Return the log density; its natural step is the sd."""
+        return _normal(float(self.mean), float(self.sd))
 
 
 class LogNormal(AbstractPositivePrior):

@@ -1,6 +1,6 @@
 """All laws and some effects about tests of a pad."""
 
-from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import Correlated
@@ -15,7 +15,7 @@ def space_of(experiment, trials, effects):
         experiment.record(trials),
         {kind.name: kind.default(scales) for kind in LAWS.elastic},
         relaxation,
-        {k.name: k.default(scales) for k in effects},
+        {k.name: in_natural_amplitude(k.default(scales)) for k in effects},
         Correlated.from_floor(experiment.floor),
         False,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.io.data import Test
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.law import AbstractElastic
@@ -53,7 +53,7 @@ class RecoveryBench:
             self.record,
             {self.elastic.name: self.elastic},
             {self.relaxation.name: self.relaxation},
-            {one.name: one for one in effects},
+            {one.name: in_natural_amplitude(one) for one in effects},
             Correlated(_WHITE, _OU, _TAU),
             bonded=bonded,
         )

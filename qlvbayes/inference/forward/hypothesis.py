@@ -17,7 +17,12 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import is_prior, names, value_shape
-from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior, HalfNormal, Normal
+from qlvbayes.priors.distributions import (
+    AbstractPrior,
+    AbstractScalarPrior,
+    HalfNormal,
+    SignedAmplitude,
+)
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
@@ -64,7 +69,7 @@ class Amplitude(NamedTuple):
 
     number: int  # its index in theta
     constant: int  # its index in the constants
-    prior: Normal | HalfNormal
+    prior: SignedAmplitude | HalfNormal
 
     @property
     def sd(self) -> float:
@@ -80,6 +85,8 @@ class Direct:
     theta: NDArray[np.intp]
     constants: NDArray[np.intp]
     in_log: NDArray[np.bool_]  # (Q,): which of them are logarithms
+    shift: Array  # shift, scale (Q,): of the others' constants
+    scale: Array
     # mean, precision, curvature (Q,): of the priors
     mean: Array
     precision: Array
@@ -95,6 +102,7 @@ class Direct:
             np.array([leaf.theta.start for leaf, _ in pairs], dtype=np.intp),
             np.array([leaf.constants.start for leaf, _ in pairs], dtype=np.intp),
             np.array([prior.in_log for _, prior in pairs], dtype=bool),
+            *np.array([prior.affine for _, prior in pairs], dtype=float).reshape(-1, 2).T,
             np.array([one.mean for one in densities]),
             np.array([one.precision for one in densities]),
             np.array([one.curvature for one in densities]),
@@ -104,8 +112,9 @@ class Direct:
     def values(self, thetas: Array) -> Array:
         """Return constants (K, Q) at thetas (K, F)."""
         selected = thetas[:, self.theta]
-        selected[:, self.in_log] = np.exp(selected[:, self.in_log])
-        return selected
+        values = self.shift + self.scale * selected
+        values[:, self.in_log] = np.exp(selected[:, self.in_log])
+        return values
 
     def log_densities(self, thetas: Array) -> Array:
         """Return the sum of the log densities (K,) at thetas (K, F), within the bounds."""
@@ -175,12 +184,12 @@ class Parameters:
         """Return the amplitude of each effect that has one, by the effect's name.
 
         It is the first constant at whose null value the effect vanishes, where its prior is normal
-        or half-normal.
+        or half-normal (`in_natural_amplitude`).
         """
         found = {}
         for effect in self.model.effects:
             leaf = self.by_name.get(f"{effect.name}.{next(iter(effect.null))}")
-            if leaf is not None and isinstance(leaf.prior, Normal | HalfNormal):
+            if leaf is not None and isinstance(leaf.prior, SignedAmplitude | HalfNormal):
                 numbers = leaf.theta.start, leaf.constants.start
                 found[effect.name] = Amplitude(*numbers, leaf.prior)
         return found

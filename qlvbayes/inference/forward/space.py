@@ -30,7 +30,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import filled, is_prior, unconstrained
 from qlvbayes.motion.record import Record
-from qlvbayes.priors import HalfNormal, Normal
+from qlvbayes.priors.distributions import HalfNormal, Normal, SignedAmplitude
 
 FEW = 4
 """Largest number of modes of a spectrum that is computed as it is, without fixed rates."""
@@ -48,7 +48,7 @@ class Space:
     # elastic, relaxation: laws by name
     elastic: dict[str, AbstractElastic]
     relaxation: dict[str, AbstractRelaxation]
-    effects: dict[str, AbstractEffect]  # candidates by name
+    effects: dict[str, AbstractEffect]  # candidates by name, `in_natural_amplitude`
     noise: AbstractNoise  # the floor, with fixed parameters
     bonded: bool  # whether the specimen is fixed to the indenter
     _forces: Forces = field(default_factory=Forces)
@@ -215,13 +215,15 @@ class Space:
         return [effect.name for effect in self.parameters(hypothesis).model.effects]
 
 
-def with_scaled_amplitude(effect: AbstractEffect, factor: float) -> AbstractEffect:
-    """Return the effect with the sd of its amplitude's prior scaled by ``factor``."""
+def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
+    """Return the effect with a prior on its amplitude itself, its sd scaled by ``factor``."""
     name = next(iter(effect.null))
     prior = getattr(effect, name)
-    if not isinstance(prior, Normal | HalfNormal):
-        return effect
-    return replace(effect, **{name: replace(prior, sd=factor * float(prior.sd))})
+    if isinstance(prior, Normal):
+        return replace(effect, **{name: SignedAmplitude(prior.mean, factor * float(prior.sd))})
+    if isinstance(prior, HalfNormal):
+        return replace(effect, **{name: HalfNormal(factor * float(prior.sd))})
+    return effect
 
 
 def _spectrum(relaxation: AbstractRelaxation, count: int) -> tuple[Array, Array]:
