@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import with_scaled_amplitude
+from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.laws.scales import SHARE
 
@@ -147,7 +147,7 @@ def scale_amplitudes(
                 )
     # a form holds the candidate's law inside, with the same amplitude
     effects = {
-        name: with_scaled_amplitude(effect, factors[families.family_of[name]])
+        name: in_natural_amplitude(effect, factors[families.family_of[name]])
         for name, effect in space.effects.items()
         if families.family_of[name] in factors
     }

@@ -20,7 +20,7 @@ from qlvbayes.fitting.optimum import best_model
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -133,7 +133,7 @@ def _space(
         _record(experiment, choices, model),
         elastic,
         relaxation,
-        effects,
+        {name: in_natural_amplitude(effect) for name, effect in effects.items()},
         Correlated.from_floor(experiment.floor),
         choices.bonded,
     )

@@ -25,6 +25,7 @@ from qlvbayes.diagnosis.description.source import ADDED_BY, References, load, na
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.modes import Mode, find_mode
 from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array
@@ -117,7 +118,8 @@ class LawFits:
 
     def extended(self, kinds: Sequence[type[AbstractEffect]]) -> Density:
         """Return the density in a space that also holds some described effects."""
-        own = {kind.name: kind.default(self.experiment.scales) for kind in kinds}
+        effects = (kind.default(self.experiment.scales) for kind in kinds)
+        own = {one.name: in_natural_amplitude(one) for one in effects}
         space = self.density.space
         return self.density.with_space(space.with_effects({**space.effects, **own}))
 
