@@ -98,11 +98,13 @@ class Direct:
         """Return those parameters among some fields that have such a prior."""
         pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractScalarPrior)]
         densities = [prior.density() for _, prior in pairs]
+        shift, scale = np.array([prior.affine for _, prior in pairs], float).reshape(-1, 2).T
         return cls(
             np.array([leaf.theta.start for leaf, _ in pairs], dtype=np.intp),
             np.array([leaf.constants.start for leaf, _ in pairs], dtype=np.intp),
             np.array([prior.in_log for _, prior in pairs], dtype=bool),
-            *np.array([prior.affine for _, prior in pairs], dtype=float).reshape(-1, 2).T,
+            shift,
+            scale,
             np.array([one.mean for one in densities]),
             np.array([one.precision for one in densities]),
             np.array([one.curvature for one in densities]),
