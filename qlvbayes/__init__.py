@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from qlvbayes.laws.motion import Motion
     from qlvbayes.model import noise
     from qlvbayes.model.choices import Choices
-    from qlvbayes.model.dual import displacement_from_force
     from qlvbayes.model.model import Model
+    from qlvbayes.model.stepping import displacement_from_force
     from qlvbayes.motion.experiment import Experiment
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
@@ -83,7 +83,7 @@ _HOMES = {
     "Study": "pipeline.specimen.Study",
     "Test": "io.data.Test",
     "compare": "comparison.compare.compare",
-    "displacement_from_force": "model.dual.displacement_from_force",
+    "displacement_from_force": "model.stepping.displacement_from_force",
     "export": "use.exports.target.export",
     "load_results": "fitting.results.load",
     "predict_program": "use.prescribed.forecast.predict_program",

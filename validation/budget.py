@@ -203,7 +203,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     """
     hypothesis = point.own.hypothesis
     whitener = density.whitener.with_independent_noise(_BEFORE_PRIORS * rms)
-    white = Density(density.space, whitener, Discrepancy.none(whitener, density.discrepancy.peak))
+    white = Density(density.space, Discrepancy.none(whitener, density.discrepancy.peak))
     rough = find_mode(density.coarse, hypothesis, point.theta)
     starts = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)
     starts += [rough.point.theta] if rough else []

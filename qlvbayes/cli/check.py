@@ -39,7 +39,7 @@ def check(
         return
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
-    from qlvbayes.pipeline.comparing import draw_forces_at_rates
+    from qlvbayes.pipeline.derived import draw_forces_at_rates
     from qlvbayes.pipeline.many import Work, raise_failed, run_pads
     from qlvbayes.pipeline.run import saved_studies
     from qlvbayes.pipeline.steps import CheckStep
@@ -63,7 +63,7 @@ def check(
     else:
         _show_constants([folder / name for name in names])
         show_figures(figures)
-    raise_failed([done])
+    raise_failed(done)
 
 
 def _show_constants(folders: Sequence[Path]) -> None:

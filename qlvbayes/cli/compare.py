@@ -17,7 +17,7 @@ from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:
     from qlvbayes.fitting.results import Saved
-    from qlvbayes.pipeline.comparing import Group
+    from qlvbayes.pipeline.derived import Group
 
 
 def compare_command(
@@ -71,7 +71,7 @@ def compare_command(
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.tables import contrasts_table
     from qlvbayes.cli.terminal import Terminal, show_figures
-    from qlvbayes.pipeline.comparing import FOLDER, CompareStep, figure_of
+    from qlvbayes.pipeline.derived import FOLDER, CompareStep, figure_of
 
     out_folder = folders[0]
     fits, named = _fits(folders, pads, data)
@@ -101,7 +101,7 @@ def _fits(folders: Sequence[Path], pads: str, data: Path | None) -> tuple[list[S
 
     Of several folders pads of one name are told apart by their folders' names.
     """
-    from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
+    from qlvbayes.pipeline.derived import fitted_pads, saved_pads
 
     fits: list[tuple[Path, Saved]] = []
     for folder in dict.fromkeys(folders):
@@ -125,7 +125,7 @@ def _pairs(
     fits: Sequence[Saved], folder: Path, named: bool, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
     """Return what is compared; raise InputError where there are no two of it, or too many."""
-    from qlvbayes.pipeline.comparing import fluid_pairs, pad_pairs
+    from qlvbayes.pipeline.derived import fluid_pairs, pad_pairs
     from qlvbayes.report.page import MOST_ON_A_PAGE
 
     if fluids is None:

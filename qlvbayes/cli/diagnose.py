@@ -50,4 +50,4 @@ def diagnose_command(
         record_run(output, "diagnose", command_line(), source.whole, choices, seed, run_settings)
     show_done(output, done, "diagnosis.json", as_json=as_json)
     watcher.took()
-    raise_failed([done])
+    raise_failed(done)

@@ -37,7 +37,7 @@ def fit(
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_done
     from qlvbayes.fitting.results import record_run
-    from qlvbayes.pipeline.comparing import draw_constants, find_references
+    from qlvbayes.pipeline.derived import draw_constants, find_references
     from qlvbayes.pipeline.many import raise_failed, run_steps
     from qlvbayes.pipeline.steps import FitStep
 
@@ -64,4 +64,4 @@ def fit(
                 draw_constants(output, reference_file)
     show_done(output, done, "summary.json", as_json=as_json)
     watcher.took()
-    raise_failed([done])
+    raise_failed(done)

@@ -86,7 +86,7 @@ def _sources(
     folder: Path, pads: str, which: str, watcher: Terminal
 ) -> Iterator[Saved | Hypotheses]:
     """Yield each named pad's fit or hypotheses, one after the other, by default of all pads."""
-    from qlvbayes.pipeline.comparing import fitted_pads, saved_pads
+    from qlvbayes.pipeline.derived import fitted_pads, saved_pads
     from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
     averaged = which == "averaged"

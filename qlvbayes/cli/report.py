@@ -18,8 +18,8 @@ def report(
         bool,
         typer.Option(
             "--gather",
-            help="First make tables and comparisons of the pads that are there, and their last "
-            "fits where these depend on other pads: after a run in parts (--shard).",
+            help="First make tables and comparisons of the pads that are there: after a run in "
+            "parts (--shard).",
         ),
     ] = False,
     jobs: Jobs = "1",

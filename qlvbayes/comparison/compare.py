@@ -17,8 +17,6 @@ from qlvbayes.comparison.contrast import (
     Interval,
     Omnibus,
 )
-from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
-from qlvbayes.comparison.joint import joint_test, smallest_tail
 from qlvbayes.comparison.readings import Reading, readings
 from qlvbayes.comparison.settings import ReadingSettings, choose
 from qlvbayes.comparison.side import (
@@ -29,6 +27,7 @@ from qlvbayes.comparison.side import (
     side_of,
     unheld_times,
 )
+from qlvbayes.comparison.statistics import DRAWS, fluid_draws, joint_test, smallest_tail
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved

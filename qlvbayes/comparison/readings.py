@@ -5,6 +5,7 @@ Every number comes from `Model.force` of a motion, so that effects take part in 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
@@ -12,11 +13,104 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from qlvbayes.comparison import programmes
 from qlvbayes.comparison.settings import ReadingSettings
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
+
+RAMP_POINTS = 129
+HOLD_POINTS = 193
+_DECADES = 6  # that the points of a hold span
+
+CYCLES, REST_CYCLES = 3, 1
+PIECES = 96  # of a cycle
+AMPLITUDE = 0.01  # of a small oscillation, over the depth
+
+POINTS = RAMP_POINTS + HOLD_POINTS + 2 * (CYCLES + REST_CYCLES) * PIECES + 1
+BURST = slice(RAMP_POINTS + HOLD_POINTS, POINTS)
+_INSTANT = 1e-6  # s, in which a step is made
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion (N,): time (s), depth (mm) and velocity (mm/s) just after each point."""
+
+    time: np.ndarray
+    depth: np.ndarray
+    velocity: np.ndarray
+
+    def filled(self) -> Course:
+        """Return the motion padded to `POINTS` points at rest, which have no effect."""
+        missing = POINTS - self.time.size
+        time, depth = (np.pad(x, (0, missing), "edge") for x in (self.time, self.depth))
+        return Course(time, depth, np.append(self.velocity, np.zeros(missing)))
+
+
+def step_hold(depth: float, duration: float) -> Course:
+    """Return a step of 1 us to ``depth`` (mm), then rest for ``duration`` (s)."""
+    return ramp_hold(depth, depth / _INSTANT, duration)
+
+
+def ramp_hold(depth: float, speed: float, duration: float) -> Course:
+    """Return a ramp from contact to ``depth`` (mm) at ``speed`` (mm/s), then rest (s)."""
+    up = ramp(0.0, 0.0, depth, speed)
+    return joined([up, hold(up.time[-1], depth, duration)])
+
+
+def cycle(depth: float, speed: float) -> Course:
+    """Return a ramp from contact to ``depth`` and back at one speed."""
+    up = ramp(0.0, 0.0, depth, speed)
+    return joined([up, ramp(up.time[-1], depth, 0.0, speed)])
+
+
+def oscillation(
+    depth: float, speed: float, duration: float, frequency: float, amplitude: float
+) -> Course:
+    """Return a ramp, a hold and a burst of a sine (Hz) about ``depth`` in a Hann window."""
+    before = ramp_hold(depth, speed, duration)
+    phase = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
+    window = np.where(phase <= CYCLES, np.sin(np.pi * phase / CYCLES) ** 2, 0.0)
+    swing = amplitude * window * np.sin(2.0 * np.pi * phase)
+    speeds = np.diff(swing, append=swing[-1]) * PIECES * frequency
+    time = before.time[-1] + _with_middles(phase) / frequency
+    burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
+    return joined([before, burst])
+
+
+def middles(values: np.ndarray) -> np.ndarray:
+    """Return the values (..., N) of an oscillation at the middles of the burst's pieces."""
+    return values[..., BURST][..., 1::2]
+
+
+def _with_middles(ends: np.ndarray) -> np.ndarray:
+    both = np.empty(2 * ends.size - 1)
+    both[::2], both[1::2] = ends, 0.5 * (ends[1:] + ends[:-1])
+    return both
+
+
+def ramp(start: float, first: float, last: float, speed: float) -> Course:
+    """Return a ramp that begins at ``start`` (s), from one depth to another."""
+    share = np.linspace(0.0, 1.0, RAMP_POINTS)
+    travel = last - first
+    velocity = np.full(RAMP_POINTS, np.sign(travel) * speed)
+    return Course(start + share * abs(travel) / speed, first + share * travel, velocity)
+
+
+def hold(start: float, depth: float, duration: float) -> Course:
+    """Return a hold whose points are even in the logarithm of time."""
+    shares = np.concatenate([[0.0], np.geomspace(10.0**-_DECADES, 1.0, HOLD_POINTS - 1)])
+    nothing = np.zeros(HOLD_POINTS)
+    return Course(start + duration * shares, nothing + depth, nothing)
+
+
+def joined(parts: Sequence[Course]) -> Course:
+    """Join motions; at a kink both velocities are there, at the same time."""
+    return Course(
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.depth for part in parts]),
+        np.concatenate([part.velocity for part in parts]),
+    )
+
 
 _CLOSE = 1e-4  # of the depth, between the forces whose slope is the stiffness
 _BATCH = 256
@@ -84,16 +178,16 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
     depth, rest = settings.depth, settings.hold
     fastest = max(settings.rates)
     instant, relaxed, force = _stiffness(models, depth, rest)
-    cycles = [programmes.cycle(depth, rate) for rate in settings.rates]
+    cycles = [cycle(depth, rate) for rate in settings.rates]
     loops = [(course, forces(models, course)) for course in cycles]
-    course = programmes.ramp_hold(depth, fastest, rest)
-    held = forces(models, course)[:, programmes.RAMP_POINTS :]
-    clock = course.time[programmes.RAMP_POINTS :] - course.time[programmes.RAMP_POINTS]
+    course = ramp_hold(depth, fastest, rest)
+    held = forces(models, course)[:, RAMP_POINTS:]
+    clock = course.time[RAMP_POINTS:] - course.time[RAMP_POINTS]
     after = np.array([np.interp(settings.after, clock, one) for one in held])
     columns = [
         instant,
         relaxed,
-        *(loop[:, : programmes.RAMP_POINTS].max(axis=1) for _, loop in loops),
+        *(loop[:, :RAMP_POINTS].max(axis=1) for _, loop in loops),
         *([force] if settings.relaxes_further else []),
         after,
         _half_time(held, clock),
@@ -104,10 +198,10 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
     return np.stack(columns, axis=-1)
 
 
-def forces(models: Model, course: programmes.Course) -> np.ndarray:
+def forces(models: Model, course: Course) -> np.ndarray:
     """Return the force (n, N) of each model at the points of a motion."""
     full = course.filled()
-    rest = np.zeros(programmes.POINTS)
+    rest = np.zeros(POINTS)
     motion = Motion(*map(jnp.asarray, (full.time, full.depth, full.velocity, rest)))
     count = len(jax.tree.leaves(models)[0])
     parts = []
@@ -128,10 +222,9 @@ def _stiffness(
     models: Model, depth: float, rest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return instantaneous and relaxed slope of the force after a step, and relaxed force."""
-    after = [programmes.RAMP_POINTS, -1]  # just after the step, after the hold
+    after = [RAMP_POINTS, -1]  # just after the step, after the hold
     less, more = (
-        forces(models, programmes.step_hold(depth * (1.0 + x), rest))[:, after]
-        for x in (-_CLOSE, _CLOSE)
+        forces(models, step_hold(depth * (1.0 + x), rest))[:, after] for x in (-_CLOSE, _CLOSE)
     )
     slopes = (more - less) / (2.0 * _CLOSE * depth)
     return slopes[:, 0], slopes[:, 1], 0.5 * (more + less)[:, 1]
@@ -152,10 +245,10 @@ def _loss_tangent(
     models: Model, depth: float, rate: float, rest: float, frequency: float
 ) -> np.ndarray:
     """Return the loss tangent from half the difference of two opposite oscillations."""
-    size = programmes.AMPLITUDE * depth
-    up, down = (programmes.oscillation(depth, rate, rest, frequency, s) for s in (size, -size))
-    swing = programmes.middles(forces(models, up) - forces(models, down))
-    moved = programmes.middles(up.depth - down.depth)
-    wave = np.exp(-2j * np.pi * frequency * programmes.middles(up.time))
+    size = AMPLITUDE * depth
+    up, down = (oscillation(depth, rate, rest, frequency, s) for s in (size, -size))
+    swing = middles(forces(models, up) - forces(models, down))
+    moved = middles(up.depth - down.depth)
+    wave = np.exp(-2j * np.pi * frequency * middles(up.time))
     modulus = (swing @ wave) / (moved @ wave)
     return modulus.imag / modulus.real

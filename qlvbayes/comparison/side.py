@@ -20,14 +20,16 @@ from qlvbayes.io.wording import plain
 from qlvbayes.laws.catalogue import find_elastic
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import (
+    check_draws,
     described_model,
     drawn_models,
     factors,
+    infer_choices,
     lasting_share,
     pad_alone,
     rig_effects,
+    wanted_names,
 )
-from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.motion.facts import Covered, covered
@@ -127,43 +129,19 @@ class Side:
 def side_of(source: Source, name: str) -> Side:
     """Return a side from a fit, a results file, or a dict of draws by the constants' names."""
     if isinstance(source, Fit):
-        return _of_fit(source)
+        tests, fitted = source.experiment, tuple(trial.name for trial in source.trials)
+        known = tests.units, covered(tests), tests.fluid, fitted, source.enough
+        draws = source.constants.reshape(-1, len(source.names))
+        return Side(source.pad, tuple(source.names), _some(draws), source.choices, *known)
     if isinstance(source, Saved):
-        return Side(
-            source.pad,
-            source.names,
-            _some(source.draws),
-            source.choices,
-            source.units,
-            source.covered,
-            source.fluid,
-            source.fitted,
-            source.converged,
-        )
-    return _of_draws(source, name)
-
-
-def _of_fit(fit: Fit) -> Side:
-    return Side(
-        fit.pad,
-        tuple(fit.names),
-        _some(fit.constants.reshape(-1, len(fit.names))),
-        fit.choices,
-        fit.experiment.units,
-        covered(fit.experiment),
-        fit.experiment.fluid,
-        tuple(trial.name for trial in fit.trials),
-        fit.enough,
-    )
-
-
-def _of_draws(source: Mapping[str, np.ndarray], name: str) -> Side:
+        stated = source.units, source.covered, source.fluid, source.fitted, source.converged
+        return Side(source.pad, source.names, _some(source.draws), source.choices, *stated)
     given = {key: np.ravel(np.asarray(values, float)) for key, values in source.items()}
     choices = infer_choices(given)
-    names: Sequence[str] = wanted_names(choices, given)
+    names = tuple(wanted_names(choices, given))
     check_draws(choices, {key: given[key] for key in names})
     draws = np.stack([given[key] for key in names], axis=-1)
-    return Side(name, tuple(names), _some(draws), choices, PAD)
+    return Side(name, names, _some(draws), choices, PAD)
 
 
 def _some(draws: np.ndarray) -> np.ndarray:
@@ -203,25 +181,21 @@ def shared_constants(sides: Sequence[Side]) -> list[Reading]:
     shared = []
     for name, kind in first.kinds.items():
         everywhere = all(name in side.kinds for side in sides)
-        if not everywhere or name not in _comparable(sides, name):
+        if not everywhere or not _means_the_same(sides, name):
             continue
-        if all(np.ptp(side.constants[name]) == 0.0 for side in sides):
-            continue
-        unit = first.units.of(kind)
-        group = "effects" if "." in name else "constants"
-        shared.append(Reading(name, unit, group, False))
+        if any(np.ptp(side.constants[name]) > 0.0 for side in sides):
+            group = "effects" if "." in name else "constants"
+            shared.append(Reading(name, first.units.of(kind), group, False))
     return shared
 
 
-def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
-    """Return the name where it means the same in all models."""
-    stem = name.split("[")[0]
-    if "." in name:
-        return (name,)
+def _means_the_same(sides: Sequence[Side], name: str) -> bool:
+    """Return whether a constant is of one law, or one effect, in all models."""
     first = sides[0].choices
-    of_elastic = stem in find_elastic(first.elastic, first.laws).units
-    described = {s.choices.elastic if of_elastic else s.relaxation for s in sides}
-    return (name,) if len(described) == 1 else ()
+    of_elastic = name.split("[")[0] in find_elastic(first.elastic, first.laws).units
+    return (
+        "." in name or len({s.choices.elastic if of_elastic else s.relaxation for s in sides}) == 1
+    )
 
 
 def lasting_shares(sides: Sequence[Side], shared: Sequence[Reading]) -> list[Reading]:

@@ -13,7 +13,6 @@ from qlvbayes.inference.evidence import Evidence, evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode
 from qlvbayes.io.arrays import Array
-from qlvbayes.priors.natural import Natural
 
 STIFFNESS = "stiffness"
 """The name of what scatters between tests beside the strengths of effects."""
@@ -75,11 +74,11 @@ def candidate_at(
     """Return a hypothesis at a mode with Laplace's evidence about it."""
     laplace = evidence(density, mode.point, mode.size)
     log = laplace.log
-    for leaf in mode.point.own.leaves:
-        if isinstance(leaf.prior, Natural) and math.isfinite(log):
-            k = leaf.theta[0]
+    for amplitude in mode.point.own.amplitude_of.values():
+        if math.isfinite(log):
+            k = amplitude.number
             sd = math.sqrt(max(laplace.covariance[k, k], 0.0))
-            log += log_noticeable(leaf.prior.inner, float(laplace.mean[k]), sd, tolerance)
+            log += log_noticeable(amplitude.prior, float(laplace.mean[k]), sd, tolerance)
     mode.point.separation.forget()
     return Candidate(hypothesis, mode, laplace, log)
 

@@ -17,7 +17,6 @@ from qlvbayes.fitting.marginal_likelihood import (
     with_zero_errors,
 )
 from qlvbayes.fitting.optimum import best_model
-from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -32,7 +31,6 @@ from qlvbayes.model.noise import Correlated, Floor, White
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
@@ -68,7 +66,7 @@ def build_search(
     own = frozenset(effect.name for effect in model.effects)
     baseline = Hypothesis(choices.elastic, choices.relaxing, own)
     families = Families.from_kinds(type(effect) for effect in space.effects.values())
-    density = Density(space, discrepancy.whitener, discrepancy)
+    density = Density(space, discrepancy)
     uncertain = has_uncertain_zeros(model, experiment.trials)
     about = partial(_about, experiment, settings) if uncertain else None
     return Search(density, settings, baseline, families, about=about)
@@ -79,10 +77,9 @@ def _discrepancy(
 ) -> Discrepancy:
     """Return the discrepancy of all tests, under a floor with the errors of their contacts."""
     trials, blocks = experiment.trials, record.blocks
-    discrepancy = Discrepancy.from_blocks(
+    return Discrepancy.from_blocks(
         experiment, trials, blocks, settings.tolerance, settings.discrepancy, settings.scatter
     )
-    return with_common_errors(discrepancy, stage_changes(trials, blocks))
 
 
 def _about(
@@ -94,7 +91,7 @@ def _about(
     )
     space = replace(density.space, record=record)
     whitener = _discrepancy(experiment, record, settings).whitener
-    return Density(space, whitener, density.discrepancy.with_whitener(whitener))
+    return Density(space, density.discrepancy.with_whitener(whitener))
 
 
 def _record(experiment: Experiment, choices: Choices, model: Model) -> Record:
@@ -134,12 +131,9 @@ def _space(
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         _record(experiment, choices, model),
-        {name: in_quadratic_coordinates(law) for name, law in elastic.items()},
-        {name: in_quadratic_coordinates(law) for name, law in relaxation.items()},
-        {
-            name: in_quadratic_coordinates(in_natural_amplitude(effect))
-            for name, effect in effects.items()
-        },
+        elastic,
+        relaxation,
+        {name: in_natural_amplitude(effect) for name, effect in effects.items()},
         Correlated.from_floor(experiment.floor),
         choices.bonded,
     )

@@ -28,7 +28,6 @@ from qlvbayes.fitting.ensemble import (
 )
 from qlvbayes.fitting.least_squares import (
     NormalApproximation,
-    fitting_draws,
     one_step,
     part_notice,
     two_step,
@@ -238,15 +237,16 @@ def _approximated(setup: _Setup, rng: np.random.Generator) -> Fit:
     route = one_step if method == "least-squares" else two_step
     result = route(experiment, predictor, rng)
     chains, draws = _NORMAL_DRAWS
-    theta = fitting_draws(predictor, result.scale, result.normal, chains * draws, rng)
+    theta = result.draws(chains * draws, rng)
     moved = theta + rng.standard_normal((len(theta), len(result.moves))) @ result.moves
     moved = predictor.parameters.within(moved).reshape(chains, draws, -1)
     theta = theta.reshape(chains, draws, -1)
-    noise = White(result.residual_sd)
+    residual_sd = result.residual_sd
+    noise = White(residual_sd)
     likelihood = white_likelihood(noise, predictor.record.blocks, experiment.scales.noise)
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
     curves, every = _constants(posterior, theta, rng), _constants(posterior, moved, rng)
-    facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
+    facts = {"residual_sd": residual_sd, "starts_agreeing": result.agreeing}
     return Fit(*setup, posterior, theta, every, every, curves, result.agreeing > 1, facts)
 
 

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares as minimise
 
 from qlvbayes.fitting.marginal_likelihood import has_uncertain_zeros, with_zero_errors
 from qlvbayes.fitting.posterior import Predictor
-from qlvbayes.inference.common_errors import stage_changes
+from qlvbayes.inference.errors.whitening import stage_changes
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.io.wording import joined, plain
@@ -118,28 +118,6 @@ def _optimum(
     return NormalApproximation(theta, covariance), fits.agreeing
 
 
-def fitting_draws(
-    predictor: Predictor,
-    scale: Array,
-    normal: NormalApproximation,
-    count: int,
-    rng: np.random.Generator,
-) -> Array:
-    """Return draws (count, D) that fit about as well as the normal approximation says."""
-    draws = predictor.parameters.within(normal.draw(count, rng))
-    values, slopes = residuals_and_slopes(predictor, scale, normal.mean)
-    cost, size = float(values @ values), normal.mean.size
-    slack = cost * size / _freedom(predictor, scale, size)
-    for _ in range(_HALVINGS):
-        expected = np.sum(((draws - normal.mean) @ slopes.T) ** 2, axis=1)
-        sums = _sums_of_squares(predictor, scale, draws)
-        far = ~(sums <= cost + slack + _LINEAR * expected)
-        if not far.any():
-            break
-        draws[far] = 0.5 * (draws[far] + normal.mean)
-    return draws
-
-
 def _sums_of_squares(predictor: Predictor, scale: Array, thetas: Array) -> Array:
     """Return the sums (K,) of squared residuals over ``scale`` at thetas (K, D)."""
     sums = []
@@ -168,17 +146,42 @@ def covariance_from(curvature: Array, lengths: Array) -> Array:
 class LeastSquaresFit:
     """The normal approximation over the free constants.
 
-    scale: divisors (T, B) of the residuals, infinite where none counts; residual_sd: root mean
-    square of the block means' residuals (N); agreeing: how many starts led to the best optimum;
-    moves: changes (S, D) of the optimum for one standard error of each of S measured contacts,
-    which no scatter of residuals shows.
+    predictor: the model over the fitted tests; scale: divisors (T, B) of the residuals, infinite
+    where none counts; agreeing: how many starts led to the best optimum; moves: changes (S, D) of
+    the optimum for one standard error of each of S measured contacts, which no scatter of residuals
+    shows.
     """
 
+    predictor: Predictor
     normal: NormalApproximation
     scale: Array
-    residual_sd: float
     agreeing: int
     moves: Array
+
+    @property
+    def residual_sd(self) -> float:
+        """Return the root mean square (N) of the residuals of the fitted block means."""
+        counting = np.where(np.isinf(self.scale), np.inf, 1.0)
+        values, _ = residuals_and_slopes(self.predictor, counting, self.normal.mean)
+        return float(np.sqrt(values @ values / max(int(np.sum(np.isfinite(self.scale))), 1)))
+
+    def draws(self, count: int, rng: np.random.Generator) -> Array:
+        """Return draws (count, D) that fit about as well as the normal approximation says."""
+        mean, draws = (
+            self.normal.mean,
+            self.predictor.parameters.within(self.normal.draw(count, rng)),
+        )
+        values, slopes = residuals_and_slopes(self.predictor, self.scale, mean)
+        cost = float(values @ values)
+        slack = cost * mean.size / _freedom(self.predictor, self.scale, mean.size)
+        for _ in range(_HALVINGS):
+            expected = np.sum(((draws - mean) @ slopes.T) ** 2, axis=1)
+            sums = _sums_of_squares(self.predictor, self.scale, draws)
+            far = ~(sums <= cost + slack + _LINEAR * expected)
+            if not far.any():
+                break
+            draws[far] = 0.5 * (draws[far] + mean)
+        return draws
 
 
 def one_step(
@@ -189,7 +192,7 @@ def one_step(
     scale = _scale(predictor, trials, ("ramp", "hold"), weighted=True)
     normal, agreeing = _optimum(predictor, scale, rng)
     moves = contact_moves(predictor, scale, normal.mean, trials)
-    return _finished(predictor, scale, normal, agreeing, moves)
+    return LeastSquaresFit(predictor, normal, scale, agreeing, moves)
 
 
 def two_step(
@@ -211,7 +214,7 @@ def two_step(
     mean = np.concatenate([first.mean, second.mean])
     normal = NormalApproximation(mean, block_diag(first.covariance, second.covariance))
     moves = np.zeros((0, mean.size))
-    return _finished(predictor, hold_scale, normal, min(agreeing, also), moves)
+    return LeastSquaresFit(predictor, normal, hold_scale, min(agreeing, also), moves)
 
 
 def contact_moves(
@@ -275,14 +278,3 @@ def _scale(
     inside = (middle >= low) & (middle <= high) & np.asarray(blocks.real)
     weight = weight / np.mean(weight[inside])
     return np.where(inside, 1.0 / np.sqrt(weight), np.inf)
-
-
-def _finished(
-    predictor: Predictor, scale: Array, normal: NormalApproximation, agreeing: int, moves: Array
-) -> LeastSquaresFit:
-    """Return the fit with the root mean square of its residuals over the fitted blocks."""
-    counting = np.where(np.isinf(scale), np.inf, 1.0)
-    values, _ = residuals_and_slopes(predictor, counting, normal.mean)
-    count = max(int(np.sum(np.isfinite(scale))), 1)
-    sd = float(np.sqrt(values @ values / count))
-    return LeastSquaresFit(normal, scale, sd, agreeing, moves)

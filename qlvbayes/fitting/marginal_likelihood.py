@@ -34,11 +34,11 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from qlvbayes.effects.contacts import ContactOffset
-from qlvbayes.inference.common_errors import shared_stages, stage_changes, with_common_errors
 from qlvbayes.inference.density import Point, Terms, gauss_newton, positive_part
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
+from qlvbayes.inference.errors.whitening import shared_stages
 from qlvbayes.inference.evidence import second_moment
 from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.arrays import Array
@@ -174,7 +174,7 @@ def discrepancy_of(
     if np.isfinite(size := float(noise.remainder)):
         sizes, logs = ([0.0, size], [-np.inf, 0.0]) if size > 0.0 else ([0.0], [0.0])
         discrepancy = replace(discrepancy, sizes=np.array(sizes), log_prior=np.array(logs))
-    return with_common_errors(discrepancy, stage_changes(trials, blocks))
+    return discrepancy
 
 
 def floor_likelihood(

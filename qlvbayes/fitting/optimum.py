@@ -112,11 +112,10 @@ def _density(experiment: Experiment, predictor: Predictor, trials: Tests) -> Den
     noise, blocks = predictor.noise, predictor.record.blocks
     if isinstance(noise, Floor):
         discrepancy = discrepancy_of(experiment, trials, blocks, noise)
-        return Density(predictor.space, discrepancy.whitener, discrepancy)
+        return Density(predictor.space, discrepancy)
     floor = replace(experiment.floor, white=experiment.scales.noise, ou=0.0, dwells=None)
     whitener = Whitener.from_floor(floor, blocks, experiment.scales.force)
-    nothing = Discrepancy.none(whitener, experiment.scales.force)
-    return Density(predictor.space, whitener, nothing)
+    return Density(predictor.space, Discrepancy.none(whitener, experiment.scales.force))
 
 
 def _highest(density: Density, predictor: Predictor, seed: int) -> Mode:

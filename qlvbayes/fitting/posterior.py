@@ -20,7 +20,6 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import is_prior, names
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 _TOGETHER = 256  # sets of constants whose block means are held together
 
@@ -36,9 +35,8 @@ class Predictor:
     @classmethod
     def from_model(cls, model: Model, noise: AbstractNoise, record: Record) -> Self:
         """Return the predictor of a model with numbers, or priors, in its fields."""
-        elastic = in_quadratic_coordinates(model.elastic)
-        relaxation = in_quadratic_coordinates(model.relaxation)
-        effects = {one.name: in_quadratic_coordinates(one) for one in model.effects}
+        elastic, relaxation = model.elastic, model.relaxation
+        effects = {one.name: one for one in model.effects}
         # the likelihood sums over what is free of the noise
         summed = jax.tree.map(lambda x: np.nan if is_prior(x) else x, noise, is_leaf=is_prior)
         laws = {elastic.name: elastic}, {relaxation.name: relaxation}

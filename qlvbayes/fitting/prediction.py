@@ -13,7 +13,6 @@ import numpy as np
 
 from qlvbayes.fitting.marginal_likelihood import known_floor, with_zero_errors
 from qlvbayes.fitting.posterior import Predictor
-from qlvbayes.inference.common_errors import stage_changes, with_common_errors
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Locations
 from qlvbayes.io.arrays import Array
@@ -83,7 +82,10 @@ def predict(
         predictor = predictor.over(with_zero_errors(predictor.record, trials, middle))
         fitted = experiment.with_role("fit")
         of_fit = with_zero_errors(experiment.record(fitted), fitted, middle)
-        places, inside = _places(known, trials, chosen, forces.mean(axis=0))
+        samples = predictor.record.blocks
+        inside = np.asarray(samples.real)
+        expected = replace(samples, force=forces.mean(axis=0))
+        places = Locations.from_blocks(known, trials, expected)
         contacts = Contacts.from_trials(trials, fitted)
         noise[:, inside], zeros = errors_given_fit(
             known, predictor.over(of_fit), fitted, matrix, places, contacts, rng
@@ -144,22 +146,6 @@ def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -
         if zero.any():
             errors += zero * rng.standard_normal((*shape[:2], 1))
     return errors
-
-
-def _places(
-    experiment: Experiment,
-    trials: Sequence[Trial],
-    chosen: Sequence[np.ndarray],
-    forces: np.ndarray,
-) -> tuple[Locations, np.ndarray]:
-    """Return the locations of all samples, where the force is (T, B), and which of those are."""
-    names = [trial.name for trial in experiment.trials]
-    locations, inside = [], np.zeros(forces.shape, dtype=bool)
-    for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True)):
-        where = names.index(trial.name), trial.test.time[rows], forces[k, : rows.size]
-        locations.append(Locations.from_trial(experiment, trial, *where))
-        inside[k, : rows.size] = True
-    return Locations.joined(locations), inside
 
 
 @dataclass(frozen=True)
@@ -233,7 +219,6 @@ def errors_given_fit(
     sizes, scales = constants[:, -1], constants[:, -2]
     blocks = predictor.record.blocks
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
-    discrepancy = with_common_errors(discrepancy, stage_changes(fitted, blocks))
     left = discrepancy.whitener(predictor.residuals(constants))
     draws = np.zeros((len(constants), locations.size.size))
     rows = np.flatnonzero(sizes > 0.0)

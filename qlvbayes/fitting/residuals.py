@@ -21,8 +21,7 @@ from qlvbayes.io.data import Pad
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.drawn import factors
-from qlvbayes.model.elsewhere import has_noise
+from qlvbayes.model.drawn import factors, has_noise
 from qlvbayes.motion.clean import LeftOut as Unused
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import KINDS, phase_index

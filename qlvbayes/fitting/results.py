@@ -21,7 +21,7 @@ from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import Part, Result, folder_fault, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.elsewhere import (
+from qlvbayes.model.drawn import (
     check_draws,
     completed,
     flat_names,

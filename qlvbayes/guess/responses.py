@@ -159,7 +159,7 @@ def _rows(density: Density, mode: Mode, search: Search) -> list[Row]:
             continue
         theta = transferred(point.own, point.theta, parameters)
         own = search.families.family_of[name] == name
-        shapes = max(breadth.shapes if own else 1, space.effects[name].shapes)
+        shapes = breadth.shapes if own else 1
         none = np.stack(over_shapes(space, parameters, name, theta, shapes))
         signed = bool(parameters.lowest[amplitude.number] == -np.inf)
         sizes = [_AMPLITUDE, -_AMPLITUDE] if signed else [_AMPLITUDE]
@@ -194,19 +194,9 @@ def _projected(
     """Return the loss without effects, g (K,) and H (K, K) at one size (N) of the discrepancy."""
     point = mode.point
     discrepancy = density.discrepancy.at(size, point.separation)
-    vectors = np.concatenate([point.vectors, density.whitener.whiten(added)])
-    products = discrepancy.products(vectors)
-    count = len(point.vectors)
-    old, new = slice(1, count), slice(count, None)
-    toward = products[old, 0] - point.prior.gradient
-    known = np.column_stack([products[old, new], toward])
-    solved = np.linalg.solve(products[old, old] + point.prior.curvature, known)
-    misfit = float(products[0, 0] - toward @ solved[:, -1])
+    terms = point.added_terms(density.whitener.whiten(added), discrepancy)
     shares = np.interp(size, density.discrepancy.sizes, density.discrepancy.log_prior)
-    loss = 0.5 * (misfit + discrepancy.log_volume) - float(shares)
-    gradient = products[new, 0] - products[new, old] @ solved[:, -1]
-    curvature = products[new, new] - products[new, old] @ solved[:, :-1]
-    return loss, gradient, curvature
+    return terms.loss - float(shares), -terms.gradient, terms.curvature
 
 
 def _phases(experiment: Experiment, density: Density) -> NDArray[np.intp]:

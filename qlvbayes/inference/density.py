@@ -13,7 +13,6 @@ the force (the Gauss-Newton approximation).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -26,12 +25,10 @@ from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.motionerrors import motion_columns
 from qlvbayes.inference.errors.scatter import NONE, by_test, scaled_parts
-from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
-from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separation
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
 from qlvbayes.inference.forward.space import STEP, Space
 from qlvbayes.io.arrays import Array
-from qlvbayes.priors.natural import Natural
 
 _COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
 LARGEST_FORCE = 1e6
@@ -80,24 +77,27 @@ class Point:
         parts = scaled_parts(self.predicted, self.responses, self.theta, self.own.amplitudes)
         return by_test(parts[np.flatnonzero(sizes)])
 
-    def terms(self, discrepancy: DiscrepancyOfSize | Separated) -> Terms:
+    def terms(self, discrepancy: DiscrepancyOfSize) -> Terms:
         """Return the expansion of minus the log density, given a discrepancy of one size."""
         return gauss_newton(discrepancy, self.vectors, self.prior)
 
-    def added_terms(
-        self, columns: Array, discrepancy: DiscrepancyOfSize | Separated
-    ) -> tuple[Array, Array]:
-        """Return gradient (K,) and curvature (K, K) over K added parameters that have no prior."""
+    def added_terms(self, columns: Array, discrepancy: DiscrepancyOfSize) -> Terms:
+        """Return the expansion over K added parameters that have no prior, at whitened columns.
+
+        The others follow at their best: the loss is theirs, without those that are added.
+        """
         products = discrepancy.products(np.concatenate([self.vectors, columns]))
         old, new = slice(1, len(self.vectors)), slice(len(self.vectors), None)
-        mixed = products[old, new]
-        known = np.column_stack([mixed, self.prior.gradient - products[0, old]])
+        mixed, toward = products[old, new], self.prior.gradient - products[0, old]
+        known = np.column_stack([mixed, toward])
         solved = np.linalg.solve(products[old, old] + self.prior.curvature, known)
+        misfit = float(products[0, 0] - toward @ solved[:, -1])
         gradient = -products[0, new] - mixed.T @ solved[:, -1]
-        return gradient, products[new, new] - mixed.T @ solved[:, :-1]
+        curvature = products[new, new] - mixed.T @ solved[:, :-1]
+        return Terms(0.5 * (misfit + discrepancy.log_volume), gradient, curvature)
 
 
-def gauss_newton(discrepancy: DiscrepancyOfSize | Separated, vectors: Array, prior: Terms) -> Terms:
+def gauss_newton(discrepancy: DiscrepancyOfSize, vectors: Array, prior: Terms) -> Terms:
     """Return the expansion of minus the log density from vectors (1 + F, n)."""
     products = discrepancy.products(vectors)
     return Terms(
@@ -108,12 +108,12 @@ def gauss_newton(discrepancy: DiscrepancyOfSize | Separated, vectors: Array, pri
 
 
 class Density:
-    """The posterior densities of all hypotheses of a space, under one noise floor."""
+    """The posterior densities of all hypotheses of a space, under the noise of a discrepancy."""
 
-    def __init__(self, space: Space, whitener: Whitener, discrepancy: Discrepancy) -> None:
+    def __init__(self, space: Space, discrepancy: Discrepancy) -> None:
         self.space = space
-        self.whitener = whitener
         self.discrepancy = discrepancy
+        self.whitener = discrepancy.whitener
         self._force = np.asarray(space.record.blocks.force)
 
     @cached_property
@@ -130,22 +130,16 @@ class Density:
     def with_independent_noise(self, sds: Array | float) -> Density:
         """Return the density under independent noise of sds (n,) or one sd (N), no discrepancy."""
         whitener = self.whitener.with_independent_noise(sds)
-        return Density(self.space, whitener, Discrepancy.none(whitener, self.discrepancy.peak))
+        return Density(self.space, Discrepancy.none(whitener, self.discrepancy.peak))
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
         """Return the density with another space, whose priors may differ, about the same record."""
-        return Density(space, self.whitener, self.discrepancy.with_features(features))
+        return Density(space, self.discrepancy.with_features(features))
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
         """Return the density with some of the n block means left out; left_out (n,) marks them."""
         whitener = self.whitener.without(left_out)
-        return Density(self.space, whitener, self.discrepancy.with_whitener(whitener, _KEPT))
-
-    @property
-    def log_constant(self) -> float:
-        """Return -n/2 ln(2 pi) - ln|Sigma|/2, which the loss leaves out of the likelihood."""
-        precisions = self.whitener.precisions
-        return 0.5 * float(np.log(precisions).sum() - precisions.size * math.log(2.0 * math.pi))
+        return Density(self.space, self.discrepancy.with_whitener(whitener, _KEPT))
 
     def at(
         self, hypothesis: Hypothesis, theta: Array, like: Separation | None = None
@@ -266,11 +260,9 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
 def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
     """Return by how much (K,) the log prior changes where negligible amplitudes are excluded."""
     logs = np.zeros(len(thetas))
-    for leaf in parameters.leaves:
-        if isinstance(leaf.prior, Natural):
-            inner = leaf.prior.inner
-            amplitudes = thetas[:, leaf.theta.start].tolist()
-            logs += [log_noticeable(inner, own, 0.0, tolerance) for own in amplitudes]
+    for amplitude in parameters.amplitude_of.values():
+        values = thetas[:, amplitude.number].tolist()
+        logs += [log_noticeable(amplitude.prior, one, 0.0, tolerance) for one in values]
     return logs
 
 

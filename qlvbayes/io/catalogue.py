@@ -44,7 +44,7 @@ ELASTIC = {
     "toe": "laws.elastic.exponential.ToeExponential",
     "spline": "laws.elastic.spline.Spline",
 }
-"""Elastic laws. Constants alone show `model.elsewhere` which law they are of: the first whose
+"""Elastic laws. Constants alone show `model.drawn` which law they are of: the first whose
 constants are all there. So a law comes before those whose constants are all among its own."""
 RELAXATION = {
     "prony": "laws.relaxation.prony.Prony",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import TypeVar
 
+import jax
 import numpy as np
 
 from qlvbayes.io.checks import InputError, meant
-from qlvbayes.model.parameters import Field, fields_of
+from qlvbayes.model.parameters import Field, fields_of, is_prior
 from qlvbayes.priors import (
     AbstractPositivePrior,
     AbstractPrior,
@@ -109,32 +110,18 @@ def _checked(prior: AbstractScalarPrior, text: str) -> AbstractScalarPrior:
 def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) -> Part:
     """Return ``part`` (a model or noise) with fields replaced; unknown names are refused."""
     for name, value in settings:
-        known = {field.name: field for field in fields_of(part)}
+        known = list(fields_of(part))
         match = _NAME.fullmatch(name)
         stem, index = (match[1], match[2]) if match else (name, None)
-        field = known.get(stem)
-        if field is None or (index is not None and not field.shape):
-            names = [n for field in known.values() for n in field.names]
+        number = next((k for k, field in enumerate(known) if field.name == stem), None)
+        if number is None or (index is not None and not known[number].shape):
+            names = [n for field in known for n in field.names]
             remedy = f"{meant(name, names)}use one of {', '.join(names)}"
             raise InputError(f"no constant is called {name!r}", remedy=remedy)
-        new = _replacement(field, None if index is None else int(index), value)
-        part = _put(part, field.name, new)
+        leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)  # in the order of the fields
+        leaves[number] = _replacement(known[number], None if index is None else int(index), value)
+        part = jax.tree.unflatten(structure, leaves)
     return part
-
-
-def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
-    """Return a copy of ``part`` whose field called ``name`` holds ``value``."""
-    prefix = prefix + getattr(part, "prefix", "")
-    changes: dict[str, object] = {}
-    for field in fields(part):
-        old = getattr(part, field.name)
-        if prefix + field.name == name:
-            changes[field.name] = value
-        elif isinstance(old, tuple):
-            changes[field.name] = tuple(_put(member, name, value, prefix) for member in old)
-        elif isinstance(old, Pytree) and not isinstance(old, AbstractPrior):
-            changes[field.name] = _put(old, name, value, prefix)
-    return replace(part, **changes)
 
 
 def _replacement(field: Field, index: int | None, value: AbstractPrior | float) -> object:

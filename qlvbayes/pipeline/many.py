@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -16,7 +17,7 @@ from uuid import uuid4
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
-from qlvbayes.parallel.running import FailedError, Fault, Outcome, run_all
+from qlvbayes.parallel.running import FailedError, Fault, Outcome, package_digest, run_all
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import (
     Step,
@@ -24,7 +25,6 @@ from qlvbayes.pipeline.steps import (
     digest_of,
     forget_fault,
     is_finished,
-    key_of,
     label_of,
     record_fault,
     record_finished,
@@ -59,8 +59,21 @@ class Work:
         return self.out / self.pad
 
     def key(self, step: Step, folder: Path) -> str:
-        """Return the digest of all that a step's results depend on."""
-        return key_of(step, folder, self.study, self.style)
+        """Return the digest of all that a step's results depend on.
+
+        These are its settings, the measurements, the files that it needs, the user's own laws and
+        effects, the style of figures, and the code that it computes with; that of figures is not
+        among them, so that an edited figure invalidates no fit.
+        """
+        choices, source = getattr(step, "choices", None), Path(self.study.source).resolve()
+        own = [getattr(choices, name, None) for name in ("effects_file", "laws_file")]
+        parts = [
+            repr(step), self.study.sha256, str(source), self.pad,
+            repr(sorted(map(str, self.style.items()))), package_digest(step.code),
+            *(digest_of(Path(file)) for file in own if file),
+            *(digest_of(folder / step.within / name) for name in step.needs),
+        ]  # fmt: skip
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def unfinished(self) -> tuple[Step, ...]:
         """Return the steps to do: those not finished, and those that need what these leave."""
@@ -170,11 +183,10 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
         return task(pad)
 
 
-def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
-    """Raise FailedError where pads failed in one of the runs; the first run had all pads."""
-    faults = [fault for tally in tallies for fault in tally.faults]
-    if faults:
-        raise FailedError(faults, tallies[0].total, results)
+def raise_failed(tally: Tally, results: Sequence[Any] = ()) -> None:
+    """Raise FailedError where pads failed; ``results`` are those of the others."""
+    if tally.faults:
+        raise FailedError(tally.faults, tally.total, results)
 
 
 def _prepared(

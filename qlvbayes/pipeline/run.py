@@ -1,25 +1,22 @@
 """Run all steps of a study, from its measurements to the report.
 
-After the verdicts come the last fit of every pad, and what is made of all pads together.
+After its verdict comes the last fit of each pad, and then what is made of all pads together.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
-
-from msgspec import convert
+from typing import Any, ClassVar
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.results import Run, Saved, load, record_run
+from qlvbayes.fitting.results import Saved, load, record_run
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.files import write_whole
@@ -27,7 +24,7 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.running import Fault, Shard, fault_of
-from qlvbayes.pipeline.comparing import (
+from qlvbayes.pipeline.derived import (
     ReferenceFile,
     compare_few,
     draw_constants,
@@ -36,7 +33,7 @@ from qlvbayes.pipeline.comparing import (
     fitted_pads,
 )
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, Work, map_pads, raise_failed, run_pads, run_steps
+from qlvbayes.pipeline.many import Tally, map_pads, raise_failed, run_steps
 from qlvbayes.pipeline.source import Source, pad_of
 from qlvbayes.pipeline.steps import (
     PLAIN,
@@ -46,9 +43,9 @@ from qlvbayes.pipeline.steps import (
     Step,
     Watcher,
     faults_in,
+    files_of_fit,
 )
-from qlvbayes.plots.catalogue import figures_of
-from qlvbayes.report.collect import facts_of, runs_in
+from qlvbayes.report.collect import runs_in
 from qlvbayes.report.page import write_report
 
 ChoicesOf = Callable[[Measurements], Choices]
@@ -138,79 +135,70 @@ def run_study(
         watcher.looked(look, figures)
     source = source.kept(out)
 
-    def plain_steps(study: Measurements) -> tuple[Step, ...]:
+    def steps(study: Measurements) -> tuple[Step, ...]:
         chosen = choices_of(study)
         return (
             FitStep(chosen, settings=settings, within=PLAIN),
             CheckStep(settings.seed, within=PLAIN),
             DiagnoseStep(chosen, settings.seed, thresholds),
+            FinalStep(chosen, settings),
         )
 
-    baseline = run_steps(out, source, plain_steps, engine=engine, watcher=watcher)
-    if not baseline.pads:
-        raise_failed([baseline])
+    done = run_steps(out, source, steps, engine=engine, watcher=watcher)
+    if not done.pads:
+        raise_failed(done)
         return []
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
     used = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, source.whole, base, settings.seed, used)
-    final = run_finals(
-        out, _done_pads(source, baseline), choices_of, settings,
-        size=len(baseline.pads), engine=engine, watcher=watcher,
-    )  # fmt: skip
     if whole:
-        finish(out, final.pads, reference_file, settings.seed, watcher, engine)
-    verdicts = [verdict(out, name) for name in baseline.pads]
-    raise_failed([baseline, final], verdicts)
+        finish(out, done.pads, reference_file, settings.seed, watcher, engine)
+    verdicts = [DiagnosisResult.read(out / name / "diagnosis.json") for name in done.pads]
+    raise_failed(done, verdicts)
     return verdicts
 
 
-def _done_pads(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
-    """Yield the pads that are done, once more; faults were reported before."""
-    pads, failed = set(done.pads), {fault.of for fault in done.faults}
-    for one in source:
-        new = one.of not in failed if isinstance(one, Fault) else one.pads[0].name in pads
-        if new:
-            yield one
+@dataclass(frozen=True)
+class FinalStep:
+    """Step of a pad after its diagnosis: the fit to all its tests, so that pads compare alike.
 
-
-def run_finals(
-    out: Path,
-    studies: Iterable[Measurements | Fault],
-    choices_of: ChoicesOf,
-    settings: Settings,
-    *,
-    size: int,
-    engine: Engine | None,
-    watcher: Watcher,
-) -> Tally:
-    """Fit every pad, with what its verdict names, to all its tests, so that pads compare alike.
-
-    Where nothing is named the check stays that of the plain fit, which predicts tests left out.
+    Its model is the plain one, and what the verdict names. Where nothing is named, the plain fit is
+    the last if it had all tests, and the check stays its own, which predicts tests left out.
     """
 
-    def final(study: Measurements) -> Work:
-        name = study.pads[0].name
-        before = choices_of(study)
-        choices = with_verdict(before, verdict(out, name))
-        fit = FitStep(choices, all_tests=True, settings=settings)
-        if choices != before:
-            return Work((fit, CheckStep(settings.seed)), study, out)
-        plain, check = out / name / PLAIN, CheckStep(settings.seed)
-        refitted = _leaves_tests_out(plain)
-        figures = {one.name for one in figures_of(check.name)}
-        for file in filter(Path.is_file, plain.iterdir()):
-            if not refitted or file.name in check.leaves or file.stem in figures:
-                write_whole(out / name / file.name, file.read_bytes())
-        return Work((fit,) if refitted else (), study, out)
+    name: ClassVar[str] = "final"
+    needs: ClassVar[tuple[str, ...]] = ("diagnosis.json", *(f"{PLAIN}/{x}" for x in files_of_fit()))
+    leaves: ClassVar[tuple[str, ...]] = (*FitStep.leaves, *CheckStep.leaves)
+    code: ClassVar[tuple[str, ...]] = DiagnoseStep.code
+    within: ClassVar[str] = ""
 
-    work = (study if isinstance(study, Fault) else final(study) for study in studies)
-    return run_pads(out, work, size=size, engine=engine, watcher=watcher)
+    choices: Choices
+    settings: Settings = field(default_factory=Settings)
 
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """Do what is left of the last fit and its check; copy the rest of the plain ones."""
+        todo = self._steps(folder)
+        for step in todo:
+            step.run(folder, study, watcher)
+        if len(todo) < 2:
+            kept = CheckStep.name if todo else ""
+            for name in files_of_fit(kept):
+                if (file := folder / PLAIN / name).is_file():
+                    write_whole(folder / name, file.read_bytes())
 
-def _leaves_tests_out(folder: Path) -> bool:
-    """Return whether a fit was checked on tests that it had not seen."""
-    cells = CheckResult.read(folder / "check.json").cells
-    return any(cell.role == "validate" for cell in cells)
+    def report(self, folder: Path, watcher: Watcher) -> None:
+        """Report what was not reported of the plain fit."""
+        for step in self._steps(folder):
+            step.report(folder, watcher)
+
+    def _steps(self, folder: Path) -> tuple[Step, ...]:
+        """Return the steps that the verdict requires."""
+        choices = with_verdict(self.choices, DiagnosisResult.read(folder / "diagnosis.json"))
+        fit = FitStep(choices, all_tests=True, settings=self.settings)
+        if choices != self.choices:
+            return fit, CheckStep(self.settings.seed)
+        cells = CheckResult.read(folder / PLAIN / "check.json").cells
+        return (fit,) if any(cell.role == "validate" for cell in cells) else ()
 
 
 def finish(
@@ -239,50 +227,15 @@ def gather(
 ) -> Tally:
     """Write, of parts that were run apart, what an undivided run writes of all its pads."""
     watcher = watcher or Watcher()
-    run = runs_in(out)
-    late = _missing_finals(out, run["study"], engine, watcher) if "study" in run else ()
     pads = fitted_pads(out)
-    seed = max((one.seed for one in run.values()), default=0)
+    seed = max((one.seed for one in runs_in(out).values()), default=0)
     data = Path(load(out / pads[0] / "posterior.nc").source).parent
     finish(out, pads, find_references(data, references), seed, watcher, engine)
-    faults = {fault.of: fault for fault in (*faults_in(out), *late)}
-    return Tally(tuple(pads), tuple(faults.values()))
-
-
-def _missing_finals(
-    out: Path, run: Run, engine: Engine | None, watcher: Watcher
-) -> tuple[Fault, ...]:
-    """Do the final fits that the diagnosed pads of a study lack; return the faults."""
-    pads = [file.parents[1].name for file in sorted(out.glob(f"*/{PLAIN}/check.json"))]
-    diagnosed = (pad for pad in pads if (out / pad / "diagnosis.json").exists())
-    missing = [pad for pad in diagnosed if not _is_final(out / pad)]
-    return run_finals(
-        out, saved_studies(out, missing, within=PLAIN),
-        lambda study: _choices(facts_of(out / study.pads[0].name / PLAIN / "posterior.nc")),
-        convert(run.settings["sampler"], Settings), size=len(missing), engine=engine,
-        watcher=watcher,
-    ).faults  # fmt: skip
-
-
-def _is_final(folder: Path) -> bool:
-    """Return whether the pad's saved fit is the final one that its verdict requires.
-
-    Its facts say it, so that the measurements of all pads need not be read once more.
-    """
-    if not (folder / "check.json").exists():
-        return False
-    last, baseline = (facts_of(folder / part / "posterior.nc") for part in ("", PLAIN))
-    expected = with_verdict(_choices(baseline), verdict(folder.parent, folder.name))
-    fitted = bool(last) and _choices(last) == expected
-    return fitted and (bool(last["all_tests"]) or not _leaves_tests_out(folder / PLAIN))
-
-
-def _choices(facts: dict) -> Choices:
-    return Choices.from_dict(json.loads(facts["choices"]))
+    return Tally(tuple(pads), tuple(faults_in(out)))
 
 
 def saved_studies(
-    out: Path, pads: Sequence[str], *, within: str = "", data: Path | None = None
+    out: Path, pads: Sequence[str], *, data: Path | None = None
 ) -> Iterator[Measurements | Fault]:
     """Yield the measurements of some pads, read from where their fits say that they are.
 
@@ -291,7 +244,7 @@ def saved_studies(
     read = lru_cache(1)(read_measurements)  # the next pad is often in the same file
     for pad in pads:
         try:
-            saved = load(out / pad / within / "posterior.nc")
+            saved = load(out / pad / "posterior.nc")
             source = _source_of(saved, data)
             study = read(source)
             if saved.sha256 and study.sha256 != saved.sha256:
@@ -313,11 +266,6 @@ def _source_of(saved: Saved, data: Path | None) -> Path:
     if not source.exists():
         raise InputError("the measurements are no longer here", file=source, remedy=remedy)
     return source
-
-
-def verdict(out: Path, pad: str) -> DiagnosisResult:
-    """Return the saved verdict on a pad."""
-    return DiagnosisResult.read(out / pad / "diagnosis.json")
 
 
 def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:

@@ -38,8 +38,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.specimen import pull_notices
-from qlvbayes.parallel.running import Fault, package_digest
-from qlvbayes.plots.catalogue import pictures_of, save_figures
+from qlvbayes.parallel.running import Fault
+from qlvbayes.plots.catalogue import figures_of, pictures_of, save_figures
 from qlvbayes.report.collect import facts_of
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
@@ -119,24 +119,6 @@ class Step(Protocol):
 def label_of(step: Step) -> str:
     """Return the name under which a step is recorded as finished."""
     return f"{step.within}-{step.name}" if step.within else step.name
-
-
-def key_of(step: Step, folder: Path, study: Measurements, style: dict[str, Any]) -> str:
-    """Return the digest of all that a step's results depend on.
-
-    These are its settings, the measurements, the files that it needs, the user's own laws and
-    effects, the style of figures, and the code that it computes with; that of figures is not
-    among them, so that an edited figure invalidates no fit.
-    """
-    choices = getattr(step, "choices", None)
-    own = [getattr(choices, name, None) for name in ("effects_file", "laws_file")]
-    parts = [
-        repr(step), study.sha256, str(Path(study.source).resolve()), study.pads[0].name,
-        repr(sorted(map(str, style.items()))), package_digest(step.code),
-        *(digest_of(Path(file)) for file in own if file),
-        *(digest_of(folder / step.within / name) for name in step.needs),
-    ]  # fmt: skip
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def is_finished(out: Path, step: str, pad: str, key: str, folder: Path) -> bool:
@@ -338,6 +320,16 @@ class DiagnoseStep:
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
+
+
+def files_of_fit(step: str = "") -> tuple[str, ...]:
+    """Return the files that a fit and its check may leave, or those of one of these steps."""
+    files = [*FitStep.leaves, "relaxation.json", "relaxation.txt"] if step != CheckStep.name else []
+    files += CheckStep.leaves if step != FitStep.name else ()
+    figures = (
+        one.name for name in ("fit", "check") if step in ("", name) for one in figures_of(name)
+    )
+    return (*files, *(f"{name}.{kind}" for name in figures for kind in ("png", "pdf")))
 
 
 def _starting_lines(experiment: Experiment, choices: Choices, *, sampled: bool) -> tuple[str, ...]:

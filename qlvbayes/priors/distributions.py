@@ -1,17 +1,22 @@
-"""Define priors of one number: a density, and the map from an unconstrained number."""
+r"""Define priors of one number: a density over the number itself, or its logarithm, within bounds.
+
+A map to an unbounded number would send a bound to infinity: an optimiser would never reach a mode
+that lies at a bound, and no normal density would approximate the posterior around it. Over the
+coordinate chosen here a force that is linear in a constant stays linear, and each log density is
+quadratic.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from dataclasses import fields
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import ArrayLike
 
 from qlvbayes import xp
-from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
 from qlvbayes.pytree import Pytree
 from qlvbayes.xp import Array
 
@@ -19,32 +24,34 @@ Constant: TypeAlias = Any
 """A constant of a law, an effect or a noise model: `Float[Array, ...]` where it is fixed, and an
 `AbstractPrior` where it is free.
 
-Equations see arrays only, because `Posterior.bind` puts one in place of every prior. A type checker
-would ask each equation to allow for priors, hence Any.
+Equations see arrays only, because a number is put in place of every prior. A type checker would ask
+each equation to allow for priors, hence Any.
 """
+_FLAT = 0.01  # curvature, over 1/width^2, that a flat density is given for its normal approximation
+_LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 
 
 def log_normal_density(x: ArrayLike, mean: ArrayLike, sd: ArrayLike) -> Array:
     """Return the log density of a normal distribution at x."""
-    return -0.5 * ((xp.asarray(x) - mean) / sd) ** 2 - xp.log(sd) - 0.5 * math.log(2.0 * math.pi)
+    return -0.5 * ((xp.asarray(x) - mean) / sd) ** 2 - xp.log(sd) - _LOG_ROOT
 
 
 class AbstractPrior(Pytree):
     """Prior of one or several constants: what is known of them before the tests.
 
     A prior stands in the field of a model where a number would stand: the constant is then free. It
-    also maps an unconstrained vector y, in which samplers and optimisers move, to the value of the
-    constants. A user's own prior extends `AbstractScalarPrior`.
+    also maps a vector y of coordinates, in which samplers and optimisers move, to the value of the
+    constants.
     """
 
     @property
     @abstractmethod
     def size(self) -> int:
-        """Return how many unconstrained numbers stand for the value."""
+        """Return how many coordinates stand for the value."""
 
     @abstractmethod
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """Return the value at y (size,), unconstrained numbers, and the log prior density over y.
+        """Return the value at y (size,), coordinates, and the log prior density over y.
 
         The value is a constant or an array of them; the density is normalised and includes the
         log-Jacobian of the map.
@@ -52,7 +59,7 @@ class AbstractPrior(Pytree):
 
     @abstractmethod
     def unconstrain(self, value: ArrayLike) -> Array:
-        """Return the (size,) unconstrained numbers that ``constrain`` maps to ``value``."""
+        """Return the (size,) coordinates that ``constrain`` maps to ``value``."""
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> np.ndarray:
@@ -63,31 +70,62 @@ class AbstractPrior(Pytree):
         """Return the prior as it is written on the command line, ``lognormal(1.8, 0.5)``."""
 
 
-class AbstractScalarPrior(AbstractPrior):
-    """Prior of one constant: what is known of it before the tests.
+class QuadraticDensity(NamedTuple):
+    """Log density top - precision (y - mean)^2/2 between two bounds of a coordinate y.
 
-    ``word`` names the prior on the command line; the fields are its arguments, in order.
+    ``length`` is a natural step of y; ``curvature`` is minus the second derivative that a normal
+    approximation of the density takes.
+    """
+
+    lowest: float
+    highest: float
+    length: float
+    mean: float
+    precision: float
+    curvature: float
+    top: float
+
+
+class AbstractScalarPrior(AbstractPrior):
+    """Prior of one constant, whose log density is quadratic over its coordinate within bounds.
+
+    ``word`` names the prior on the command line; the fields are its arguments, in order. The
+    coordinate is the constant itself, or in sds from its mean where it may have either sign, or its
+    logarithm where ``in_log`` says so; an optimiser has to stay within the bounds. Any other prior
+    of a user's own extends `AbstractPrior`.
     """
 
     word: ClassVar[str]
+    in_log: ClassVar[bool] = False
 
     @property
     def size(self) -> int:
-        """Return 1: one unconstrained number stands for the value."""
+        """Return 1: one coordinate stands for the value."""
         return 1
+
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return shift and scale of the value over its coordinate, if that is no logarithm."""
+        return 0.0, 1.0
 
     @abstractmethod
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density at ``value``, per unit of the value."""
+        """Return the log density at ``value``, per unit of the value; -inf outside the bounds."""
 
     @abstractmethod
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Return the value at an unconstrained number y, and log(d value / dy)."""
+    def density(self) -> QuadraticDensity:
+        """Return the log density over the coordinate, as numbers."""
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
         """Return the value at y, shape (1,), and the log density over y."""
-        value, log_volume = self.to_support(y[0])
-        return value, self.log_density(value) + log_volume
+        shift, scale = self.affine
+        value = xp.exp(y[0]) if self.in_log else shift + scale * y[0]
+        return value, self.log_density(value) + (y[0] if self.in_log else xp.log(scale))
+
+    def unconstrain(self, value: ArrayLike) -> Array:
+        """Return the coordinate of the value, shape (1,)."""
+        one, (shift, scale) = xp.asarray(value)[None], self.affine
+        return xp.log(one) if self.in_log else (one - shift) / scale
 
     def describe(self) -> str:
         """Return ``word(a, b)``, as the prior is written on the command line."""
@@ -96,15 +134,7 @@ class AbstractScalarPrior(AbstractPrior):
 
 
 class AbstractPositivePrior(AbstractScalarPrior):
-    """Prior of one positive constant; samplers move in its logarithm."""
-
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Return e^y and log(d value / dy) = y."""
-        return to_positive(y)
-
-    def unconstrain(self, value: ArrayLike) -> Array:
-        """Return the logarithm of the value, shape (1,)."""
-        return xp.log(xp.asarray(value)[None])
+    """Prior of one positive constant."""
 
 
 class Normal(AbstractScalarPrior):
@@ -120,21 +150,35 @@ class Normal(AbstractScalarPrior):
     sd: Array | float
     word: ClassVar[str] = "normal"
 
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return mean and sd: the coordinate does not depend on the constant's unit."""
+        return self.mean, self.sd
+
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the normal distribution at ``value``."""
         return log_normal_density(value, self.mean, self.sd)
 
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Return mean + sd y and log(sd)."""
-        return self.mean + self.sd * y, xp.log(self.sd)
-
-    def unconstrain(self, value: ArrayLike) -> Array:
-        """Return (value - mean)/sd, shape (1,)."""
-        return ((xp.asarray(value) - self.mean) / self.sd)[None]
+    def density(self) -> QuadraticDensity:
+        """Return the log density in sds from the mean."""
+        return _normal(0.0, 1.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.asarray(rng.normal(self.mean, self.sd))
+
+
+class SignedAmplitude(Normal):
+    """Normal prior over an amplitude itself, with which an effect's force is linear from zero."""
+
+    @property
+    def affine(self) -> tuple[Any, Any]:
+        """Return 0 and 1: the coordinate is the amplitude."""
+        return 0.0, 1.0
+
+    def density(self) -> QuadraticDensity:
+        """Return the log density; its natural step is the sd."""
+        return _normal(float(self.mean), float(self.sd))
 
 
 class LogNormal(AbstractPositivePrior):
@@ -154,6 +198,7 @@ class LogNormal(AbstractPositivePrior):
     log_median: Array | float
     log_sd: Array | float
     word: ClassVar[str] = "lognormal"
+    in_log: ClassVar[bool] = True
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the log-normal distribution."""
@@ -162,6 +207,10 @@ class LogNormal(AbstractPositivePrior):
         density = log_normal_density(log_value, self.log_median, self.log_sd) - log_value
         return xp.where(positive, density, -np.inf)
 
+    def density(self) -> QuadraticDensity:
+        """Return the log density over the logarithm; its natural step is always a factor e."""
+        return _normal(float(self.log_median), float(self.log_sd))._replace(length=1.0)
+
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.exp(rng.normal(self.log_median, self.log_sd))
@@ -169,6 +218,9 @@ class LogNormal(AbstractPositivePrior):
 
 class HalfNormal(AbstractPositivePrior):
     """Half-normal prior of a constant of zero or more: the absolute value of a normal number.
+
+    The value may be zero, where an effect vanishes: over its logarithm the density would fall
+    without end towards zero, along an ever straighter line, which no normal density approximates.
 
     Parameters
     ----------
@@ -181,29 +233,20 @@ class HalfNormal(AbstractPositivePrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return the log density of the half-normal distribution at ``value``."""
-        return log_normal_density(value, 0.0, self.sd) + math.log(2.0)
+        density = log_normal_density(value, 0.0, self.sd) + math.log(2.0)
+        return xp.where(xp.asarray(value) >= 0.0, density, -np.inf)
+
+    def density(self) -> QuadraticDensity:
+        """Return the log density from zero on; its natural step is the sd."""
+        whole = _normal(0.0, float(self.sd))
+        return whole._replace(lowest=0.0, top=whole.top + math.log(2.0))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.abs(rng.normal(0.0, self.sd))
 
 
-class AbstractBoundedPrior(AbstractScalarPrior):
-    """Prior of one constant that lies between two bounds."""
-
-    low: Array | float
-    high: Array | float
-
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Return low + (high - low) sigmoid(y) and the log-Jacobian of this map."""
-        return to_interval(y, self.low, self.high)
-
-    def unconstrain(self, value: ArrayLike) -> Array:
-        """Return log((value - low)/(high - value)), shape (1,)."""
-        return from_interval(value, self.low, self.high)[None]
-
-
-class Uniform(AbstractBoundedPrior):
+class Uniform(AbstractScalarPrior):
     """Uniform prior of a constant between two bounds.
 
     Parameters
@@ -218,14 +261,18 @@ class Uniform(AbstractBoundedPrior):
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return -log(high - low)."""
-        return -xp.log(xp.asarray(self.high) - self.low)
+        return _between(value, self.low, self.high, -xp.log(xp.asarray(self.high) - self.low))
+
+    def density(self) -> QuadraticDensity:
+        """Return the flat log density."""
+        return _flat(float(self.low), float(self.high))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.asarray(rng.uniform(self.low, self.high))
 
 
-class LogUniform(AbstractBoundedPrior):
+class LogUniform(AbstractScalarPrior):
     """Log-uniform prior of a positive constant: its logarithm is uniform between two bounds.
 
     Parameters
@@ -237,11 +284,35 @@ class LogUniform(AbstractBoundedPrior):
     low: Array | float
     high: Array | float
     word: ClassVar[str] = "loguniform"
+    in_log: ClassVar[bool] = True
 
     def log_density(self, value: ArrayLike) -> Array:
         """Return -log(value log(high/low))."""
-        return -xp.log(value) - xp.log(xp.log(xp.asarray(self.high) / self.low))
+        inverse = -xp.log(value) - xp.log(xp.log(xp.asarray(self.high) / self.low))
+        return _between(value, self.low, self.high, inverse)
+
+    def density(self) -> QuadraticDensity:
+        """Return the log density over the logarithm, which is flat."""
+        return _flat(math.log(float(self.low)), math.log(float(self.high)))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return one value drawn from the prior."""
         return np.exp(rng.uniform(np.log(self.low), np.log(self.high)))
+
+
+def _between(value: ArrayLike, low: ArrayLike, high: ArrayLike, density: Array) -> Array:
+    """Return a log density where a value lies between two bounds, and minus infinity elsewhere."""
+    inside = (xp.asarray(value) >= low) & (xp.asarray(value) <= high)
+    return xp.where(inside, density, -np.inf)
+
+
+def _normal(mean: float, sd: float) -> QuadraticDensity:
+    top = -math.log(sd) - _LOG_ROOT
+    return QuadraticDensity(-math.inf, math.inf, sd, mean, sd**-2, sd**-2, top)
+
+
+def _flat(low: float, high: float) -> QuadraticDensity:
+    """Return a flat log density, with a small curvature for its normal approximation."""
+    width = high - low
+    length, top = width / math.sqrt(12.0), -math.log(width)
+    return QuadraticDensity(low, high, length, 0.5 * (low + high), 0.0, _FLAT / width**2, top)

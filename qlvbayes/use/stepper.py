@@ -11,9 +11,8 @@ from qlvbayes.comparison.side import Source, side_of
 from qlvbayes.effects.lags import LINES, ChannelLag
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.model.dual import check_inverse, check_steps
 from qlvbayes.model.model import Model
-from qlvbayes.model.stepping import State, begin, step, step_to_force
+from qlvbayes.model.stepping import State, begin, check_inverse, check_steps, step, step_to_force
 
 _begun = jax.jit(jax.vmap(begin))
 _forward = jax.jit(jax.vmap(step, in_axes=(0, 0, 0, None)))

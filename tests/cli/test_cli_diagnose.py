@@ -21,9 +21,10 @@ from qlvbayes.fitting.results import RunLog
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
+from qlvbayes.pipeline.many import Work
 from qlvbayes.pipeline.run import on_laws
 from qlvbayes.pipeline.source import Source
-from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, is_finished, key_of
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, is_finished
 from qlvbayes.report.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
@@ -143,10 +144,10 @@ def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(stu
     choices = given.choices(read_study(case[0]))
     fit = FitStep(choices, settings=given.sampler(0), within="plain")
     alone = next(iter(Source.from_files(case[0])))
-    key = key_of(fit, study[0], alone, {})
-    assert is_finished(out, "plain-fit", "C", key, study[0])
+    work = Work((fit,), alone, out)
+    assert is_finished(out, "plain-fit", "C", work.key(fit, study[0]), study[0])
     other = replace(fit, settings=given.sampler(1))
-    assert not is_finished(out, "plain-fit", "C", key_of(other, study[0], alone, {}), study[0])
+    assert not is_finished(out, "plain-fit", "C", work.key(other, study[0]), study[0])
 
 
 def test_effects_lists_all_by_family():

@@ -8,10 +8,10 @@ from support.endtoend import fitted
 from support.posteriors import ORDER, PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.comparison.compare import answer, compare, contrast
-from qlvbayes.comparison.joint import FALSE_ALARMS, joint_test
+from qlvbayes.comparison.contrast import as_csv, as_latex
 from qlvbayes.comparison.readings import Reading
+from qlvbayes.comparison.statistics import FALSE_ALARMS, joint_test
 from qlvbayes.comparison.words import paragraphs
-from qlvbayes.comparison.writing import as_csv, as_latex
 from qlvbayes.io.checks import InputError
 
 UNIT = Reading("m", "N/mm", "constants", False)

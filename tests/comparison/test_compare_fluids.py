@@ -7,7 +7,7 @@ from scipy.stats import halfcauchy, multivariate_normal
 from support.posteriors import PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.comparison.compare import compare
-from qlvbayes.comparison.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
+from qlvbayes.comparison.statistics import SPREAD, Specimens, fluid_draws, spread_posterior
 from qlvbayes.io.checks import InputError
 
 MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))

@@ -11,7 +11,7 @@ from qlvbayes.effects.friction import InterfaceSlip
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.starts import amplitude_of, shapes
-from qlvbayes.priors.natural import Positive
+from qlvbayes.priors import HalfNormal
 from qlvbayes.simulate import HIDDEN, full_retraction_protocol
 
 BASELINE = Hypothesis("exponential", "prony:2")
@@ -55,7 +55,8 @@ def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share)
     start = shapes(density.space, point, own, kind.name)[0]
     amplitude = amplitude_of(own, kind.name)
     start[amplitude.number] = 0.5 * amplitude.sd
-    halves = [leaf.theta.start for leaf in own.leaves if isinstance(leaf.prior, Positive)]
+    halves = [leaf.theta.start for leaf in own.leaves if isinstance(leaf.prior, HalfNormal)]
+    halves = [number for number in halves if number not in own.amplitudes]
     start[halves] *= share
     place = density.at(hypothesis, start)
     sizes = density.discrepancy.sizes.tolist()

@@ -25,7 +25,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.elsewhere import infer_choices
+from qlvbayes.model.drawn import infer_choices
 from qlvbayes.simulate import (
     TABLE_1,
     HiddenPad,

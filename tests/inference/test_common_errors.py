@@ -8,7 +8,7 @@ from support.hidden_pads import FEW, hidden_pad
 from qlvbayes.diagnosis.checks.naming import contact_error, contact_notices
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.inference.common_errors import JointWhitener, joint_covariance, stage_changes
+from qlvbayes.inference.errors.whitening import stage_changes
 from qlvbayes.io.data import Pad
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
@@ -26,10 +26,10 @@ def test_a_shared_error_is_whitened_with_the_covariance_that_it_makes():
     experiment = on_one_stage()
     density = build_search(experiment, kinds=FEW).density
     whitener, blocks = density.whitener, density.space.record.blocks
-    assert isinstance(whitener, JointWhitener)
+    assert whitener.common is not None
     assert len(stage_changes(experiment.trials, blocks)) == 1
     assert not np.any(blocks.zero)
-    covariance = joint_covariance(whitener)
+    covariance = whitener.covariance
     between = covariance[np.ix_(whitener.tests == 0, whitener.tests == 1)]
     assert np.abs(between).max() > 0.0
     white = whitener.matrix @ covariance @ whitener.matrix.T
@@ -38,7 +38,7 @@ def test_a_shared_error_is_whitened_with_the_covariance_that_it_makes():
     np.testing.assert_allclose(whitener.whiten(some), some @ whitener.matrix.T, atol=1e-8)
     last = whitener.tests == 1
     rest = whitener.without(last)
-    np.testing.assert_allclose(joint_covariance(rest), covariance[np.ix_(~last, ~last)])
+    np.testing.assert_allclose(rest.covariance, covariance[np.ix_(~last, ~last)])
 
 
 def test_a_force_that_is_off_by_the_error_of_its_zero_costs_at_most_half_a_nat():

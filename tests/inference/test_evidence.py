@@ -23,7 +23,7 @@ from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, predicted_decrease
-from qlvbayes.inference.projection import projected
+from qlvbayes.inference.starts import projected
 from qlvbayes.motion.experiment import prepare
 
 HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
@@ -45,7 +45,7 @@ def density(experiment, space):
     whitener = Whitener.from_floor(experiment.floor, space.record.blocks, PEAK)
     rng = np.random.default_rng(3)
     shapes = rng.standard_normal((7, *space.record.blocks.force.shape))
-    return Density(space, whitener, Discrepancy.from_features(shapes, whitener, 2.0, 0.01))
+    return Density(space, Discrepancy.from_features(shapes, whitener, 2.0, 0.01))
 
 
 def thetas(space, hypothesis, count):
@@ -78,7 +78,8 @@ def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
     """Minus log density by the whole covariance, less the constant that it leaves out."""
     record, features = density.space.record, density.discrepancy.features
     blocks, left = record.blocks, np.asarray(record.blocks.force) - point.predicted
-    loss = point.prior.loss + density.log_constant
+    precisions = density.whitener.precisions
+    loss = point.prior.loss + 0.5 * np.log(precisions / (2.0 * np.pi)).sum()
     parts, shapes, noise = [], [], []
     for k in kept:
         real = np.asarray(blocks.real)[k]

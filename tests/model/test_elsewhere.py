@@ -8,7 +8,7 @@ from support.posteriors import CHAINS, drawn, vectors, written
 from qlvbayes.fitting.results import load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, STRAIN
-from qlvbayes.model.elsewhere import flat_names, infer_choices
+from qlvbayes.model.drawn import flat_names, infer_choices
 
 
 def same_as(saved, flat):

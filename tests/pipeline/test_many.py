@@ -16,7 +16,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import engine_of, opened_engine
 from qlvbayes.parallel.running import FailedError, Fault
-from qlvbayes.pipeline.comparing import draw_constants
+from qlvbayes.pipeline.derived import draw_constants
 from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.many import Work, map_pads, run_pads
 from qlvbayes.pipeline.steps import FINISHED, faults_in

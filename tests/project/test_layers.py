@@ -5,7 +5,8 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 import qlvbayes
-from qlvbayes.pipeline.comparing import CompareStep
+from qlvbayes.pipeline.derived import CompareStep
+from qlvbayes.pipeline.run import FinalStep
 from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep
 
 ROOT = Path(qlvbayes.__file__).parent
@@ -137,6 +138,7 @@ def test_a_step_is_done_again_after_a_change_of_what_it_computes_with_and_of_not
         (CheckStep, "fitting"),
         (DiagnoseStep, "diagnosis"),
         (DiagnoseStep, "use"),
+        (FinalStep, "diagnosis"),
         (CompareStep, "comparison"),
     ):
         needed, new = {folder}, {folder}

@@ -38,7 +38,7 @@ from qlvbayes.io.wording import number, percent_unbroken
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.polynomial import HertzPower, Linear
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline.comparing import compare_pairs
+from qlvbayes.pipeline.derived import compare_pairs
 from qlvbayes.report.collect import collect
 from qlvbayes.report.figures import chart_of
 from qlvbayes.report.methods import methods_of

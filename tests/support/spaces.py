@@ -4,7 +4,6 @@ from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import Correlated
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 def space_of(experiment, trials, effects):
@@ -14,12 +13,9 @@ def space_of(experiment, trials, effects):
     relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
     return Space(
         experiment.record(trials),
-        {kind.name: in_quadratic_coordinates(kind.default(scales)) for kind in LAWS.elastic},
-        {name: in_quadratic_coordinates(law) for name, law in relaxation.items()},
-        {
-            k.name: in_quadratic_coordinates(in_natural_amplitude(k.default(scales)))
-            for k in effects
-        },
+        {kind.name: kind.default(scales) for kind in LAWS.elastic},
+        relaxation,
+        {k.name: in_natural_amplitude(k.default(scales)) for k in effects},
         Correlated.from_floor(experiment.floor),
         False,
     )

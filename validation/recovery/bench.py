@@ -23,7 +23,6 @@ from qlvbayes.motion.record import Record, batch
 from qlvbayes.motion.reduction import reduce_test
 from qlvbayes.motion.trajectory import Stroke, Trajectory, planned
 from qlvbayes.priors import Dirichlet, Ordered
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
 """Protocol of the simulated tests."""
@@ -51,9 +50,9 @@ class RecoveryBench:
         """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
-            {self.elastic.name: in_quadratic_coordinates(self.elastic)},
-            {self.relaxation.name: in_quadratic_coordinates(self.relaxation)},
-            {one.name: in_quadratic_coordinates(in_natural_amplitude(one)) for one in effects},
+            {self.elastic.name: self.elastic},
+            {self.relaxation.name: self.relaxation},
+            {one.name: in_natural_amplitude(one) for one in effects},
             Correlated(_WHITE, _OU, _TAU),
             bonded=bonded,
         )

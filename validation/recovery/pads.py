@@ -153,7 +153,7 @@ class Pads:
         none = Discrepancy.none(whitener, peak)
         measured = eqx.tree_at(lambda r: r.blocks.force, record, jnp.asarray(forces))
         space = replace(self.space, record=measured, _cache={}, _chains={})
-        return Density(space, whitener, none)
+        return Density(space, none)
 
     def _sampled(self, density: Density, rng: np.random.Generator) -> ImportanceSample:
         """Sample from clouds about the modes and between slices; every amplitude counts."""

@@ -27,8 +27,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.projection import projected
-from qlvbayes.inference.starts import amplitude_of, transferred
+from qlvbayes.inference.starts import amplitude_of, projected, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices

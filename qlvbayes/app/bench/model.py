@@ -16,7 +16,6 @@ from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.priors.joint import Dirichlet, Ordered
-from qlvbayes.priors.natural import Natural
 
 NOISE = "noise."  # prefix of the noise floor's constants, which are measured and not moved
 _LEAST = 1e-9  # smallest share, and relative distance of two rates, whose logarithms are finite
@@ -111,10 +110,8 @@ def values_of(own: Parameters, constants: Array) -> dict[str, float]:
 def nothing_added(own: Parameters, space: Space) -> Array:
     """Return (F,) free parameters at their priors' medians, every effect's amplitude at zero."""
     theta = median(space.prior_draws(own.hypothesis))
-    for name, leaf in own.by_name.items():
-        effect = name.partition(".")[0]
-        if isinstance(leaf.prior, Natural) and effect in own.hypothesis.effects:
-            theta[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
+    for effect, amplitude in own.amplitude_of.items():
+        theta[amplitude.number] = next(iter(space.effects[effect].null.values()))
     return np.asarray(own.within(theta))
 
 

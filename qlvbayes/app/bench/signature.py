@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
-from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
+from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
+from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.io.arrays import Array
 
 _ROUNDS = 3  # times that the size is inserted into the force

@@ -36,9 +36,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from qlvbayes.diagnosis.settings import CellTests, DiagnosisSettings
-from qlvbayes.inference.common_errors import stage_changes
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.errors.whitening import covariance
+from qlvbayes.inference.errors.whitening import covariance, stage_changes
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.phases import Phase

@@ -22,7 +22,6 @@ from scipy.linalg import cholesky, solve_triangular
 
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Decisive
-from qlvbayes.inference.common_errors import joint_covariance
 from qlvbayes.inference.density import Density
 from qlvbayes.io.arrays import Array
 from qlvbayes.motion.experiment import Trial
@@ -36,7 +35,7 @@ def log_densities(density: Density, candidate: Candidate) -> Array:
     whitener, point = density.whitener, candidate.point
     force = np.asarray(density.space.record.blocks.force)
     left = whitener.flattened((force - point.predicted)[None])[0]
-    covariance = joint_covariance(whitener)
+    covariance = whitener.covariance
     covariance += density.discrepancy.covariance(candidate.mode.size, point.separation)
     root = cholesky(covariance, lower=True, check_finite=False)
     errors = solve_triangular(root, left, lower=True, check_finite=False)

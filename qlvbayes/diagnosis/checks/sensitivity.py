@@ -12,8 +12,8 @@ from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Excluded, ParameterBias
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.forward.hypothesis import Parameters
-from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
+from qlvbayes.inference.forward.hypothesis import Amplitude, Parameters
+from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.io.arrays import Array
 
 SEEN = 10.0

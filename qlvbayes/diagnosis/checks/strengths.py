@@ -54,7 +54,7 @@ def strengths(
         return None
     own = _without_own_scatter(candidate, effect)
     sized = density.discrepancy.at(candidate.mode.size, point.separation.with_scatter(own))
-    gradient, curvature = point.added_terms(density.whitener(parts), sized)
+    _, gradient, curvature = point.added_terms(density.whitener(parts), sized)
     squares = np.sum(parts**2, axis=(1, 2))
     delta, sds, spread = pooled(curvature, -gradient, squares, imitation)
     return Strengths(

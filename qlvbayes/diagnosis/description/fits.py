@@ -31,7 +31,6 @@ from qlvbayes.inference.starts import transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import in_quadratic_coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +118,8 @@ class LawFits:
 
     def extended(self, kinds: Sequence[type[AbstractEffect]]) -> Density:
         """Return the density in a space that also holds some described effects."""
-        own = {
-            kind.name: in_quadratic_coordinates(
-                in_natural_amplitude(kind.default(self.experiment.scales))
-            )
-            for kind in kinds
-        }
+        effects = (kind.default(self.experiment.scales) for kind in kinds)
+        own = {one.name: in_natural_amplitude(one) for one in effects}
         space = self.density.space
         return self.density.with_space(space.with_effects({**space.effects, **own}))
 

@@ -55,7 +55,7 @@ def proposals(
         return []
     terms, own_shapes, sds, forces = zip(*columns, strict=True)
     sized = density.discrepancy.at(base.size, base.point.separation)
-    gradient, curvature = base.point.added_terms(density.whitener(np.stack(forces)), sized)
+    _, gradient, curvature = base.point.added_terms(density.whitener(np.stack(forces)), sized)
     own = np.maximum(np.diag(curvature), np.finfo(float).tiny)
     sizes = -gradient / (own + 1.0)
     gains = -0.5 * gradient * sizes - 0.5 * np.log1p(own)

@@ -1,4 +1,4 @@
-r"""What a further test would tell: its readings with their errors, and the bits of information.
+r"""Tell what a further test would say: its readings with their errors, and bits of information.
 
 The information is that of linear forces and normal noise. It depends on the whitened forces f_h of
 every explanation h and their slopes A_h along its coordinates z ~ N(0, 1) only by their products

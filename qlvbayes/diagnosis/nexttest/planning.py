@@ -109,7 +109,7 @@ class NextTests(Result, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Goal:
-    """What the tests are for: to know constants, the cause of a misfit, or both.
+    """Purpose of the tests: to know constants, the cause of a misfit, or both.
 
     Every test makes constants better known, so that bits per minute count. Of a cause all bits
     within the time there is count, as the quickest test gives only a part of the answer: the tests

@@ -25,13 +25,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Features, Locations
-from qlvbayes.inference.errors.scatter import NONE, Scatter, ScatterPrior, by_test, likeliest
-from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separated, Separation
-from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.errors.scatter import NONE, Scatter, ScatterPrior, likeliest
+from qlvbayes.inference.errors.separation import DiscrepancyOfSize, Separation
+from qlvbayes.inference.errors.whitening import Whitener, stage_changes
 from qlvbayes.io.arrays import Array
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -78,7 +77,10 @@ class Discrepancy:
         prior: DiscrepancyPrior = UNDECIDED,
         scatter: ScatterPrior | None = None,
     ) -> Discrepancy:
-        """Return the discrepancy of block means (T, B) of some trials, under the noise floor."""
+        """Return the discrepancy of block means (T, B) of some trials, under the noise floor.
+
+        Errors that tests of one stage share in their contact are part of the noise.
+        """
         peak = experiment.scales.force
         locations = Locations.from_blocks(experiment, trials, blocks, prior)
         values = Features.from_locations(locations)(locations)
@@ -86,6 +88,7 @@ class Discrepancy:
         features = np.zeros((len(values), *real.shape))
         features[:, real] = values
         whitener = Whitener.from_floor(experiment.floor, blocks, peak)
+        whitener = whitener.with_common(stage_changes(trials, blocks))
         several = scatter if len(trials) > 1 else None
         return cls.from_features(features, whitener, peak, tolerance, prior, several)
 
@@ -127,57 +130,22 @@ class Discrepancy:
     ) -> Separation:
         """Return the separation from what the derivatives (F, T, B) of the force can follow."""
         counted = responses if len(self.features) else responses[:0]
-
-        def coupled(rows: Array) -> tuple[Array, Array]:
-            smooth = (rows @ self.block_features.T) @ self.block_features
-            smooth -= 0.5 * (smooth @ rows.T) @ rows
-            return smooth, self._coupled_moments(rows)
-
-        def scaled() -> tuple[Array, NDArray[np.intp]]:
-            assert parts is not None
-            rows = by_test(own := parts())
-            groups = np.repeat(np.arange(len(own)), own.shape[1])
-            return self.whitener.flattened(rows), groups
-
-        return Separation(
-            lambda: self.whitener.flattened(counted),
-            lengths[: len(counted)],
-            coupled,
-            self.whitener.whiten,
-            scaled if parts is not None and self.scatter is not None else None,
-            scatter if self.scatter is not None else NONE,
-            errors,
-        )
-
-    def _coupled_moments(self, rows: Array) -> Array:
-        """Return Q T (1 - P), (R, n), where T holds the variances of uncertain moments."""
-        moments = rows * np.concatenate(self.whitener.timing)
-        return np.asarray(moments - (moments @ rows.T) @ rows)
+        if self.scatter is None:
+            parts, scatter = None, NONE
+        smooth = self.block_features
+        own = self.whitener, smooth, counted, lengths[: len(counted)], parts
+        return Separation(*own, scatter, errors)
 
     def covariance(self, size: float, separation: Separation) -> Array:
         """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2)."""
-        count = self.block_features.shape[1]
-        rows = separation.rows
-        scaled = separation.scattered(separation.scaled_rows[0])
-        scaled = scaled - (scaled @ rows.T) @ rows
-        between: Array = scaled.T @ scaled
-        if separation.errors is not None:
-            between += separation.errors.T @ separation.errors
-        if size == 0.0:
-            return between
-        rest = self.block_features - (self.block_features @ rows.T) @ rows
-        moments = rows.T @ self._coupled_moments(rows)
-        added = size**2 * (rest.T @ rest + self.rough * np.eye(count))
-        return np.asarray(added + between - moments - moments.T)
+        return separation.covariance(size, self.rough)
 
-    def at(
-        self, size: float, separation: Separation | None = None
-    ) -> DiscrepancyOfSize | Separated:
+    def at(self, size: float, separation: Separation | None = None) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), separated if a separation is given."""
-        unseparated = self._at(size)
-        return unseparated if separation is None else separation.at(unseparated)
+        whole = self._at(size)
+        return whole if separation is None else separation.at(whole)
 
-    def unseparated(self, size: float, separation: Separation) -> DiscrepancyOfSize | Separated:
+    def unseparated(self, size: float, separation: Separation) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N) and the scatter, neither of them separated."""
         return separation.unseparated(self._at(size))
 
@@ -238,7 +206,7 @@ class Discrepancy:
     ) -> tuple[float, Scatter]:
         """Return the size (N) and the scatter of highest density given a whitened residual (n,)."""
         alone = separation.with_scatter(NONE)
-        if self.scatter is None or alone.scaled is None:
+        if self.scatter is None or alone.parts is None:
             return self.likeliest_size(residual, guess, alone), NONE
         prior, groups = self.scatter, alone.scaled_rows[1]
         vectors = np.concatenate([residual[None], alone.separated_rows])

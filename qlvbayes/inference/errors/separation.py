@@ -36,12 +36,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.inference.errors.scatter import NONE, Scatter
+from qlvbayes.inference.errors.scatter import NONE, Scatter, by_test
+from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.io.arrays import Array
 
 _SMALLEST = 1e-8
@@ -51,6 +52,61 @@ _OF_SLOPES = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows")
 """What is computed once, and does not depend on the errors of the force;"""
 _CACHED = (*_OF_SLOPES, "_whitened_errors")
 """and all of it, which does not depend on the scatter."""
+
+
+@dataclass(frozen=True, eq=False)
+class DiscrepancyOfSize:
+    """A discrepancy of one size s (N), with the covariance C or, where it is separated, C_P.
+
+    The matrices act on whitened block means. C^-1 = root (1 - axes^T axes) root, with root (n,):
+    D^(-1/2), and axes (M, n). log_volume: ln of the determinant. separating: scaled U (U, n), its
+    components along the axes (U, M), and M^-1 (U, U); None where C_P is C.
+    """
+
+    size: float
+    root: Array
+    axes: Array
+    log_volume: float
+    separating: tuple[Array, Array, Array] | None = None
+
+    def separated(
+        self, basis: Array, coupled: Array, scattered: Array, cost: float
+    ) -> DiscrepancyOfSize:
+        """Return it separated by Q and Y (R, n), with scaled V (K, n), all whitened."""
+        scale = self.size or 1.0  # makes Q and Y of similar size, which saves digits
+        own, along = self._scaled(np.concatenate([scale * basis, coupled / scale, scattered]))
+        rank = len(basis)
+        inner = -np.eye(len(own))
+        inner[: 2 * rank, : 2 * rank] = np.roll(np.eye(2 * rank), rank, axis=0)
+        core = inner - (own @ own.T - along @ along.T)
+        log_volume = self.log_volume + float(np.linalg.slogdet(core)[1]) + cost
+        separating = own, along, np.asarray(np.linalg.inv(core), float)
+        return replace(self, log_volume=log_volume, separating=separating)
+
+    def products(self, vectors: Array) -> Array:
+        """Return the products v^T C_P^-1 w (M, M) of whitened vectors (M, n)."""
+        scaled, along = self._scaled(vectors)
+        products = scaled @ scaled.T - along @ along.T
+        if self.separating is not None:
+            own, own_along, inverse = self.separating
+            with_u = scaled @ own.T - along @ own_along.T
+            products = products + with_u @ inverse @ with_u.T
+        return np.asarray(products)
+
+    def squares(self, vectors: Array) -> Array:
+        """Return v^T C_P^-1 v (M,) of whitened vectors (M, n)."""
+        scaled, along = self._scaled(vectors)
+        squares = (scaled**2).sum(axis=1) - (along**2).sum(axis=1)
+        if self.separating is not None:
+            own, own_along, inverse = self.separating
+            with_u = scaled @ own.T - along @ own_along.T
+            squares = squares + np.einsum("mu,uw,mw->m", with_u, inverse, with_u)
+        return np.asarray(squares)
+
+    def _scaled(self, vectors: Array) -> tuple[Array, Array]:
+        """Return the scaled vectors (M, n) and their components (M, K) along the K axes."""
+        scaled = vectors * self.root
+        return scaled, scaled @ self.axes.T
 
 
 def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
@@ -64,28 +120,26 @@ def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
 class Separation:
     """The separation of a discrepancy for one Jacobian, computed when a size above zero needs it.
 
-    derivatives: function to those of the block means (F, n), not whitened; lengths (F,): natural
-    lengths of the free parameters; coupled: function from Q (R, n) to the parts Y of K and of the
-    moments, both (R, n); whiten: function that whitens block means (M, n); scaled: function to the
-    rows V (K, n) of the parts of the force whose scale differs between tests, not whitened, and the
-    group (K,) of each;
-    scatter: the relative sds of the scales of each group; errors (K, n): independent errors of the
-    force, not whitened, each one sd, which are not separated.
+    features (M, n): of the discrepancy, not whitened; responses (F, T, B), lengths (F,):
+    derivatives of the block means, and natural lengths of the free parameters; parts: function to
+    the parts (G, T, B) of the force whose scale differs between tests; scatter: the relative sds
+    of the scales of each part; errors (K, n): independent errors of the force, not whitened, each
+    one sd, which are not separated.
     """
 
-    derivatives: Callable[[], Array]
+    whitener: Whitener
+    features: Array
+    responses: Array
     lengths: Array
-    coupled: Callable[[Array], tuple[Array, Array]]
-    whiten: Callable[[Array], Array]
-    scaled: Callable[[], tuple[Array, NDArray[np.intp]]] | None = None
+    parts: Callable[[], Array] | None = None
     scatter: Scatter = NONE
     errors: Array | None = None
-    _by_size: dict[float, Separated] = field(default_factory=dict)
+    _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @cached_property
     def slopes(self) -> Array:
         """Return the derivatives of the block means (F, n), not whitened."""
-        return self.derivatives()
+        return self.whitener.flattened(self.responses)
 
     @cached_property
     def rows(self) -> Array:
@@ -95,21 +149,33 @@ class Separation:
     @cached_property
     def _parts(self) -> tuple[Array, ...]:
         """Return Q, Y of K and Y of the moments, (R, n) each, whitened."""
-        parts = np.concatenate([self.rows, *self.coupled(self.rows)])
-        return tuple(np.split(self.whiten(parts), 3))
+        smooth = (self.rows @ self.features.T) @ self.features
+        smooth -= 0.5 * (smooth @ self.rows.T) @ self.rows
+        parts = np.concatenate([self.rows, smooth, self._coupled_moments])
+        return tuple(np.split(self.whitener.whiten(parts), 3))
+
+    @property
+    def _coupled_moments(self) -> Array:
+        """Return Q T (1 - P), (R, n), where T holds the variances of uncertain moments."""
+        return self._rest(self.rows * np.concatenate(self.whitener.timing))
+
+    def _rest(self, vectors: Array) -> Array:
+        """Return vectors (M, n) without what the derivatives can follow of them."""
+        return np.asarray(vectors - (vectors @ self.rows.T) @ self.rows)
 
     @cached_property
     def scaled_rows(self) -> tuple[Array, NDArray[np.intp]]:
-        """Return the rows V (K, n), not whitened, and the group (K,) of each."""
-        if self.scaled is None:
+        """Return the rows V (K, n), not whitened, and the part (K,) of each."""
+        if self.parts is None:
             return np.zeros((0, self.slopes.shape[1])), np.zeros(0, dtype=np.intp)
-        return self.scaled()
+        rows = by_test(parts := self.parts())
+        groups = np.repeat(np.arange(len(parts)), parts.shape[1])
+        return self.whitener.flattened(rows), groups
 
     @cached_property
     def separated_rows(self) -> Array:
         """Return V (1 - P), (K, n), whitened: as a discrepancy, scatter bends no curve."""
-        rows, _ = self.scaled_rows
-        return self.whiten(rows - (rows @ self.rows.T) @ self.rows)
+        return self.whitener.whiten(self._rest(self.scaled_rows[0]))
 
     def scattered(self, rows: Array) -> Array:
         """Return the rows (K, n) of V, in any form, times the sds of their scales."""
@@ -117,34 +183,17 @@ class Separation:
             return rows[:0]
         return np.asarray(np.array(self.scatter.sizes)[self.scaled_rows[1], None] * rows)
 
-    def unseparated(self, discrepancy: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
-        """Return a discrepancy with the scatter, neither of them separated."""
-        if not self.has_rows:
-            return discrepancy
-        rows = self._with_errors(self.scattered(self.whiten(self.scaled_rows[0])))
-        return Separated.from_unseparated(discrepancy, rows[:0], rows[:0], rows, 0.0)
-
-    @property
-    def has_rows(self) -> bool:
-        """True if there is scatter, or are errors of the force."""
-        return any(self.scatter.sizes) or (self.errors is not None and len(self.errors) > 0)
-
     @cached_property
     def _whitened_errors(self) -> Array:
-        return self.slopes[:0] if self.errors is None else self.whiten(self.errors)
-
-    def _with_errors(self, rows: Array) -> Array:
-        return np.concatenate([rows, self._whitened_errors])
+        return self.slopes[:0] if self.errors is None else self.whitener.whiten(self.errors)
 
     def with_scatter(self, scatter: Scatter) -> Separation:
-        """Return the separation with other sds of the scales of each group."""
+        """Return the separation with other sds of the scales of each part."""
         return self if scatter == self.scatter else self._changed(_CACHED, scatter=scatter)
 
     def with_errors(self, errors: Array | None) -> Separation:
         """Return the separation with other errors of the force."""
-        if errors is self.errors:
-            return self
-        return self._changed(_OF_SLOPES, errors=errors)
+        return self if errors is self.errors else self._changed(_OF_SLOPES, errors=errors)
 
     def _changed(self, known: tuple[str, ...], **fields: Any) -> Separation:
         """Return the separation with other fields, on which what is known does not depend."""
@@ -164,109 +213,48 @@ class Separation:
         product = basis.T @ ties
         return np.asarray(product + product.T)
 
+    def covariance(self, size: float, rough: float) -> Array:
+        """Return the covariance (n, n) that a size (N) and the scatter add (N^2)."""
+        scaled = self._rest(self.scattered(self.scaled_rows[0]))
+        between: Array = scaled.T @ scaled
+        if self.errors is not None:
+            between += self.errors.T @ self.errors
+        if size == 0.0:
+            return between
+        rest, moments = self._rest(self.features), self.rows.T @ self._coupled_moments
+        added = size**2 * (rest.T @ rest + rough * np.eye(rest.shape[1]))
+        return np.asarray(added + between - moments - moments.T)
+
     def forget(self) -> None:
         """Discard what can be computed again in a millisecond, to save a megabyte a point."""
         self._by_size.clear()
         for rows in _CACHED:
             self.__dict__.pop(rows, None)
 
-    def at(self, unseparated: DiscrepancyOfSize) -> DiscrepancyOfSize | Separated:
-        """Return the separated discrepancy, with the scatter, of one that is not separated."""
-        separates = unseparated.size > 0.0 and self.rank > 0
-        if not separates and not self.has_rows:
-            return unseparated
-        known = self._by_size.get(unseparated.size)
-        if known is None:
+    def at(self, whole: DiscrepancyOfSize) -> DiscrepancyOfSize:
+        """Return a discrepancy separated, with the scatter and the errors of the force."""
+        separates = whole.size > 0.0 and self.rank > 0
+        if not separates and not self._has_rows:
+            return whole
+        if whole.size not in self._by_size:
             basis, ties, moments = self._parts if separates else 3 * (self.slopes[:0],)
-            coupled = unseparated.size**2 * ties + moments
-            scattered = self._with_errors(self.scattered(self.separated_rows))
-            known = Separated.from_unseparated(
-                unseparated, basis, coupled, scattered, 2.0 * self.scatter.cost
+            rows = self._with_errors(self.scattered(self.separated_rows))
+            self._by_size[whole.size] = whole.separated(
+                basis, whole.size**2 * ties + moments, rows, 2.0 * self.scatter.cost
             )
-            self._by_size[unseparated.size] = known
-        return known
+        return self._by_size[whole.size]
 
-
-@dataclass(frozen=True, eq=False)
-class DiscrepancyOfSize:
-    """A discrepancy of one size s (N), not separated: C^-1 = root (1 - axes^T axes) root.
-
-    The matrices act on whitened block means. root (n,): D^(-1/2); axes (M, n); log_volume: ln|C|.
-    """
-
-    size: float
-    root: Array
-    axes: Array
-    log_volume: float
-
-    def products(self, vectors: Array) -> Array:
-        """Return the products v^T C^-1 w (M, M) of whitened vectors (M, n)."""
-        scaled, projected = self.parts(vectors)
-        return np.asarray(scaled @ scaled.T - projected @ projected.T)
-
-    def squares(self, vectors: Array) -> Array:
-        """Return v^T C^-1 v (M,) of whitened vectors (M, n)."""
-        scaled, projected = self.parts(vectors)
-        return np.asarray((scaled**2).sum(axis=1) - (projected**2).sum(axis=1))
-
-    def parts(self, vectors: Array) -> tuple[Array, Array]:
-        """Return the scaled vectors (M, n) and their components (M, K) along the K axes."""
-        scaled = vectors * self.root
-        return scaled, scaled @ self.axes.T
-
-
-@dataclass(frozen=True, eq=False)
-class Separated:
-    """A separated discrepancy of one size, with the covariance C_P."""
-
-    unseparated: DiscrepancyOfSize  # the discrepancy of covariance C
-    # own (2R, n), parts: scaled U and its components along the axes
-    own: Array
-    parts: Array
-    core: Array  # (2R, 2R): M
-    log_volume: float  # ln|C_P|
-
-    @classmethod
-    def from_unseparated(
-        cls,
-        unseparated: DiscrepancyOfSize,
-        basis: Array,
-        coupled: Array,
-        scattered: Array,
-        cost: float,
-    ) -> Self:
-        """Return the separated discrepancy of Q and Y (R, n) and scaled V (K, n), whitened."""
-        scale = unseparated.size or 1.0  # makes Q and Y of similar size, which saves digits
-        rows = np.concatenate([scale * basis, coupled / scale, scattered])
-        own, parts = unseparated.parts(rows)
-        rank = len(basis)
-        inner = -np.eye(len(rows))
-        inner[: 2 * rank, : 2 * rank] = np.roll(np.eye(2 * rank), rank, axis=0)
-        core = inner - (own @ own.T - parts @ parts.T)
-        log_volume = unseparated.log_volume + float(np.linalg.slogdet(core)[1]) + cost
-        return cls(unseparated, own, parts, core, log_volume)
+    def unseparated(self, whole: DiscrepancyOfSize) -> DiscrepancyOfSize:
+        """Return a discrepancy with the scatter, neither of them separated."""
+        if not self._has_rows:
+            return whole
+        rows = self._with_errors(self.scattered(self.whitener.whiten(self.scaled_rows[0])))
+        return whole.separated(rows[:0], rows[:0], rows, 0.0)
 
     @property
-    def size(self) -> float:
-        """Return the size (N) of the discrepancy."""
-        return self.unseparated.size
+    def _has_rows(self) -> bool:
+        """True if there is scatter, or are errors of the force."""
+        return any(self.scatter.sizes) or (self.errors is not None and len(self.errors) > 0)
 
-    @cached_property
-    def inverse(self) -> Array:
-        """Return M^-1 (2R + K, 2R + K)."""
-        return np.asarray(np.linalg.inv(self.core))
-
-    def products(self, vectors: Array) -> Array:
-        """Return the products v^T C_P^-1 w (M, M) of whitened vectors (M, n)."""
-        scaled, projected = self.unseparated.parts(vectors)
-        with_u = scaled @ self.own.T - projected @ self.parts.T
-        return np.asarray(
-            scaled @ scaled.T - projected @ projected.T + with_u @ self.inverse @ with_u.T
-        )
-
-    def squares(self, vectors: Array) -> Array:
-        """Return v^T C_P^-1 v (M,) of whitened vectors (M, n)."""
-        scaled, projected = self.unseparated.parts(vectors)
-        with_u = scaled @ self.own.T - projected @ self.parts.T
-        unseparated = (scaled**2).sum(axis=1) - (projected**2).sum(axis=1)
-        return np.asarray(unseparated + np.einsum("mu,uw,mw->m", with_u, self.inverse, with_u))
+    def _with_errors(self, rows: Array) -> Array:
+        return np.concatenate([rows, self._whitened_errors])

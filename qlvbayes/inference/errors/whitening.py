@@ -10,11 +10,22 @@ the noise as far as it is known. With its eigenvectors and eigenvalues, Sigma = 
 so that products of whitened vectors are the products :math:`x^T \Sigma^{-1} y` of a likelihood.
 Additional noise of variance a, independent from block to block, adds :math:`a / \lambda` to each
 variance.
+
+An error common to tests, such as that of one stage's contact, with the change :math:`u` of the
+block means for one standard error, adds :math:`u u^T`, which joins them. It is an unknown constant
+with a normal prior, integrated out to first order. With whitened changes
+:math:`\tilde U = L\, \text{diag}(s)\, R^T`,
+
+.. math:: \tilde x' = \left(1 - R\, \text{diag}(1 - (1 + s^2)^{-1/2})\, R^T\right) \tilde x
+
+is white. Additional independent noise is taken to be what it is without the shared errors, which in
+their few directions R makes it larger than it is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import jax
@@ -23,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.noisefloor.pool import regression, variance
 from qlvbayes.motion.record import Blocks
@@ -39,6 +51,8 @@ class Whitener:
     covariances: tuple[Array, ...]  # of their means, for each test (N^2)
     # the part of their variances that uncertain moments contribute, for each test (N^2)
     timing: tuple[Array, ...]
+    # (S, n): changes of the block means (N) for one standard error of each that tests share
+    common: Array | None = None
 
     @classmethod
     def from_floor(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
@@ -54,7 +68,26 @@ class Whitener:
     @property
     def sds(self) -> Array:
         """Return the sd (n,) of the noise of each block mean (N)."""
-        return np.sqrt(np.concatenate([np.diag(one) for one in self.covariances]))
+        variances = np.concatenate([np.diag(one) for one in self.covariances])
+        if self.common is not None:
+            variances += np.sum(self.common**2, axis=0)
+        return np.sqrt(variances)
+
+    @property
+    def covariance(self) -> Array:
+        """Return the covariance (n, n) of the block means of all tests (N^2)."""
+        own = np.asarray(block_diag(*self.covariances))
+        if self.common is not None:
+            own += self.common.T @ self.common
+        return own
+
+    def with_common(self, changes: Array) -> Whitener:
+        """Return the whitener with errors that tests share, of changes (S, T, B) in N."""
+        if not len(changes):
+            return self
+        joint = replace(self, common=self.flattened(changes))
+        joint.__dict__["_bases"] = self._bases
+        return joint
 
     def with_independent_noise(self, sds: Array | float) -> Whitener:
         """Return the whitener for independent noise of sds (n,), or one sd, of block means (N)."""
@@ -76,7 +109,8 @@ class Whitener:
             covariances.append(of_test if kept.all() else of_test[np.ix_(kept, kept)])
             timing.append(self.timing[k][kept])
             bases.append(self._bases[k] if kept.all() else _basis(covariances[-1]))
-        other = Whitener(tuple(masks), tuple(covariances), tuple(timing))
+        common = None if self.common is None else self.common[:, ~left_out]
+        other = Whitener(tuple(masks), tuple(covariances), tuple(timing), common)
         other.__dict__["_bases"] = bases
         return other
 
@@ -96,10 +130,21 @@ class Whitener:
         """Return the precisions 1/lambda (n,) in 1/N^2."""
         return np.concatenate([roots**2 for roots, _ in self._bases])
 
+    @cached_property
+    def _turn(self) -> tuple[Array, Array]:
+        """Return directions (n, S) of the shared errors, and the shares (S,) to take off."""
+        assert self.common is not None
+        _, sizes, axes = np.linalg.svd(self._whiten_alone(self.common), full_matrices=False)
+        return axes.T, 1.0 - (1.0 + sizes**2) ** -0.5
+
     @property
     def matrix(self) -> Array:
         """Return the matrix (n, n) that whitens the block means of all tests, joined."""
-        return np.asarray(block_diag(*(np.diag(x) if x.ndim == 1 else x for _, x in self._bases)))
+        own = block_diag(*(np.diag(x) if x.ndim == 1 else x for _, x in self._bases))
+        if self.common is not None:
+            axes, less = self._turn
+            own = own - (axes * less) @ (axes.T @ own)
+        return np.asarray(own)
 
     def flattened(self, vectors: Array) -> Array:
         """Return (M, T, B) as (M, n): the block means that count, one test after another."""
@@ -107,6 +152,13 @@ class Whitener:
 
     def whiten(self, vectors: Array) -> Array:
         """Return (M, n) whitened."""
+        own = self._whiten_alone(vectors)
+        if self.common is not None:
+            axes, less = self._turn
+            own = own - ((own @ axes) * less) @ axes.T
+        return own
+
+    def _whiten_alone(self, vectors: Array) -> Array:
         ends = np.cumsum([len(one) for one in self.covariances])[:-1]
         parts = np.split(vectors, ends, axis=1)
         whitened = [self.whiten_test(k, part) for k, part in enumerate(parts)]
@@ -120,6 +172,20 @@ class Whitener:
     def __call__(self, vectors: Array) -> Array:
         """Return (M, T, B) whitened, as (M, n)."""
         return self.whiten(self.flattened(vectors))
+
+
+def shared_stages(trials: Sequence[Trial]) -> list[str]:
+    """Return the stage with which each test shares its contact's error; empty where it has none."""
+    stages = [trial.test.contact_stage for trial in trials]
+    return [stage if stages.count(stage) > 1 else "" for stage in stages]
+
+
+def stage_changes(trials: Sequence[Trial], blocks: Blocks) -> Array:
+    """Return what one standard error of each of S stages' contacts changes, (S, T, B) in N."""
+    stages, changes = np.array(shared_stages(trials)), np.asarray(blocks.stage)
+    names = dict.fromkeys(stage for stage in stages.tolist() if stage)
+    rows = [np.where((stages == name)[:, None], changes, 0.0) for name in names]
+    return np.reshape([row for row in rows if row.any()], (-1, *changes.shape))
 
 
 def _basis(matrix: Array) -> tuple[Array, Array]:

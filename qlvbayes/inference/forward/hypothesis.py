@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -16,8 +17,12 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import is_prior, names, value_shape
-from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect, Natural
+from qlvbayes.priors.distributions import (
+    AbstractPrior,
+    AbstractScalarPrior,
+    HalfNormal,
+    SignedAmplitude,
+)
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
@@ -59,6 +64,19 @@ class Leaf:
         return np.asarray(value), np.asarray(log)
 
 
+class Amplitude(NamedTuple):
+    """The parameter with which an effect's force grows."""
+
+    number: int  # its index in theta
+    constant: int  # its index in the constants
+    prior: SignedAmplitude | HalfNormal
+
+    @property
+    def sd(self) -> float:
+        """Return the standard deviation of the prior, for a half-normal before it is folded."""
+        return float(self.prior.sd)
+
+
 @dataclass(frozen=True, eq=False)
 class Direct:
     """The free parameters whose priors are quadratic in them, as arrays."""
@@ -67,6 +85,8 @@ class Direct:
     theta: NDArray[np.intp]
     constants: NDArray[np.intp]
     in_log: NDArray[np.bool_]  # (Q,): which of them are logarithms
+    shift: Array  # shift, scale (Q,): of the others' constants
+    scale: Array
     # mean, precision, curvature (Q,): of the priors
     mean: Array
     precision: Array
@@ -76,12 +96,15 @@ class Direct:
     @classmethod
     def from_leaves(cls, leaves: Iterable[Leaf]) -> Direct:
         """Return those parameters among some fields that have such a prior."""
-        pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractDirect)]
+        pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractScalarPrior)]
         densities = [prior.density() for _, prior in pairs]
+        shift, scale = np.array([prior.affine for _, prior in pairs], float).reshape(-1, 2).T
         return cls(
             np.array([leaf.theta.start for leaf, _ in pairs], dtype=np.intp),
             np.array([leaf.constants.start for leaf, _ in pairs], dtype=np.intp),
             np.array([prior.in_log for _, prior in pairs], dtype=bool),
+            shift,
+            scale,
             np.array([one.mean for one in densities]),
             np.array([one.precision for one in densities]),
             np.array([one.curvature for one in densities]),
@@ -91,8 +114,9 @@ class Direct:
     def values(self, thetas: Array) -> Array:
         """Return constants (K, Q) at thetas (K, F)."""
         selected = thetas[:, self.theta]
-        selected[:, self.in_log] = np.exp(selected[:, self.in_log])
-        return selected
+        values = self.shift + self.scale * selected
+        values[:, self.in_log] = np.exp(selected[:, self.in_log])
+        return values
 
     def log_densities(self, thetas: Array) -> Array:
         """Return the sum of the log densities (K,) at thetas (K, F), within the bounds."""
@@ -134,7 +158,7 @@ class Parameters:
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
         low, high, length = np.concatenate(bounds).T.copy()
-        joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractDirect))
+        joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractScalarPrior))
         rest = np.concatenate(fixed), Direct.from_leaves(leaves), joint
         return cls(hypothesis, model, noise, tuple(leaves), low, high, length, *rest)
 
@@ -158,9 +182,24 @@ class Parameters:
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
 
     @cached_property
+    def amplitude_of(self) -> dict[str, Amplitude]:
+        """Return the amplitude of each effect that has one, by the effect's name.
+
+        It is the first constant at whose null value the effect vanishes, where its prior is normal
+        or half-normal (`in_natural_amplitude`).
+        """
+        found = {}
+        for effect in self.model.effects:
+            leaf = self.by_name.get(f"{effect.name}.{next(iter(effect.null))}")
+            if leaf is not None and isinstance(leaf.prior, SignedAmplitude | HalfNormal):
+                numbers = leaf.theta.start, leaf.constants.start
+                found[effect.name] = Amplitude(*numbers, leaf.prior)
+        return found
+
+    @cached_property
     def amplitudes(self) -> list[int]:
         """Return the indices in theta of the effects' amplitudes."""
-        return [leaf.theta.start for leaf in self.leaves if isinstance(leaf.prior, Natural)]
+        return [one.number for one in self.amplitude_of.values()]
 
     @cached_property
     def columns(self) -> dict[str, slice]:
@@ -225,6 +264,6 @@ class Parameters:
 
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
     """Return lower bound, upper bound and natural length of a prior's parameters."""
-    if isinstance(prior, AbstractDirect):
+    if isinstance(prior, AbstractScalarPrior):
         return prior.density()[:3]
     return -math.inf, math.inf, 1.0

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import equinox as eqx
 import jax
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import filled, is_prior, unconstrained
 from qlvbayes.motion.record import Record
-from qlvbayes.priors.natural import Natural, natural
+from qlvbayes.priors.distributions import HalfNormal, Normal, SignedAmplitude
 
 FEW = 4
 """Largest number of modes of a spectrum that is computed as it is, without fixed rates."""
@@ -49,7 +48,7 @@ class Space:
     # elastic, relaxation: laws by name
     elastic: dict[str, AbstractElastic]
     relaxation: dict[str, AbstractRelaxation]
-    effects: dict[str, AbstractEffect]  # candidates by name, with `Natural` amplitudes
+    effects: dict[str, AbstractEffect]  # candidates by name, `in_natural_amplitude`
     noise: AbstractNoise  # the floor, with fixed parameters
     bonded: bool  # whether the specimen is fixed to the indenter
     _forces: Forces = field(default_factory=Forces)
@@ -219,13 +218,12 @@ class Space:
 def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
     """Return the effect with a prior on its amplitude itself, its sd scaled by ``factor``."""
     name = next(iter(effect.null))
-    prior = natural(getattr(effect, name))
-    if isinstance(prior, Natural):
-        prior = eqx.tree_at(lambda p: p.inner.sd, prior, factor * prior.sd)
-    changed: AbstractEffect = eqx.tree_at(
-        lambda e: getattr(e, name), effect, prior, is_leaf=is_prior
-    )
-    return changed
+    prior = getattr(effect, name)
+    if isinstance(prior, Normal):
+        return replace(effect, **{name: SignedAmplitude(prior.mean, factor * float(prior.sd))})
+    if isinstance(prior, HalfNormal):
+        return replace(effect, **{name: HalfNormal(factor * float(prior.sd))})
+    return effect
 
 
 def _spectrum(relaxation: AbstractRelaxation, count: int) -> tuple[Array, Array]:

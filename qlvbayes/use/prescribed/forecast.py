@@ -20,9 +20,8 @@ from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import percent, plain
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.drawn import described_model
-from qlvbayes.model.dual import check_inverse, displacement_from_force
 from qlvbayes.model.model import Model
-from qlvbayes.model.stepping import without_inverse
+from qlvbayes.model.stepping import check_inverse, displacement_from_force, without_inverse
 from qlvbayes.use.prescribed.hypotheses import DRAWS, DrawnHypothesis, Hypotheses
 from qlvbayes.use.prescribed.program import Program
 from qlvbayes.use.prescribed.table import read_table

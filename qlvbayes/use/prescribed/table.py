@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from qlvbayes.comparison.programmes import RAMP_POINTS, hold
+from qlvbayes.comparison.readings import RAMP_POINTS, hold
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import split_name
 from qlvbayes.io.table import parse_number

@@ -8,7 +8,7 @@ from typing import Literal, NoReturn
 
 import numpy as np
 
-from qlvbayes.comparison.programmes import PIECES, Course, hold, joined, ramp
+from qlvbayes.comparison.readings import PIECES, Course, hold, joined, ramp
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import STRAIN, SUFFIXES, Scale, UnitSystem
 from qlvbayes.use.prescribed.program import MOST, Program

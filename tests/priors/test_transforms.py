@@ -7,13 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.priors.transforms import (
+from qlvbayes.priors.joint import (
     from_between,
     from_interval,
     from_simplex,
     to_between,
     to_interval,
-    to_positive,
     to_simplex,
 )
 
@@ -24,15 +23,6 @@ ENDS = [(None, None), (-1.5, None), (None, 0.7), (-1.5, 0.7)]
 
 def log_slope(function, y):
     return jnp.log(jnp.abs(jax.jacfwd(lambda x: function(x)[0])(y)))
-
-
-@given(NUMBER)
-@QUICK
-def test_positive(y):
-    value, log_volume = to_positive(jnp.asarray(y))
-    assert value > 0.0
-    assert np.isclose(jnp.log(value), y, rtol=1e-14, atol=1e-14)
-    assert np.isclose(log_volume, log_slope(to_positive, jnp.asarray(y)), rtol=1e-12, atol=1e-13)
 
 
 @given(NUMBER)

@@ -1,4 +1,4 @@
-"""Comparisons, constants and forces at rates of several pads of a folder of results.
+"""Derive comparisons, constants and forces from the results of pads in a folder.
 
 Matplotlib is imported when something is drawn, so that the other steps do not wait for it.
 """
@@ -17,8 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qlvbayes.comparison.compare import REGION, compare
-from qlvbayes.comparison.contrast import Comparison
-from qlvbayes.comparison.writing import write_comparison
+from qlvbayes.comparison.contrast import Comparison, write_comparison
 from qlvbayes.fitting.residuals import Curves
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.summary import (
@@ -84,8 +83,9 @@ class CompareStep:
 
     def _key(self, first: Group, second: Group) -> str:
         fits = (*first[1], *second[1])
-        digests = [(x.pad, x.fluid, hashlib.sha256(x.draws.tobytes()).hexdigest()) for x in fits]
-        parts = (self, first[0], second[0], digests, package_digest(self.code))
+        facts = [(x.pad, x.fluid, x.covered) for x in fits]
+        digests = [hashlib.sha256(x.draws.tobytes()).hexdigest() for x in fits]
+        parts = (self, first[0], second[0], facts, digests, package_digest(self.code))
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
