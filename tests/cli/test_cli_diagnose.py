@@ -137,7 +137,7 @@ def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(stu
     given = Settings.from_options(out / "study.toml", ())
     assert (given["files"], given["seed"], given["max-steps"]) == ((case[0].resolve(),), 0, 60)
     assert {one.name for one in (out / ".finished").iterdir()} == {
-        "plain-fit", "plain-check", "diagnose", "fit", "check",
+        "plain-fit", "plain-check", "diagnose", "final",
     }  # fmt: skip
     for step in (FitStep, CheckStep, DiagnoseStep):
         assert not {"plots", "report", "cli", "app"} & set(step.code)

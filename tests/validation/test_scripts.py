@@ -26,7 +26,7 @@ from qlvbayes.inference.errors import whitening
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.priors import distributions, joint
+from qlvbayes.priors import joint
 from qlvbayes.simulate import simulate_study, write_csv
 
 
@@ -140,7 +140,7 @@ def test_the_truth_is_drawn_from_the_priors_and_shares_have_bands():
 
 def test_a_mistake_is_in_the_density_that_is_sampled(monkeypatch, tmp_path):
     for module, name in (
-        (distributions, "to_positive"), (joint, "to_simplex"), (joint, "to_between"),
+        (joint, "to_simplex"), (joint, "to_between"),
         (whitening, "averaged_correlation"),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, getattr(module, name))  # put back at the end
