@@ -39,7 +39,7 @@ def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
     if isinstance(noise, Floor):
         floor = known_floor(floor, noise)
     if choices.noise == "white":
-        floor = replace(floor, white=floor.total, ou=0.0, dwells=None)
+        floor = floor.as_white(floor.total)
     return replace(experiment, rested=choices.rested, floor=floor)
 
 

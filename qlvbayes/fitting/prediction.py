@@ -142,9 +142,14 @@ def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -
     noise = filled(predictor.noise, matrix.T[-count:, :, None, None])
     shape = (len(matrix), *samples.weight.shape)
     errors: np.ndarray = noise.sample_sd(samples) * rng.standard_normal(shape)
-    for zero in (samples.contact, samples.tare):
+    return _with_zeros(errors, samples, rng)
+
+
+def _with_zeros(errors: np.ndarray, samples: Blocks, rng: np.random.Generator) -> np.ndarray:
+    """Return errors (..., B) in N with those of the contact and the tare of each test added."""
+    for zero in (np.asarray(samples.contact), np.asarray(samples.tare)):
         if zero.any():
-            errors += zero * rng.standard_normal((*shape[:2], 1))
+            errors = errors + zero * rng.standard_normal((*errors.shape[:-1], 1))
     return errors
 
 
@@ -254,10 +259,7 @@ def realisations(
     )
     errors += extra * rng.standard_normal((len(floors), 1))
     errors += timing * rng.standard_normal(shape)
-    for zero in (np.asarray(samples.contact), np.asarray(samples.tare)):
-        if zero.any():
-            errors += zero * rng.standard_normal((len(floors), 1))
-    return np.asarray(errors)
+    return _with_zeros(np.asarray(errors), samples, rng)
 
 
 def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -151,9 +151,7 @@ def _fitted(saved: Saved, data: Path | None) -> tuple[Belief, Experiment, float]
     experiment = _measured(saved.pad, choices, saved, data)
     draws = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     if choices.noise == "white":
-        floor = replace(
-            experiment.floor, white=float(draws["noise.white"].mean()), ou=0.0, dwells=None
-        )
+        floor = experiment.floor.as_white(float(draws["noise.white"].mean()))
         experiment = replace(experiment, floor=floor)
     model = described_model(choices, experiment.scales.depth)
     one = Explanation.from_draws(_words(choices), model, draws, 1.0, _words(choices))

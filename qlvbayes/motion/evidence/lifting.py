@@ -117,10 +117,13 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
     lifts = []
     for _, move, rest in moves_of([trial], "unload"):
         # a specimen that is still pressed at the end has its own zero in the file's
-        end = flat = None
+        end = flat = level = None
+        lasts = False
         if rest is not None:
             end = level_of(experiment, trial, _of_rest(trial, rest, _LATE, 1.0))
             flat = _flat(experiment, trial, move, rest)
+            early = _of_rest(trial, rest, _AFTER, 2.0 * _AFTER)
+            level, lasts = level_of(experiment, trial, early), early.size >= _LASTS
         rest_level = before or Level(0.0, experiment.floor.ou)
         rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
         every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
@@ -129,11 +132,9 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
         if (rest is not None and end is None) or lowest is None:
             continue
         speed = mean_speed(trial, move)
-        moving, resting, lasts = Place.between(trial, move, zero, lowest, speed), None, False
-        if rest is not None:
-            early = _of_rest(trial, rest, _AFTER, 2.0 * _AFTER)
-            level, lasts = level_of(experiment, trial, early), early.size >= _LASTS
-            resting = None if level is None else Place.between(trial, rest, zero, level, speed)
+        moving, resting = Place.between(trial, move, zero, lowest, speed), None
+        if rest is not None and level is not None:
+            resting = Place.between(trial, rest, zero, level, speed)
         fall = _first_fall(experiment, trial, move, speed)
         at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
         lifts.append(Lift(moving, resting, lasts, at_once))

@@ -215,6 +215,10 @@ class NoiseFloor:
         below = np.minimum(np.cumsum(weights[order]), _KEPT)
         return [floors[k] for k in order], np.diff(below, prepend=0.0) / _KEPT
 
+    def as_white(self, sd: float) -> NoiseFloor:
+        """Return white noise of one sd (N) alone, of which the dwells leave nothing open."""
+        return replace(self, white=sd, ou=0.0, dwells=None)
+
     def expected(self) -> NoiseFloor:
         """Return the floor whose variances are the means over those of ``likely``."""
         floors, weights = self.likely()
