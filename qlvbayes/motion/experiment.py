@@ -91,6 +91,11 @@ class Trial:
         """Return the phases in which a quantity was prescribed."""
         return tuple(phase for phase in self.phases if phase.control == control)
 
+    @property
+    def first_ramp(self) -> Phase | None:
+        """First loading, of either prescribed quantity; None where there is none."""
+        return next((phase for phase in self.phases if phase.kind == "ramp"), None)
+
     def rows(self, start: float, stop: float) -> NDArray[np.intp]:
         """Return the indices of the readings from a time to another."""
         return np.arange(*np.searchsorted(self.test.time, [start, stop]))

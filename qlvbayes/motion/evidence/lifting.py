@@ -111,7 +111,7 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    first = trial.first_ramp
     before = level_before(experiment, trial)
     inward = None if first is None else _lowest(experiment, trial, first, steady)
     lifts = []

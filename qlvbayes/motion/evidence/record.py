@@ -118,7 +118,7 @@ def level_before(experiment: Experiment, trial: Trial) -> Level | None:
 
 def first_ramp(trial: Trial) -> Phase | None:
     """Return the first loading of a test, if its displacement was prescribed."""
-    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    first = trial.first_ramp
     return first if first is not None and first.control == Control.DISPLACEMENT else None
 
 

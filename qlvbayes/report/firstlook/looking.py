@@ -14,7 +14,6 @@ from qlvbayes.motion.evidence.repeating import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
 from qlvbayes.motion.past import remembered_tests
-from qlvbayes.motion.phases import Phase
 from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.report.firstlook.result import (
     BY_PHASE,
@@ -70,7 +69,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
 
 def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> TestSeen:
     trial = experiment.trials[index]
-    test, whole, ramp = trial.test, trial.whole, _first_ramp(trial)
+    test, whole, ramp = trial.test, trial.whole, trial.first_ramp
     tests = [one.whole for one in experiment.trials]
     before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
@@ -104,10 +103,6 @@ def _depth(trial: Trial, units: UnitSystem) -> float:
     """Return the largest displacement, in magnitude, of a test."""
     displacement = trial.whole.displacement
     return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
-
-
-def _first_ramp(trial: Trial) -> Phase | None:
-    return next((phase for phase in trial.phases if phase.kind == "ramp"), None)
 
 
 def _phases(trial: Trial) -> list[PhaseSeen]:
@@ -161,7 +156,7 @@ def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None)
     test = trial.test
     if contact is not None and contact.sliding:  # what rubs as the platen moves is no force at rest
         return contact.force if abs(contact.force) > _clear(experiment) else None
-    first = _first_ramp(trial)
+    first = trial.first_ramp
     if experiment.units.dimensionless or (first or trial.phases[0]).control == Control.FORCE:
         return None
     begin = test.time[0] if first is None else first.start
