@@ -127,9 +127,13 @@ class Density:
         """Return the density as if noise of block means were independent, without discrepancy."""
         return self.with_independent_noise(self.whitener.sds)
 
-    def with_independent_noise(self, sds: Array | float) -> Density:
-        """Return the density under independent noise of sds (n,) or one sd (N), no discrepancy."""
+    def with_independent_noise(self, sds: Array | float, common: Array | None = None) -> Density:
+        """Return the density under independent noise of sds (n,) or one sd (N), no discrepancy.
+
+        ``common`` (S, T, B): changes of the force (N) by one standard error each that tests share.
+        """
         whitener = self.whitener.with_independent_noise(sds)
+        whitener = whitener if common is None else whitener.with_common(common)
         return Density(self.space, Discrepancy.none(whitener, self.discrepancy.peak))
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:

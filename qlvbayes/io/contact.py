@@ -148,7 +148,7 @@ class FirstContact:
     position: float
     sd: float
     force: float
-    force_sd: float
+    tare_sd: float
     rows: int
     level: float  # share of the peak force up to which the rise is fitted
     choice: float = 0.0  # error due to this share
@@ -159,7 +159,7 @@ class FirstContact:
     @property
     def is_finite(self) -> bool:
         """Return whether place and force have an error each."""
-        return bool(np.all(np.isfinite([self.position, self.sd, self.force_sd])))
+        return bool(np.all(np.isfinite([self.position, self.sd, self.tare_sd])))
 
     def is_beyond(self, start: float) -> bool:
         """Return whether the platen was moved before contact from a first position."""
@@ -231,7 +231,7 @@ def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:
         flat = abs(float(np.mean(late) - np.mean(early))) < _FLAT * abs(step)
         if long and flat and abs(step) > _STEP * max(noise, float(np.std(late))):
             rows = first + found.rows
-            return replace(found, force=rest, force_sd=sd, rows=rows, sliding=step, slid=first)
+            return replace(found, force=rest, tare_sd=sd, rows=rows, sliding=step, slid=first)
     return None
 
 

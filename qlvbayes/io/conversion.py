@@ -242,7 +242,7 @@ def _tidied(
     if first:
         one.dropped[f"rows of the approach, more than {_LEAD:g} s before contact"] = first
     way, load = one.way[first:] - zero.position, one.load[first:] - zero.force
-    sd, tare_sd = zero.sd, zero.force_sd
+    sd, tare_sd = zero.sd, zero.tare_sd
     if units != one.units:
         length, newtons = (one.units.factor_to(units, kind) for kind in ("displacement", "force"))
         way, load, tare_sd = way * length, load * newtons, tare_sd * newtons

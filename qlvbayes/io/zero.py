@@ -52,14 +52,16 @@ _ENOUGH = 2  # files whose contacts have to agree for others to take theirs
 
 @dataclass(frozen=True)
 class StageContact:
-    """Contact and force at rest of the files of one stage, and the contact's standard error.
+    """Contact and force at rest of the files of one stage, and their standard errors.
 
-    ``members`` are the indices of the files that agree on it.
+    ``tare_sd`` is that of the force at rest of one file more. ``members`` are the indices of the
+    files that agree on the contact.
     """
 
     position: float
     sd: float
     force: float
+    tare_sd: float
     members: tuple[int, ...]
 
     @property
@@ -89,10 +91,19 @@ def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[
         position, sd = contacts[0].position, contacts[0].sd
         if len(own) > 1:
             position, sd = _joint_position(own, contacts)
-        force = float(np.mean([contact.force for contact in contacts]))
-        stages.append(StageContact(position, sd, force, tuple(sorted(largest))))
+        stages.append(StageContact(position, sd, *_another_rest(contacts), tuple(sorted(largest))))
         left = [k for k in left if k not in largest]
     return stages
+
+
+def _another_rest(contacts: Sequence[FirstContact]) -> tuple[float, float]:
+    """Return the force at rest of one file more of a stage, and its standard error."""
+    forces = np.array([contact.force for contact in contacts])
+    measured = max(contact.tare_sd for contact in contacts)
+    if forces.size == 1:
+        return float(forces[0]), measured
+    scatter = float(forces.std(ddof=1)) * (1.0 + 1.0 / forces.size) ** 0.5
+    return float(forces.mean()), max(measured, scatter)
 
 
 def _agreeing(
@@ -180,7 +191,7 @@ def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: 
 class Zero:
     """Zeros subtracted from displacement and force, and their standard errors.
 
-    ``position`` is the displacement, and ``sd`` is None where it was not measured; ``force_sd`` is
+    ``position`` is the displacement, and ``sd`` is None where it was not measured; ``tare_sd`` is
     0 where that of the force was not. ``finding`` says how it was found; ``contact`` is where the
     file's own rise of the force shows it. ``stage`` names the contact whose error all recordings of
     that name share.
@@ -192,7 +203,7 @@ class Zero:
     sd: float | None = None
     contact: FirstContact | None = None
     stage: str = ""
-    force_sd: float = 0.0
+    tare_sd: float = 0.0
 
 
 def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
@@ -294,7 +305,7 @@ def _stated(one: Loaded, written: float) -> Zero:
     if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
         return Zero(position, 0.0, finding, contact=one.contact)
     finding += f"; {_taken_off(one, rest)}"
-    return Zero(position, rest, finding, contact=one.contact, force_sd=sd)
+    return Zero(position, rest, finding, contact=one.contact, tare_sd=sd)
 
 
 def _taken_off(one: Loaded, rest: float) -> str:
@@ -315,7 +326,8 @@ def _from_others(one: Loaded, agreed: StageContact) -> Zero:
         f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
-    return Zero(agreed.position, agreed.force, finding, agreed.sd, stage=_label(one, agreed))
+    stage = _label(one, agreed)
+    return Zero(agreed.position, agreed.force, finding, agreed.sd, None, stage, agreed.tare_sd)
 
 
 def _doubt(one: Loaded, others: StageContact) -> str:
@@ -340,7 +352,7 @@ def _at_contact(
     if together:
         alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
         finding += f", in {len(stage.members)} files of one stage (this one alone: {alone})"
-    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
+    offset = contact.force if abs(contact.force) > _AGREES * contact.tare_sd else 0.0
     if offset:
         finding += f"; {_taken_off(one, contact.force)}"
     if contact.sliding:
@@ -358,7 +370,7 @@ def _at_contact(
         )
     position = 0.0 if stage.kept else stage.position
     label = _label(one, stage)
-    return Zero(position, offset, finding, stage.sd, contact, label, contact.force_sd)
+    return Zero(position, offset, finding, stage.sd, contact, label, contact.tare_sd)
 
 
 def _at_start(one: Loaded) -> Zero | UnsureError:

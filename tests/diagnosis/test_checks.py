@@ -63,23 +63,27 @@ def shifted(contact_sd: float | None) -> Experiment:
     return prepare(Pad(known.pad, tests, known.units))
 
 
-def fitted(experiment: Experiment) -> tuple[float, tuple[float, ...]]:
-    """Return the p-value of the plain model, and the scatter between tests that it needs."""
+def fitted(experiment: Experiment) -> tuple[float, tuple[float, ...], float]:
+    """Return the plain model's p-value, the scatter that it needs, and its error over the noise."""
     search = build_search(experiment, kinds=FEW)
     search.evaluate(search.baseline)
     point = search.candidates[search.baseline].point
     record = search.density.space.record
     tested = adequacy(experiment, record, point, search.settings.cells)
-    return tested.p_value, point.separation.scatter.sizes
+    samples = Samples.from_experiment(experiment, search.density.space, point)
+    left = samples.residuals(search.density, search.candidates[search.baseline].mode)
+    return tested.p_value, point.separation.scatter.sizes, rmse(left) / experiment.floor.total
 
 
 def test_a_known_error_of_the_zeros_explains_what_they_leave():
     """Without it the stiffness would have to differ from test to test."""
-    _, scatter = fitted(shifted(None))
+    _, scatter, error_left = fitted(shifted(None))
     assert any(scatter)
-    p_value, scatter = fitted(shifted(0.02))
+    assert error_left > 1.5
+    p_value, scatter, error_left = fitted(shifted(0.02))
     assert p_value > 0.05
     assert not any(scatter)
+    assert error_left == pytest.approx(1.0, abs=0.1)
 
 
 def test_errors_of_contacts_are_those_of_the_law_that_is_found():

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
@@ -214,7 +213,7 @@ def test_samples_are_predicted_as_by_the_model_itself(drag):
     """
     work = drag.work
     selected, samples = work.selected, work.samples
-    model, _ = selected.point.own.posterior.with_constants(jnp.asarray(selected.point.constants))
+    model = selected.point.own.model_at(selected.point.constants)
     predicted = samples.predict(selected.hypothesis, selected.point.constants[None])
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
         record = single_samples(work.experiment, trial, rows)

@@ -97,7 +97,7 @@ def test_what_names_nothing_and_is_in_the_prediction_is_told(clipped):
 def test_the_discrepancy_is_what_is_left_within_the_noise(clipped):
     """Its mean and the hypothesis together are nearer to the readings than the hypothesis."""
     work = clipped.work
-    residuals = work.samples.residuals(work.selected.hypothesis, work.selected.point.constants)
+    residuals = work.samples.residuals(work.search.density, work.selected.mode)
     bands = discrepancy(work)
     before = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
     after = [r - band.mean for r, band in zip(residuals, bands, strict=True)]

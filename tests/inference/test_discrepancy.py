@@ -81,7 +81,7 @@ def left_by_the_plain_model(experiment):
     search.evaluate(search.baseline)
     candidate = search.modes[search.baseline][0]
     samples = Samples.from_experiment(experiment, search.density.space)
-    residuals = samples.residuals(candidate.hypothesis, candidate.point.constants)
+    residuals = samples.residuals(search.density, candidate.mode)
     return DiagnosisWork(experiment, search, samples, (candidate,), ()), residuals
 
 

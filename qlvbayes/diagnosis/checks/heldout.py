@@ -43,10 +43,8 @@ def predicted(samples: Samples, parts: Sequence[Part], mode: Mode) -> list[LeftO
     for density, k, rows in parts:
         own = find_mode(density, hypothesis, mode.point.theta, guess=mode.size) or mode
         own.point.separation.forget()  # of nine long tests, all left out would take a gigabyte
-        constants = own.point.constants
-        force = samples.predict(hypothesis, constants[None])[k][0][rows]
-        residual = samples.observed[k][rows] - force
-        found.append(LeftOut(residual, samples.weights[k][rows], constants))
+        residual = samples.residuals(density, own)[k][rows]
+        found.append(LeftOut(residual, samples.weights[k][rows], own.point.constants))
     return found
 
 

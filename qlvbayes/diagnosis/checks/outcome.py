@@ -60,7 +60,8 @@ class SearchOutcome:
         self.experiment, self.search = experiment, search
         candidates = set(search.families.nameable) - search.baseline.effects
         self.measured = candidates.intersection(search.measured)
-        self.samples = Samples.from_experiment(experiment, search.density.space)
+        baseline = search.modes[search.baseline][0].point
+        self.samples = Samples.from_experiment(experiment, search.density.space, baseline)
         self.candidates = list(search.candidates.values())
         known = weights_of(search)
         self.without_evidence = sum(not weight.counts for weight in known)
@@ -100,7 +101,7 @@ class SearchOutcome:
         """Return measured minus predicted force (N) of each test's samples."""
         hypothesis = candidate.hypothesis
         if hypothesis not in self._residuals:
-            residuals = self.samples.residuals(hypothesis, candidate.point.constants)
+            residuals = self.samples.residuals(self.search.density, candidate.mode)
             known = [np.isfinite(one) for one in residuals]
             if not all(one.all() for one in known):
                 self.unpredicted.add(hypothesis)

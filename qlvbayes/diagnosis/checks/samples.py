@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.fitting.prediction import representative_rows, single_samples
+from qlvbayes.fitting.marginal_likelihood import with_zero_errors
+from qlvbayes.fitting.prediction import Contacts, representative_rows, single_samples
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.modes import Mode
 from qlvbayes.io.arrays import Array, Mask
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS, phase_index
@@ -33,9 +36,14 @@ class Samples:
     # for each part, which of the samples of each test it holds
     indices: tuple[tuple[NDArray[np.intp], ...], ...]
 
+    contacts: Contacts  # the measured contacts of the tests
+
     @classmethod
-    def from_experiment(cls, experiment: Experiment, space: Space) -> Samples:
-        """Return the samples of all tests of an experiment."""
+    def from_experiment(
+        cls, experiment: Experiment, space: Space, point: Point | None = None
+    ) -> Samples:
+        """Return the samples of all tests; errors of contacts move the force as at a point."""
+        contacts = Contacts.from_trials(experiment.trials, experiment.trials)
         rows = tuple(representative_rows(trial) for trial in experiment.trials)
         weights = tuple(
             np.ones(own.size)
@@ -50,7 +58,10 @@ class Samples:
             parts = tuple(_part(experiment, rows, some, own) for some in indices)
             same = all(p.motion.time.shape == own.motion.time.shape for p in parts)
             if same or size <= own.blocks.force.shape[-1] // 4:
-                return cls(experiment, space, rows, weights, parts, indices)
+                if point is not None:
+                    model = point.own.model_at(point.constants)
+                    parts = tuple(with_zero_errors(one, experiment.trials, model) for one in parts)
+                return cls(experiment, space, rows, weights, parts, indices, contacts)
             size //= 2
 
     @property
@@ -90,10 +101,37 @@ class Samples:
         """Measured force (n,) of each test (N)."""
         return [t.test.force[rows] for t, rows in zip(self.trials, self.rows, strict=True)]
 
-    def residuals(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
-        """Return measured minus predicted force (n,) of each test (N) for constants (P,)."""
-        predicted = self.predict(hypothesis, constants[None])
-        return [one - two[0] for one, two in zip(self.observed, predicted, strict=True)]
+    def forces(self, density: Density, mode: Mode) -> list[Array]:
+        """Return the force (n,) of each test (N) at a mode, at the contacts that it implies."""
+        point = mode.point
+        predicted = self.predict(point.own.hypothesis, point.constants[None])
+        moved = self.moved(density, mode)
+        return [one[0] + more for one, more in zip(predicted, moved, strict=True)]
+
+    def moved(self, density: Density, mode: Mode) -> list[Array]:
+        r"""Return the change (n,) of each test's force (N) by the errors of its contact.
+
+        The errors e, in their sds, change the whitened block means by U (C, n). They are part of
+        the covariance of the whitened residual r, so that at a mode their mean is
+
+        .. math:: \hat e = U C^{-1} r.
+        """
+        blocks = density.space.record.blocks
+        changes = density.whitener(self.contacts.changes(blocks))
+        discrepancy = density.discrepancy.at(mode.size, mode.point.separation)
+        vectors = np.concatenate([mode.point.residual[None], changes])
+        errors = discrepancy.products(vectors)[:1, 1:]
+        moved = [np.zeros(own.size) for own in self.rows]
+        for record, indices in zip(self.parts, self.indices, strict=True):
+            change = self.contacts.moved(record, errors)[0][0]
+            for k, some in enumerate(indices):
+                moved[k][some] = change[k, : some.size]
+        return moved
+
+    def residuals(self, density: Density, mode: Mode) -> list[Array]:
+        """Return measured minus predicted force (n,) of each test (N) at a mode."""
+        forces = self.forces(density, mode)
+        return [one - two for one, two in zip(self.observed, forces, strict=True)]
 
     def error(self, residuals: Sequence[Array]) -> float:
         """Return the root mean square (N) of residuals of each test, weighted by the stated sds."""

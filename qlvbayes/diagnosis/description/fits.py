@@ -61,7 +61,7 @@ class Fitted:
     @property
     def residuals(self) -> list[Array]:
         """Measured minus predicted force (n,) of each test (N)."""
-        return self.samples.residuals(self.hypothesis, self.mode.point.constants)
+        return self.samples.residuals(self.density, self.mode)
 
     @cached_property
     def left_out(self) -> list[LeftOut]:
@@ -95,9 +95,11 @@ class LawFits:
         lasting = [t for t in grammar() if t.enters in ("force", "factor") or t.family == "clock"]
         kinds = {term: load(self.text([term])) for term in (lasting if bonded else grammar())}
         self.kinds = {t: k for t, k in kinds.items() if k.blind(protocol) is None}
-        # independent noise as large as the error of the base
-        error = outcome.samples.error(outcome.residuals(base))
-        self.density = outcome.search.density.with_independent_noise(error)
+        # independent noise as large as the error of the base, and the errors of contacts
+        samples, density = outcome.samples, outcome.search.density
+        contacts = samples.contacts.changes(density.space.record.blocks)
+        error = samples.error(outcome.residuals(base))
+        self.density = density.with_independent_noise(error, contacts)
         found = self._plain(base)
         if found is None:
             raise NoFiniteForceError

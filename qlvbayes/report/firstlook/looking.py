@@ -148,7 +148,7 @@ def _contact(
     begun = float(trial.test.displacement[0]) > _AT_ZERO * experiment.depth
     if begun and contact.force > _clear(experiment):
         return None
-    return ContactSeen(contact.position, contact.sd, contact.force, float(contact.force_sd))
+    return ContactSeen(contact.position, contact.sd, contact.force, float(contact.tare_sd))
 
 
 def _at_rest(experiment: Experiment, trial: Trial, contact: FirstContact | None) -> float | None:
