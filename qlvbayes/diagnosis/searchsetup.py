@@ -28,19 +28,20 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import Correlated, Floor, White
+from qlvbayes.motion.evidence import with_mass
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import at_one_depth, returns, unloads
 from qlvbayes.motion.record import Record
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
-    """Return an experiment with the history and the noise floor that the user's choices ask for."""
+    """Return an experiment as the user's choices ask for, with the mass that its tests show."""
     floor, noise = experiment.floor, choices.build(experiment.scales)[1]
     if isinstance(noise, Floor):
         floor = known_floor(floor, noise)
     if choices.noise == "white":
         floor = floor.as_white(floor.total)
-    return replace(experiment, rested=choices.rested, floor=floor)
+    return with_mass(replace(experiment, rested=choices.rested, floor=floor))
 
 
 def build_search(
@@ -153,4 +154,5 @@ def protocol_of(
         timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
         one_depth=at_one_depth(experiment, nearly),
         interval=experiment.interval,
+        weighed=experiment.mass is not None,
     )

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import ClassVar, Self
 
 from qlvbayes import xp
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
-from qlvbayes.laws.scales import Scales
+from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.xp import Array
+
+_AGAIN = 3.0  # errors of a mass that impulses show, which its prior spans
 
 
 class ViscousDrag(AbstractEffect):
@@ -207,8 +209,19 @@ class Inertia(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a mass scaled by the largest acceleration."""
+        """Return the effect with the mass that impulses show, or scaled by the acceleration.
+
+        The prior spans three errors of that mass, as the fit reads the same readings once more.
+        """
+        if scales.mass is not None:
+            mass, sd = scales.mass
+            return cls(lognormal(mass, 1.0 + _AGAIN * sd / mass))
         return cls(scales.positive(scales.acceleration if scales.acceleration > 0.0 else 1.0))
+
+    @classmethod
+    def unmeasured(cls, protocol: Protocol) -> str | None:
+        """Return why the records do not give it: neither accelerations nor impulses."""
+        return None if protocol.weighed else super().unmeasured(protocol)
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with mass times acceleration added."""

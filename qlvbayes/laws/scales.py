@@ -34,6 +34,8 @@ class Scales:
     # ``tau``
     white_factor: float = 1.2
     tau_factor: float = 3.0
+    # mass (N s2/mm) that impulses at starts and stops show beyond doubt, and its standard error
+    mass: tuple[float, float] | None = None
 
     @property
     def noise(self) -> float:

@@ -32,6 +32,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.noise import NOISES, AbstractNoise, Correlated, Floor
 from qlvbayes.model.overrides import in_words, override, parse
 from qlvbayes.model.parameters import fields_of, is_prior
+from qlvbayes.motion.evidence import with_mass
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.priors import AbstractPrior
 
@@ -163,13 +164,14 @@ class Choices:
         With ``all_tests`` every test is fitted, whatever its role. An InputError where more than 2
         % of a test's readings are bad, or too few are left.
         """
-        return prepare(
+        prepared = prepare(
             pad,
             all_tests=all_tests,
             keep_all_readings=self.keep_all_readings,
             use=self.use,
             leave_out=self.leave_out,
         )
+        return with_mass(prepared)
 
     def _added(self) -> list[type[AbstractEffect]]:
         """Return the effects in the model; raise InputError where two are of one family."""

@@ -114,7 +114,7 @@ class Experiment:
     the force, measured without the model; fluid: What fills the pad; None where that is not known;
     rested: Whether every test is taken to begin at rest, whatever came before it; cuts: One
     sentence on each test of which only a part is used, or whose displacement was read more seldom
-    than its force.
+    than its force; mass: Moving mass that starts and stops show (`evidence.with_mass`), and its sd.
     """
 
     pad: str
@@ -124,6 +124,7 @@ class Experiment:
     fluid: str | None = None
     rested: bool = False
     cuts: tuple[str, ...] = ()
+    mass: tuple[float, float] | None = None
 
     @cached_property
     def fineness(self) -> Fineness:
@@ -230,6 +231,7 @@ class Experiment:
             stiffness=largest_stiffness(tests),
             white_factor=max(1.2, floor.factor("white")),
             tau_factor=max(3.0, floor.factor("tau")),
+            mass=self.mass,
         )
 
     @property

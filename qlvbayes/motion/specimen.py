@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.past import ROUNDED, pause, remembered_tests
@@ -114,20 +115,20 @@ def pull_notices(
 ) -> tuple[str, ...]:
     """Return one line if a pad pulls that neither is bonded nor has adhesion in its model.
 
-    A mass that is moved also makes the force negative: where the readings show one beyond doubt,
+    A mass that is moved also makes the force negative: where the readings show that beyond doubt,
     and no adhesion, there is no line. ``shown`` is what they show, where it is known already.
     """
     pull = None if bonded or "adhesion" in effects else pull_of(experiment)
     if pull is None:
         return ()
     shown = direct_evidence(experiment, bonded) if shown is None else shown
-    moved = any(one.beyond_doubt and one.effect == "inertia" for one in shown)
-    if moved and all(one.effect != "adhesion" for one in shown):
+    sure = {one.effect for one in shown if one.beyond_doubt}
+    if "inertia" in sure and "adhesion" not in sure:
         return ()
-    unit = experiment.units.force
+    unit, share = experiment.units.force, plain(100.0 * pull.share, 2)
     return (
         f"pad {experiment.pad}: the measured force falls to {pull.force:.3g} {unit} at "
-        f"{pull.time:.4g} s of test {pull.test} ({100.0 * pull.share:.2g} % of the peak, pulling), "
+        f"{pull.time:.4g} s of test {pull.test} ({share} % of the peak, pulling), "
         "but a loose specimen cannot pull: add --bonded if it is glued to the platen, "
         "--add adhesion if it sticks",
     )

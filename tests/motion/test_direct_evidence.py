@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from qlvbayes.diagnosis.searchsetup import protocol_of
+from qlvbayes.effects.drags import Inertia
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.motion.evidence import direct_evidence
+from qlvbayes.motion.evidence import direct_evidence, with_mass
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.report.firstlook import look_at
 from qlvbayes.simulate import PROTOCOLS
@@ -262,3 +264,19 @@ def test_records_that_others_made(name, there):
         pytest.skip("the records are not here")
     (pad,) = read_measurements(AWAY / name).pads
     assert beyond_doubt(prepare(pad)) == there
+
+
+@pytest.mark.parametrize(("ramp_up", "stroke"), [(0.02, 20.0), (0.1, 4.0)])
+def test_a_mass_is_weighed_by_impulses_where_no_acceleration_is_resolved(ramp_up, stroke):
+    """Two readings at a start, or moves that reach their speed for a moment only."""
+    experiment = pressed(
+        lambda _, __, ___, a: MASS * a, (10.0, 35.0), ramp_up=ramp_up, stroke=stroke, back=stroke
+    )
+    mass, sd = with_mass(experiment).mass
+    assert abs(mass - MASS) < 3.0 * sd
+    assert sd < 0.1 * MASS
+    weighed = protocol_of(with_mass(experiment), bonded=False)
+    assert Inertia.unmeasured(replace(weighed, curved=False)) is None
+    prior = Inertia.default(with_mass(experiment).scales).mass
+    assert prior.log_median == pytest.approx(np.log(mass))
+    assert Inertia.unmeasured(replace(weighed, curved=False, weighed=False)) is not None

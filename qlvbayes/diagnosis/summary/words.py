@@ -42,7 +42,7 @@ def paragraphs(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
         *(f"{capitalized(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
         *law_paragraphs(d),
-        *_measured(d),
+        *_measured(d, work),
         *_certainty(d),
         *_strengths(d),
         *_scatter(d),
@@ -149,10 +149,17 @@ def _certainty(d: DiagnosisResult) -> list[str]:
     return text
 
 
-def _measured(d: DiagnosisResult) -> list[str]:
+def _measured(d: DiagnosisResult, work: DiagnosisWork) -> list[str]:
     """Return what the readings show of effects without any model, beyond doubt."""
+    trials = work.experiment.trials
+    coarse = [one.name for one in trials if not one.trajectory.acceleration_resolved]
+    stays = (
+        f" In {joined(coarse)} the readings do not give the acceleration: the mass is that of its "
+        "impulses, and the error at starts and stops need not fall"
+    )
     return [
         f"The readings show {one.effect} without any model: {one.sentence.rstrip('.')}."
+        f"{f'{stays}.' if coarse and one.effect == 'inertia' else ''}"
         for one in d.direct_evidence
         if one.beyond_doubt
     ]
@@ -216,7 +223,11 @@ def _ambiguous_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
 def _partly_explained_grounds(d: DiagnosisResult, work: DiagnosisWork) -> str:
     """Return the share of the error that the named effects take, and what is left."""
     share = d.remainder.share_of_error if d.remainder else None
-    taken = f" They take {_share(1.0 - share)} of the error." if share is not None else ""
+    taken = (
+        f" They take {_share(1.0 - share)} of the error."
+        if share is not None and share < 1.0
+        else ""
+    )
     taken = taken.replace("They take", "It takes") if len(d.effects) == 1 else taken
     return f"Constants: {_named(d)}. {_change(d)}.{taken} {_structure(d, work)}"
 

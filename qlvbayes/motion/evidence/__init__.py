@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from qlvbayes.io.contact import FirstContact
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
@@ -16,7 +17,7 @@ from qlvbayes.motion.evidence.repeating import (
 from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
 from qlvbayes.motion.experiment import Experiment
 
-__all__ = ["DirectEvidence", "direct_evidence"]
+__all__ = ["DirectEvidence", "direct_evidence", "with_mass"]
 
 
 def direct_evidence(
@@ -39,3 +40,13 @@ def direct_evidence(
         *drift_seen(experiment),
     )
     return tuple(sorted(every, key=lambda one: not one.beyond_doubt))
+
+
+def with_mass(experiment: Experiment) -> Experiment:
+    """Return the experiment with the mass that its starts and stops show beyond doubt, if any.
+
+    It is the impulse of the force over the change of speed, which needs no acceleration: where
+    readings do not resolve that, no fit can find the mass.
+    """
+    shown = next((one for one in inertia_seen(experiment) if one.beyond_doubt), None)
+    return replace(experiment, mass=None if shown is None else (shown.value, shown.sd))

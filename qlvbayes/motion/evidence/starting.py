@@ -24,7 +24,7 @@ from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
 
 _AROUND = 5  # readings before and after a start, whose means are levels
-_REACHED = 0.9  # of the mean speed, at which a start is over
+_REACHED = 0.9  # of the top speed, at which a start is over
 _RETURNS = 0.25  # of a spike, that may be left after it
 _SCATTER = 0.5  # of the impulses that a mass makes, by which single ones may differ
 _COARSE = 0.5  # of an impulse, that its sum over one reading is off by
@@ -87,11 +87,10 @@ def _mass(places: Sequence[Place]) -> tuple[float, float, float]:
 def _impulse(experiment: Experiment, trial: Trial, move: Phase, *, begins: bool) -> Place | None:
     """Return the mass by the impulse of a start or a stop; None where the force does not return."""
     time, path, middle = trial.test.time, trial.trajectory, 0.5 * (move.start + move.stop)
-    speed, half = mean_speed(trial, move), (move.start, middle) if begins else (middle, move.stop)
-    instants = np.linspace(*half, 400)
-    fast = instants[np.abs(path.velocity(instants)) >= _REACHED * speed]
-    if not fast.size:
-        return None
+    instants = np.linspace(*((move.start, middle) if begins else (middle, move.stop)), 400)
+    speeds = np.abs(path.velocity(instants))
+    speed = float(speeds.max())
+    fast = instants[speeds >= _REACHED * speed]
     # what creeps after it has braked does not move a mass
     begin, end = (move.start, fast[0]) if begins else (fast[-1], move.stop)
     first, stop = (int(k) for k in np.searchsorted(time, [begin, end]))
