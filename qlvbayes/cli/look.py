@@ -132,11 +132,11 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     from qlvbayes.io.conversion import in_short, write_csv, write_tidy
     from qlvbayes.io.files import stem_of
     from qlvbayes.io.tidy import joined
-    from qlvbayes.pipeline.source import is_tidy
+    from qlvbayes.pipeline.source import files_at, is_tidy
     from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
 
-    files = inputs.paths
+    files = [file for path in inputs.paths for file in files_at(path)]
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)

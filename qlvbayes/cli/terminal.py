@@ -25,6 +25,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.conversion import in_short
 from qlvbayes.io.wording import pad_title
 from qlvbayes.parallel.running import Shard
 from qlvbayes.pipeline.many import Tally
@@ -55,7 +56,7 @@ class Terminal(Watcher):
         """
         source = inputs.source(part)  # may ask, and no spinner may turn then
         self._grouping = source.grouping
-        for notice in source.notices:
+        for notice in in_short(source.notices):
             self.notice(notice)
         return source
 

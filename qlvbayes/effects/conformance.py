@@ -186,7 +186,10 @@ def _check_declarations(kind: type[AbstractEffect]) -> None:
         raise EffectError(f"{kind.name}: units must name exactly its constants {_list(own)}")
     for constant, unit in kind.units.items():
         if not PAD.knows(unit):
-            raise EffectError(f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}])")
+            raise EffectError(
+                f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}]); the kinds are "
+                f"{', '.join(PAD.kinds)}"
+            )
     if not kind.null or not set(kind.null) <= own:
         raise EffectError(f"{kind.name}: null must name one or more of its constants {_list(own)}")
     for word in ("law", "seen", "reference"):

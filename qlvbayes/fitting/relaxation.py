@@ -108,6 +108,9 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
     # the end of loading may be left out
     if np.min(np.abs(since)) > max(width, nearest) or initial <= 0.0:
         return None
+    # a way through air loads nothing
+    off = time[(time >= ramp.start) & (time < ramp.stop) & (trial.test.displacement <= 0.0)]
+    touched = float(off[-1]) if off.size else ramp.start
     at, left = [], []
     for moment in TIMES:
         near = force[np.abs(since - moment) <= _AROUND * moment]
@@ -116,7 +119,7 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
             left.append(float(np.mean(near)) / initial)
     return HoldReport(
         test=trial.name, deformation=float(trial.trajectory.displacement(hold.start)),
-        rate=finite_or_none(trial.rate), loading=ramp.stop - ramp.start, initial=initial,
+        rate=finite_or_none(trial.rate), loading=ramp.stop - touched, initial=initial,
         hold=hold.stop - hold.start, at=tuple(at), left=tuple(left),
         history=_history(experiment, trial),
     )  # fmt: skip

@@ -114,6 +114,12 @@ def is_dead(way: Floats, load: Floats) -> bool:
     return response < _NOTHING * noise and float(np.std(load)) < _NOTHING * noise
 
 
+def is_driven_back(way: Floats) -> bool:
+    """Return whether a displacement goes back by half of its travel, as nothing creeps."""
+    deepest = int(np.argmax(np.abs(way - way[0])))
+    return abs(float(way[-1] - way[deepest])) > 0.5 * abs(float(way[deepest] - way[0]))
+
+
 @dataclass(frozen=True)
 class Form:
     """A beginning of the force at contact: with a power of depth, after a jump (N) of drag."""

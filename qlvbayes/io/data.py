@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError, meant
+from qlvbayes.io.contact import is_driven_back
 from qlvbayes.io.conversion import Conversion, convert
 from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats import known_formats, matching, refuse_by_content
@@ -323,7 +324,8 @@ class _Builder:
             rows = np.arange(len(self.table.columns[0]))[self.rows][unread:]
             return replace(self, rows=rows, late=float(time[unread] - time[0])).test(before)
         controls = self._stretches("control", _CONTROLS)
-        if not controls and force[0] > 0.0 and np.ptp(force) == 0.0 < np.ptp(way):
+        rests = force[0] > 0.0 and np.ptp(force) == 0.0 < np.ptp(way)
+        if not controls and rests and not is_driven_back(way):
             controls = [(0, Control.FORCE)]
             self.notices.append(
                 f"{self.title}: {self._name('force')} is {force[0]:g} in every row: it is taken as "

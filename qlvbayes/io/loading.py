@@ -19,6 +19,7 @@ from qlvbayes.io.contact import (
     Signs,
     find_signs,
     force_at_start,
+    is_driven_back,
     rest_of,
     scatter,
 )
@@ -253,11 +254,15 @@ def _without_missing(recording: Recording) -> Recording:
 
 
 def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
-    """Return whether a channel never changes; a ``prescribed`` force may rest, but not at zero."""
+    """Return whether a channel never changes.
+
+    A ``prescribed`` force may rest, but not at zero, nor while the platen moves to and fro.
+    """
     way, load = recording.way.values, recording.load.values
     if len(way) < LEAST_SAMPLES or np.ptp(way) == 0.0:
         return True
-    return bool(np.ptp(load) == 0.0) and not (prescribed and load[0] != 0.0)
+    rests = prescribed and load[0] != 0.0 and not is_driven_back(way)
+    return bool(np.ptp(load) == 0.0) and not rests
 
 
 def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) -> Loaded:

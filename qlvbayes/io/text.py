@@ -20,6 +20,9 @@ HEAD = 1 << 14  # bytes that a format may look at: the longest known headers hav
 _MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _HEADER_LINES = 400  # more lines than any header has
 _MARKS = "\t;|,"
+_KANA = re.compile(rb"[\x82\x83][\x40-\xf1]")  # a letter in Shift JIS; in cp1252 a low quotation
+# mark or a florin sign before another letter
+_KANAS = 2  # of which a European text may have so many
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 COMMENT = re.compile(r"(?m)^[ \t]*([#%!*]+|//+|;(?=[^;\n]*$))[ \t]*")  # signs of comments
 _NAME = re.compile(  # a quoted name, or one with its unit
@@ -78,7 +81,7 @@ def _unreadable(path: Path, error: OSError) -> InputError:
 
 
 def decoded(data: bytes) -> str:
-    """Return bytes as text: UTF-8, UTF-16 or Windows, without NULs; it never fails."""
+    """Return bytes as text: UTF-8, UTF-16, Shift JIS or Windows, without NULs; it never fails."""
     start = data[:64]
     if data.startswith(b"\xff\xfe") or (len(start) > 16 and not any(start[1::2])):
         text = data.removeprefix(b"\xff\xfe").decode("utf-16-le", "replace")
@@ -90,7 +93,8 @@ def decoded(data: bytes) -> str:
             text = data.decode()
         except UnicodeDecodeError as error:  # the last letter of a head may be cut
             cut = error.start > len(data) - 4
-            text = data.decode("utf-8" if cut else "cp1252", "replace")
+            single = "cp932" if len(_KANA.findall(data)) > _KANAS else "cp1252"
+            text = data.decode("utf-8" if cut else single, "replace")
     return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
 
 

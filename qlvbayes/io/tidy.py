@@ -186,7 +186,8 @@ def _columns(
 def _remedy(missing: Sequence[str], names: Sequence[str], file: Path) -> str:
     """Return how columns that lack are named, where others mean them, or how they are stated."""
     if len(names) == 1:
-        return "separate the columns by commas"
+        typed = as_typed("qlvbayes", "look", str(file), "-o", "tidy.csv")
+        return f"separate the columns by commas; of a machine's file, {typed} says what it lacks"
     meant = {key: column for key, column in quantities(in_cells(names)).items() if key in missing}
     remedies = [
         f"rename '{names[one.index]}' to "

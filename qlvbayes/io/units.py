@@ -75,6 +75,11 @@ class UnitSystem:
         text = of_strain if self.dimensionless else unit
         return text.format(d=self.displacement, f=self.force)
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the kinds of constants that have units."""
+        return tuple(_KINDS)
+
     def knows(self, kind: str) -> bool:
         """Return whether there is such a kind of constant."""
         return kind in _KINDS

@@ -113,7 +113,10 @@ def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) 
             raise LawError(f"{kind.name}: {word} must name exactly its constants {listed}")
     for constant, unit in kind.units.items():
         if not PAD.knows(unit):
-            raise LawError(f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}])")
+            raise LawError(
+                f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}]); the kinds are "
+                f"{', '.join(PAD.kinds)}"
+            )
     for word in ("name", "law", "reference"):
         text = getattr(kind, word)
         if not text.strip() or "\n" in text:

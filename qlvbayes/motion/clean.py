@@ -180,7 +180,8 @@ def sound_tests(
                 f"{bad.count} of {test.time.size} readings of test {test.name} of pad {test.pad} "
                 f"are bad ({', '.join(dict.fromkeys(bad.reason.tolist()))}), the first at "
                 f"{bad.time[0]:.6g} s: too many to leave out",
-                remedy=f"mend the channel, delete the test, or keep them with {KEEP}",
+                remedy="mend the channel, delete the test, leave the time out with --leave-out, "
+                f"or keep them with {KEEP}",
             )
         cleaned.append((without(test, bad.mask), bad))
     return cleaned

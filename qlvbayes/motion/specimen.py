@@ -115,15 +115,15 @@ def pull_notices(
 ) -> tuple[str, ...]:
     """Return one line if a pad pulls that neither is bonded nor has adhesion in its model.
 
-    A mass that is moved also makes the force negative: where the readings show that beyond doubt,
-    and no adhesion, there is no line. ``shown`` is what they show, where it is known already.
+    A mass that is moved and a guide that rubs make the force negative, too: where the readings show
+    one beyond doubt, and no adhesion, there is no line. ``shown`` is what they show, if known.
     """
     pull = None if bonded or "adhesion" in effects else pull_of(experiment)
     if pull is None:
         return ()
     shown = direct_evidence(experiment, bonded) if shown is None else shown
     sure = {one.effect for one in shown if one.beyond_doubt}
-    if "inertia" in sure and "adhesion" not in sure:
+    if sure & {"inertia", "friction"} and "adhesion" not in sure:
         return ()
     unit, share = experiment.units.force, plain(100.0 * pull.share, 2)
     return (

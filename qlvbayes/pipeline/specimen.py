@@ -18,11 +18,13 @@ from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.fit import Fit, fit_pad
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.running import FailedError, run_all
+from qlvbayes.pipeline.source import Source
 from qlvbayes.report.firstlook import PadSeen, look_at
 
 Answer = TypeVar("Answer")
@@ -221,15 +223,22 @@ def _diagnosed(
     return specimen.diagnose(choices, **options).result
 
 
-def read_study(path: str | Path) -> Study:
-    """Read a file of measurements, CSV or as a testing machine writes it.
+def read_study(path: str | Path | Sequence[str | Path]) -> Study:
+    """Read measurements: a CSV file, or files of testing machines or a folder of them.
 
     Parameters
     ----------
     path
         A tidy CSV or .csv.gz file, a row per sample: ``time_s``, ``displacement_mm`` and
         ``force_N`` (or ``strain`` and ``stress_kPa``), and what `data.read_measurements` names
-        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`). An
-        InputError names line and remedy.
+        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`), or
+        several of these, whose tests are one pad's unless the files name others. An InputError
+        names file, line and remedy.
     """
-    return Study(**vars(read_measurements(path)))
+    if isinstance(path, str | Path) and not Path(path).is_dir():
+        return Study(**vars(read_measurements(path)))
+    source = Source.from_files(path)
+    if not source.is_complete:
+        remedy = "read them one by one"
+        raise InputError("several tidy files have pads of their own", remedy=remedy)
+    return Study(**vars(source.whole))

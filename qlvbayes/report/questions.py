@@ -101,9 +101,22 @@ def constants_words(pad: PadResults) -> str | None:
         _in_words("v[1]", summary.parameters),
     ]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
-    doubt = " But the model fails (question 3): these are constants of a wrong model."
-    wrong = bool(pad.final.check and pad.final.check.failing)
-    return f"{'; '.join(text for text in constants if text)}{added}.{doubt * wrong}"
+    return f"{'; '.join(text for text in constants if text)}{added}.{_doubt(pad)}"
+
+
+def _doubt(pad: PadResults) -> str:
+    """Return a sentence on constants of a model that fails: wrong ones, unless it fails by chance.
+
+    The diagnosis looks at all tests together: where it finds no structure, a phase that is off by
+    more than its own noise shifts no constant beyond its error.
+    """
+    check, found = pad.final.check, pad.diagnosis
+    if check is None or not check.failing:
+        return ""
+    if found is not None and not found.verdict.has_unmodelled:
+        phases = f"{len(check.failing)} of {len(check.cells)} phases"
+        return f" In {phases} the error is larger than noise makes it (question 3)."
+    return " But the model fails (question 3): these are constants of a wrong model."
 
 
 def shifts_of(pad: PadResults) -> Shifts | None:

@@ -392,6 +392,7 @@ def test_the_command_leaves_a_plan_that_can_be_run(fitted):
         (("--minutes", "0.2"), "no test fits into 0.2 minutes"),
         (("--minutes", "-1"), "--minutes is -1; give it above 0"),
         (("--limits", "depth=0"), "--limits depth '0' are not numbers above 0"),
+        (("--limits", "depth=1e-3"), "a depth of at most 0.001 mm, where the tests had"),
         (("--data", "nowhere.csv"), "nowhere.csv: no such file"),
     ],
 )

@@ -43,7 +43,9 @@ from qlvbayes.inference.errors.features import UNDECIDED, Locations
 from qlvbayes.inference.errors.features import covariance as smooth_covariance
 from qlvbayes.inference.errors.whitening import covariance as floor_covariance
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import in_threads
+from qlvbayes.io.wording import plain
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.noisefloor import NoiseFloor
@@ -51,6 +53,7 @@ from qlvbayes.motion.phases import KINDS, MOVING
 from qlvbayes.motion.record import Blocks, Record, extended, held
 
 _LN2 = float(np.log(2.0))
+_LEAST = 0.01  # of the tests' depth: a limit below it is one in another unit
 _TOGETHER = 64  # designs that are run at once: their arrays take some ten megabytes
 _DEPENDENT = 1e-9  # of a variance: less of it is rounding
 _BLOCKS = 128  # means of a test
@@ -79,6 +82,10 @@ class Readings:
         rows = max(trial.test.time.size for trial in trials)
         known = scales.depth, scales.speed, acceleration, scales.shortest, rows, len(trials)
         rig = structs.replace(Rig(*known), **limits)
+        if rig.depth < _LEAST * scales.depth:
+            unit, deepest = experiment.units.displacement, plain(scales.depth)
+            what = f"a depth of at most {rig.depth:g} {unit}, where the tests had {deepest} {unit}"
+            raise InputError(what, remedy="give the limits in the units of the file")
         return cls(rig, experiment.floor, scales.force, missed, scales.clock)
 
     def record(self, designs: Sequence[Design]) -> Record:

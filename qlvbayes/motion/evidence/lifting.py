@@ -43,6 +43,7 @@ _SETTLED = 0.2  # of a friction, by which the force may differ before and after 
 _AGREE = 1.5  # largest ratio of one friction in two tests
 _END = 0.2  # of a movement, at its end or its beginning
 _BEGUN = 0.05  # of a movement, after which what rubs has yielded
+_OFF = 2.0  # errors of the contact, within which the specimen may be touched
 
 
 @dataclass(frozen=True)
@@ -221,14 +222,21 @@ def _rubs(experiment: Experiment, trial: Trial) -> list[Place]:
 
 
 def _every_inward(experiment: Experiment) -> list[Place]:
-    """Return by how much the force is higher as the platen begins to move in, where it is flat."""
+    """Return by how much the force is higher as the platen begins to move in, where it is flat.
+
+    Where a test approaches from off the specimen, that is its way to the contact.
+    """
     places = []
     for trial in experiment.trials:
         before, first = level_before(experiment, trial), first_ramp(trial)
         if before is None or first is None:
             continue
         lasts = first.stop - first.start
-        rows = trial.rows(first.start + _BEGUN * lasts, first.start + _END * lasts)
+        rows = trial.rows(first.start + _BEGUN * lasts, first.stop)
+        clear = -_OFF * (trial.test.contact_sd or 0.0)
+        rows = rows[: int(np.argmax(trial.test.displacement[rows] >= clear))]
+        if rows.size < 3 * FEWEST:
+            rows = trial.rows(first.start + _BEGUN * lasts, first.start + _END * lasts)
         parts = np.array_split(rows[~speed_changes(trial.test, trial.trajectory, _NEAR)[rows]], 3)
         levels = _levels(experiment, trial, parts)
         if levels is None:

@@ -94,11 +94,14 @@ def export(
     exported = read_pad(
         Path(out), pad, draws=draws, date=date, data=None if data is None else Path(data)
     )
-    content = {
-        Path(target.name, name): text
-        for target in targets
-        for name, text in target.files(exported, specimen).items()
-    }
+    content: dict[Path, bytes] = {}
+    for target in targets:
+        try:
+            files = target.files(exported, specimen)
+        except InputError as error:  # of several, the one that cannot
+            what = f"--to {target.name}: {error.message}"
+            raise InputError(what, remedy=error.remedy) from error
+        content |= {Path(target.name, name): text for name, text in files.items()}
     folder = exported.folder / "export"
     for target in targets:
         results_folder(folder / target.name)
