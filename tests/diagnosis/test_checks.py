@@ -70,7 +70,8 @@ def fitted(experiment: Experiment) -> tuple[float, tuple[float, ...], float]:
     point = search.candidates[search.baseline].point
     record = search.density.space.record
     tested = adequacy(experiment, record, point, search.settings.cells)
-    samples = Samples.from_experiment(experiment, search.density.space, point)
+    model = point.own.model_at(point.constants)
+    samples = Samples.from_experiment(experiment, search.density.space, model)
     left = samples.residuals(search.density, search.candidates[search.baseline].mode)
     return tested.p_value, point.separation.scatter.sizes, rmse(left) / experiment.floor.total
 

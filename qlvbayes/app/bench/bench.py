@@ -24,7 +24,9 @@ from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.fitting.optimum import best_model
 from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.starts import amplitude_of, projected, transferred
@@ -84,8 +86,14 @@ class Bench:
         choices = choices or Choices()
         experiment = as_chosen(experiment, choices)
         density = build_search(experiment, choices, kinds=choices.candidates).density
-        samples = Samples.from_experiment(experiment, density.space)
-        return cls(experiment, choices, samples, density.of_independent_noise)
+        trials = experiment.trials
+        known = any(trial.test.contact_sd for trial in trials)
+        model = best_model(experiment, choices, trials) if known else None
+        samples = Samples.from_experiment(experiment, density.space, model)
+        contacts = samples.contacts.changes(density.space.record.blocks)
+        shared = np.sum(density.whitener.flattened(contacts) ** 2, axis=0)
+        sds = np.sqrt(density.whitener.sds**2 - shared)
+        return cls(experiment, choices, samples, density.with_independent_noise(sds, contacts))
 
     @property
     def space(self) -> Space:
@@ -121,14 +129,23 @@ class Bench:
         """Return a model's force and errors, in some milliseconds."""
         checked(model, self.space)
         constants = constants_of(model, self.space)
-        forces = [force[0] for force in self.samples.predict(model.hypothesis, constants[None])]
-        left = [y - f for y, f in zip(self.samples.observed, forces, strict=True)]
         own = self.space.parameters(model.hypothesis)
         with np.errstate(over="ignore", invalid="ignore"):
+            forces = self._forces(self.density, model.hypothesis, constants)
+            left = [y - f for y, f in zip(self.samples.observed, forces, strict=True)]
             return Look(
                 values_of(own, constants), tuple(forces), rmse(left),
                 tuple(cell_errors(self.samples, left)),
             )  # fmt: skip
+
+    def _forces(self, density: Density, hypothesis: Hypothesis, constants: Array) -> list[Array]:
+        """Return the force (n,) of each test, at the contacts that constants (P,) imply."""
+        samples = self.samples
+        predicted = self.space.forces(hypothesis, constants[None])[0]
+        residual = density.whitener((self.space.record.blocks.force - predicted)[None])[0]
+        moved = samples.moved(density, residual, density.discrepancy.at(0.0))
+        forces = samples.predict(hypothesis, constants[None])
+        return [one[0] + more for one, more in zip(forces, moved, strict=True)]
 
     def first(self) -> ByHand:
         """Return the model of the choices, fitted from its priors, if a draw can be used."""
@@ -229,9 +246,10 @@ class Bench:
         point = self._point(model)
         residuals = []
         for blocks, test, rows in self.samples.left_out():
-            mode = find_mode(self.density.without(blocks), model.hypothesis, point.theta)
+            others = self.density.without(blocks)
+            mode = find_mode(others, model.hypothesis, point.theta)
             refitted = mode.point if mode is not None else point
-            predicted = self.samples.predict(model.hypothesis, refitted.constants[None])[test][0]
+            predicted = self._forces(others, model.hypothesis, refitted.constants)[test]
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
         yield rmse(residuals) if residuals else float("nan")

@@ -60,8 +60,9 @@ class SearchOutcome:
         self.experiment, self.search = experiment, search
         candidates = set(search.families.nameable) - search.baseline.effects
         self.measured = candidates.intersection(search.measured)
-        baseline = search.modes[search.baseline][0].point
-        self.samples = Samples.from_experiment(experiment, search.density.space, baseline)
+        point = search.modes[search.baseline][0].point
+        model = point.own.model_at(point.constants)
+        self.samples = Samples.from_experiment(experiment, search.density.space, model)
         self.candidates = list(search.candidates.values())
         known = weights_of(search)
         self.without_evidence = sum(not weight.counts for weight in known)

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.marginal_likelihood import with_zero_errors
 from qlvbayes.fitting.prediction import Contacts, representative_rows, single_samples
-from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.errors.separation import DiscrepancyOfSize
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import Mode
 from qlvbayes.io.arrays import Array, Mask
+from qlvbayes.model.model import Model
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.record import Record, batch
@@ -40,9 +42,9 @@ class Samples:
 
     @classmethod
     def from_experiment(
-        cls, experiment: Experiment, space: Space, point: Point | None = None
+        cls, experiment: Experiment, space: Space, model: Model | None = None
     ) -> Samples:
-        """Return the samples of all tests; errors of contacts move the force as at a point."""
+        """Return the samples of all tests; errors of contacts move the force as that of a model."""
         contacts = Contacts.from_trials(experiment.trials, experiment.trials)
         rows = tuple(representative_rows(trial) for trial in experiment.trials)
         weights = tuple(
@@ -58,8 +60,7 @@ class Samples:
             parts = tuple(_part(experiment, rows, some, own) for some in indices)
             same = all(p.motion.time.shape == own.motion.time.shape for p in parts)
             if same or size <= own.blocks.force.shape[-1] // 4:
-                if point is not None:
-                    model = point.own.model_at(point.constants)
+                if model is not None:
                     parts = tuple(with_zero_errors(one, experiment.trials, model) for one in parts)
                 return cls(experiment, space, rows, weights, parts, indices, contacts)
             size //= 2
@@ -105,21 +106,23 @@ class Samples:
         """Return the force (n,) of each test (N) at a mode, at the contacts that it implies."""
         point = mode.point
         predicted = self.predict(point.own.hypothesis, point.constants[None])
-        moved = self.moved(density, mode)
+        discrepancy = density.discrepancy.at(mode.size, point.separation)
+        moved = self.moved(density, point.residual, discrepancy)
         return [one[0] + more for one, more in zip(predicted, moved, strict=True)]
 
-    def moved(self, density: Density, mode: Mode) -> list[Array]:
+    def moved(
+        self, density: Density, residual: Array, discrepancy: DiscrepancyOfSize
+    ) -> list[Array]:
         r"""Return the change (n,) of each test's force (N) by the errors of its contact.
 
         The errors e, in their sds, change the whitened block means by U (C, n). They are part of
-        the covariance of the whitened residual r, so that at a mode their mean is
+        the covariance of the whitened residual r (n,), which a discrepancy adds to. Their mean is
 
         .. math:: \hat e = U C^{-1} r.
         """
         blocks = density.space.record.blocks
         changes = density.whitener(self.contacts.changes(blocks))
-        discrepancy = density.discrepancy.at(mode.size, mode.point.separation)
-        vectors = np.concatenate([mode.point.residual[None], changes])
+        vectors = np.concatenate([residual[None], changes])
         errors = discrepancy.products(vectors)[:1, 1:]
         moved = [np.zeros(own.size) for own in self.rows]
         for record, indices in zip(self.parts, self.indices, strict=True):

@@ -79,9 +79,9 @@ def _bands(
     )
     thetas = np.concatenate([candidate.point.theta[None], own.within(thetas)])
     forces = work.samples.predict(candidate.hypothesis, own.constants(thetas))
-    moved = work.samples.moved(work.search.density, candidate.mode)
+    at_mode = work.samples.forces(work.search.density, candidate.mode)
     bands = []
-    for k, force in enumerate(one + more for one, more in zip(forces, moved, strict=True)):
+    for k, force in enumerate(one + (at - one[0]) for one, at in zip(forces, at_mode, strict=True)):
         sd = np.hypot(work.samples.floor(k), size)
         low, high = _quantiles(force[1:], sd)
         bands.append(ForceBand(force[0], low, high))
