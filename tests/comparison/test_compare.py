@@ -40,20 +40,10 @@ def test_known_differences_are_found_and_same_rates_told_equal_or_left_open(oil_
             found[name].first.median - found[name].second.median, abs=0.02
         )
     # the paper's open question: its v1 and v2 are the same for oil and for glycerin
-    assert oil_and_glycerin["v[1]"].answer == "equal"
-    assert oil_and_glycerin["v[2]"].answer == "cannot tell"
-
-
-def test_what_engineers_read_is_compared_too(oil_and_glycerin):
-    groups = dict.fromkeys(c.group for c in oil_and_glycerin.contrasts)
-    assert list(groups) == [
-        "constants", "stiffness", "force", "relaxation", "energy", "loss tangent"
-    ]  # fmt: skip
-    for c in oil_and_glycerin.contrasts:
-        for value in (c.first, c.second, c.difference, c.ratio):
-            assert value.low < value.median < value.high
-        assert 0.0 <= c.direction <= 1.0
-        assert 0.0 <= c.equivalence <= 1.0
+    assert found["v[1]"].answer == "equal"
+    assert found["v[2]"].answer == "cannot tell"
+    groups = ["constants", "stiffness", "force", "relaxation", "energy", "loss tangent"]
+    assert list(dict.fromkeys(c.group for c in found.contrasts)) == groups
 
 
 def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_open():
@@ -215,22 +205,19 @@ def test_tables_hold_every_number_and_names_as_they_are(oil_and_glycerin):
 
 
 @pytest.mark.parametrize(
-    ("words", "problem"),
+    ("words", "lost", "problem"),
     [
-        ({"region": 0.0}, "region"),
-        ({"depth": -1.0}, "depth"),
-        ({"rates": [1.0, 0.0]}, "rate"),
-        ({"frequencies": [float("nan")]}, "frequency"),
+        ({"region": 0.0}, "", "region"),
+        ({"depth": -1.0}, "", "depth"),
+        ({"rates": [1.0, 0.0]}, "", "rate"),
+        ({"frequencies": [float("nan")]}, "", "frequency"),
+        ({}, "v[2]", r"lacks v\[2\]"),
     ],
 )
-def test_numbers_that_make_no_sense_are_refused(words, problem):
+def test_numbers_that_make_no_sense_and_draws_that_lack_a_constant_are_refused(
+    words, lost, problem
+):
     draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
+    draws.pop(lost, None)
     with pytest.raises(InputError, match=problem):
         compare(draws, draws, **words)
-
-
-def test_draws_that_lack_a_constant_are_refused():
-    draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
-    del draws["v[2]"]
-    with pytest.raises(InputError, match=r"lacks v\[2\]"):
-        compare(draws, draws)

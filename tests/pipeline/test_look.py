@@ -117,13 +117,13 @@ def test_what_shows_follows_from_what_the_tests_do(plain, rich):
     assert not look.cautions
 
 
-@pytest.mark.parametrize(("fast", "answer"), [(2.0, "hardly"), (3.0, "hardly"), (8.0, "yes")])
+@pytest.mark.parametrize(("fast", "answer"), [(3.0, "hardly"), (8.0, "yes")])
 def test_a_force_that_grows_with_speed_needs_two_speeds(tmp_path, fast, answer):
     tests = {"a": pressed((1.0, 2.0, 5.0)), "b": pressed((1.0, fast, 5.0))}
     assert answers(seen(tmp_path, tests)[0])["viscous_drag"].answer == answer
 
 
-@pytest.mark.parametrize(("second", "answer"), [(1.0, "hardly"), (1.1, "hardly"), (1.6, "yes")])
+@pytest.mark.parametrize(("second", "answer"), [(1.1, "hardly"), (1.6, "yes")])
 def test_softening_and_a_set_are_told_apart_by_growing_depths(tmp_path, second, answer):
     """One test's second load goes as deep as its first or deeper; two tests show more."""
     strokes = ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (second, 1.0, 1.0), (0.0, 1.0, 1.0))

@@ -19,8 +19,6 @@ from qlvbayes.simulate import (
     TABLE_1,
     Constants,
     HiddenPad,
-    Hold,
-    Move,
     Pad,
     Platen,
     draw_constants,
@@ -33,8 +31,6 @@ from qlvbayes.simulate import (
 EVERY = {**HIDDEN, **FORMS, **OUTSIDE}
 B = TABLE_1["B"]
 PARAMETERS = json.loads((CORPUS / "other/constants.json").read_text("utf-8"))["simulated"]
-# The parameter whose null leaves nothing of the effect, where that is not its first.
-NULL_AT = {"amplifier_clipping": 1e9}
 
 
 def effect(name, **changes):
@@ -64,39 +60,16 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
             assert np.abs(force - expected).max() < 1e-8 * expected.max()
 
 
-@pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(9)
-def test_each_effect_vanishes_at_its_null(name):
-    null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
-    platen, times = paired(full_retraction_protocol)
-    expected = force_of(platen=platen, times=times)
-    assert np.abs(force_of(null, platen=platen, times=times) - expected).max() < 1e-8
-    assert np.abs(force_of(effect(name), platen=platen, times=times) - expected).max() > 5e-3
-
-
-@pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(3)
-def test_finer_cells_change_nothing(name):
-    for protocol, rate in ((paper_protocol, 0.1), (full_retraction_protocol, 30.0)):
-        platen, times = paired(protocol, rate)
-        force = force_of(effect(name), platen=platen, times=times)
-        finer = force_of(effect(name), platen=platen, times=times, cells=1800)
-        assert np.abs(force - finer).max() < 1e-7 * finer.max()
-
-
-PAIRS = [
-    ("frame_compliance", "fluid_pressure", "stress_softening"),
-    ("frame_compliance", "squeeze_film", "contact_offset"),
-    ("frame_compliance", "friction", "permanent_set"),
-    ("strain_dependent_rate", "extra_relaxation_mode", "strain_dependent_strength"),
-    ("permanent_set", "contact_offset", "viscous_drag"),
-    ("adhesion", "friction", "channel_lag"),
-]
-
-
-@pytest.mark.parametrize("names", PAIRS)
-@pytest.mark.few(2)
-def test_finer_cells_change_nothing_of_several_effects(names):
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("frame_compliance", "fluid_pressure", "stress_softening"),
+        ("strain_dependent_rate", "extra_relaxation_mode", "strain_dependent_strength"),
+        ("adhesion", "friction", "channel_lag"),
+    ],
+)
+@pytest.mark.few(1)
+def test_finer_cells_and_another_order_change_nothing(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]
     force = force_of(*effects, platen=platen, times=times)
@@ -197,22 +170,6 @@ def test_a_compliant_frame_agrees_with_a_general_solver():
     expected = np.maximum(elastic(np.array(pressed)) - c[1:] @ w, 0.0)
     force = force_of(effect("frame_compliance"), platen=platen, times=times)
     assert np.abs(force - expected).max() < 1e-6 * expected.max()
-
-
-def added(name, platen, times, **options):
-    with_it = force_of(effect(name), platen=platen, times=times, **options)
-    return with_it - force_of(platen=platen, times=times, **options)
-
-
-def test_drags_follow_the_speed():
-    for rate in (1.0, 10.0):
-        platen = Platen((Move(1.6, rate), Hold(1.0)))
-        middle = np.array([platen.kinks[1:3].mean(), platen.duration])
-        assert added("viscous_drag", platen, middle) == pytest.approx([0.003 * rate, 0.0])
-        assert added("power_law_drag", platen, middle) == pytest.approx([0.02 * rate**0.5, 0.0])
-        film = 0.001 * rate / (1 - 0.8 / 2.5) ** 3
-        assert added("squeeze_film", platen, middle) == pytest.approx([film, 0.0])
-        assert added("growing_drag", platen, middle) == pytest.approx([0.004 * rate, 0.0])
 
 
 def study(protocol, pad):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import registration
 from blind.catalogue import FOREIGN, FURTHER
-from blind.contact import NearContact
 from blind.counting import Rate, is_grouped, is_named, lower, names_kin, names_wrongly, upper
 from blind.disturbed import RECORDS, unequal_holds
 from blind.laws import ELASTIC, RELAXATION, Law, draw_law
@@ -97,13 +96,18 @@ def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
     assert "the strata" not in old.broken()
 
 
+def first_of(population, wanted):
+    """Index of the first study of these levels."""
+    items = map(population.item, range(20_000))
+    return next(i.index for i in items if wanted.items() <= i.levels.items())
+
+
 def test_noise_that_changes_changes_the_noise_alone():
     """Forces of a study with and without it differ by the noise times the factor less one."""
     wanted = {"protocol": "three_tests", "logger": "thinned", "history": "rested"}
     wanted |= {"record": "changing_noise"}
     own_population = Population(0, disturbed=True)
-    items = map(own_population.item, range(20_000))
-    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    index = first_of(own_population, wanted)
     plain, own = make_study(Population(0), index), make_study(own_population, index)
     assert own.peak == plain.peak
     motions = own.session.motions.values()
@@ -164,8 +168,7 @@ def test_a_held_force_stays_while_the_platen_goes_on():
     wanted = {"protocol": "paper", "logger": "uniform"}
     wanted |= {"record": "held_force", "history": "rested", "kind": "none"}
     population = Population(0, disturbed=True)
-    items = map(population.item, range(20_000))
-    index = next(i.index for i in items if wanted.items() <= i.levels.items())
+    index = first_of(population, wanted)
     plain, own = make_study(Population(0), index), make_study(population, index)
     held = 0
     for one, two in zip(*both(plain.session, own.session), strict=True):
@@ -217,6 +220,7 @@ def test_modes_carry_the_closed_form(relaxation):
 
 
 @pytest.mark.parametrize("elastic", ELASTIC)
+@pytest.mark.few(2)
 def test_a_held_pad_falls_like_its_relaxation(elastic):
     """After a ramp of 16 ms the force at t is between g(t) and g(t - 16 ms) of the elastic one."""
     law = draw_law(elastic, "prony:3", np.random.default_rng(1), 1.6)
@@ -253,13 +257,6 @@ def test_errors_have_the_covariance_that_is_stated(kind):
     scale = wanted[0, 0] + 1e-30
     # the standard error of a covariance of normals is at most sqrt(2 / n) of the variance
     assert np.abs(np.cov(draws.T) - wanted).max() <= 5.0 * np.sqrt(2.0 / 20_000) * scale
-
-
-def test_readings_are_steps_and_errors_grow_with_force():
-    cell = LoadCell(growth=3.0, step=0.01)
-    reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
-    np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
-    assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
 
 
 NEW = {**FOREIGN, **FURTHER}
@@ -337,27 +334,11 @@ def test_gas_dissolves_as_its_equation_says():
     assert added == pytest.approx(expected, abs=1e-6)
 
 
-def test_contact_comes_where_the_gap_ends():
-    """Far beyond it, the depth is less by the gap; at the start the pad rests."""
-    depth, _ = NearContact(0.02, 0.002).on_depth(np.array([0.0, 0.02, 1.0]), np.ones(3))
-    assert depth[0] == 0.0
-    assert depth[1] == pytest.approx(0.002 * np.log(2.0), rel=1e-3)
-    assert depth[2] == pytest.approx(0.98, abs=1e-6)
-
-
-@pytest.fixture(scope="module")
-def place():
+def test_a_study_repeats_and_its_effect_counts():
     """The first study with one listed effect, three tests and a thinned record."""
-    for index in range(2000):
-        levels = Population(0).item(index).levels
-        quick = levels["logger"] == "thinned" and levels["history"] == "rested"
-        if quick and levels["kind"] == "single" and levels["protocol"] == "three_tests":
-            return index
-    raise AssertionError
-
-
-def test_a_study_repeats_and_its_effect_counts(place):
-    one, two = (make_study(Population(0), place) for _ in range(2))
+    wanted = {"logger": "thinned", "history": "rested", "kind": "single", "protocol": "three_tests"}
+    index = first_of(Population(0), wanted)
+    one, two = (make_study(Population(0), index) for _ in range(2))
     for first, second in zip(one.pad.tests, two.pad.tests, strict=True):
         np.testing.assert_array_equal(first.force, second.force)
     found = visible(one)
