@@ -70,12 +70,10 @@ def test_the_papers_population_hides_only_the_chosen_effects():
     alone = {item.names[0] for item in items if item.levels["kind"] == "single"}
     assert alone == {"friction", "inertia"}
     assert population.key != Population(0, paper=True).key
-    for options, problem in (
-        ({"effects": ("rust",)}, "no effect 'rust'"),
-        ({"noise": "pink"}, "no noise"),
-    ):
-        with pytest.raises(InputError, match=problem):
-            Population(0, **options)
+    with pytest.raises(InputError, match="no effect 'rust'"):
+        Population(0, effects=("rust",))
+    with pytest.raises(InputError, match="no noise"):
+        Population(0, noise="pink")
 
 
 def index_of(population, kind):

@@ -259,6 +259,13 @@ def test_errors_have_the_covariance_that_is_stated(kind):
     assert np.abs(np.cov(draws.T) - wanted).max() <= 5.0 * np.sqrt(2.0 / 20_000) * scale
 
 
+def test_readings_are_steps_and_errors_grow_with_force():
+    cell = LoadCell(growth=3.0, step=0.01)
+    reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
+    np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
+    assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
+
+
 NEW = {**FOREIGN, **FURTHER}
 VALUES = {
     "cavitating_film": (1e-3, 2.5, 0.02), "poroelastic_diffusion": (0.2, 3.0),
