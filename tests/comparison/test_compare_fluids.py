@@ -73,7 +73,9 @@ def test_fluids_have_the_means_sds_and_spread_of_the_dense_integral(reference):
 def simulate(truth, spread, count, rng):
     """Specimens of one fluid: every constant with its own log-normal spread."""
     return [
-        posterior({k: v * np.exp(spread * rng.standard_normal()) for k, v in truth.items()}, rng)
+        posterior(
+            {k: v * np.exp(spread * rng.standard_normal()) for k, v in truth.items()}, rng, size=100
+        )
         for _ in range(count)
     ]
 
