@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
 from matplotlib.figure import Figure
-from support.figures import NOISE, drawn, page, prediction, protocol
-from support.pages import keeps_the_page, points
+from support.figures import NOISE, page, prediction, protocol
+from support.pages import drawn, keeps_the_page, points
 
 from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult, check
