@@ -55,6 +55,11 @@ def with_tests(path, *tests, data=PADS):
     return path
 
 
+def two_tests(path):
+    """Write the hidden case's slow and fast test: enough to show a drag."""
+    return with_tests(path, "C-1", "C-100", data=PADS.with_name("hidden.csv"))
+
+
 def true_value(name):
     """The constant that pad B of the example data was simulated with."""
     stem, _, index = name.partition("[")
