@@ -68,7 +68,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
         ("adhesion", "friction", "channel_lag"),
     ],
 )
-@pytest.mark.few(1)
+@pytest.mark.few(2)
 def test_finer_cells_and_another_order_change_nothing(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]

@@ -46,9 +46,7 @@ def test_a_record_starts_with_contact_and_spans_the_program_at_1_khz():
     assert np.allclose(np.diff(record.time), 0.001)
     assert 0 <= Platen(program).duration - record.time[-1] < 0.001
     assert np.abs(record.displacement - record.true_displacement).max() <= 0.0005 + 1e-12
-    tests = simulate_study({"B": TABLE_1["B"]}, PAPER_RATES, CORRELATED, 1)
-    expected = sum(Platen(paper_protocol(rate)).duration for rate in PAPER_RATES) * 1000
-    assert abs(sum(test.record.time.size for test in tests) - expected) <= len(tests)
+    assert abs(record.time.size - 1000 * Platen(program).duration) <= 1
 
 
 def test_tests_follow_after_two_minutes_and_thinning_changes_no_sample_that_stays(pad_a):
@@ -57,9 +55,9 @@ def test_tests_follow_after_two_minutes_and_thinning_changes_no_sample_that_stay
     assert pad_a[0].start_s == 0.0
     rests = np.diff([t.start_s for t in pad_a]) - lengths[:-1]
     assert rests == pytest.approx(120.0)
-    full = simulate_study({"A": TABLE_1["A"]}, PAPER_RATES, CORRELATED, 2011)
-    for thin, whole in zip(pad_a, full, strict=True):
-        assert thin.record.time.size <= 500
+    assert max(test.record.time.size for test in pad_a) <= 500
+    full = simulate_study({"A": TABLE_1["A"]}, PAPER_RATES[-2:], CORRELATED, 2011)
+    for thin, whole in zip(pad_a[-2:], full, strict=True):
         places = np.searchsorted(whole.record.time, thin.record.time)
         for field in ("time", "displacement", "force", "true_displacement", "true_force"):
             kept = getattr(thin.record, field)
@@ -161,13 +159,13 @@ def test_the_data_file_says_what_it_is_and_can_be_made_again(tmp_path, pad_a):
 
 
 def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
-    pads, groups = specimens_of(["finger:2", "homogeneous"], np.random.default_rng(0))
+    pads, groups = specimens_of(["finger:1", "homogeneous"], np.random.default_rng(0))
     path = tmp_path / "hands.csv"
     simulate_file(
         path, pads, (20.0,), CORRELATED, 0, 200, "qlvbayes simulate", loads=(0.5,), groups=groups
     )
     study = read_measurements(path)
-    assert [pad.fluid for pad in study.pads] == ["finger", "finger", None]
+    assert [pad.fluid for pad in study.pads] == ["finger", None]
     for pad in study.pads:
         press, creep = pad.tests
         assert (press.control, creep.control) == ("displacement", "force")
