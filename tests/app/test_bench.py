@@ -122,12 +122,9 @@ def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(ben
         (q.ByHand(values={"m": float("nan")}), "m "),
     ],
 )
-def test_what_is_no_model_is_refused(bench, model, word):
+def test_what_is_no_model_is_refused(bench, dragged, model, word):
     with pytest.raises(InputError, match=word):
         bench.look(model)
-
-
-def test_an_effect_is_added_once(bench, dragged):
     with pytest.raises(InputError, match="squeeze_film"):
         bench.add(dragged, "squeeze_film")
     with pytest.raises(InputError, match="friction"):

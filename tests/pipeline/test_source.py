@@ -43,12 +43,14 @@ def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
         Source.from_files(stage, only=["A", "B"])  # for three files
 
 
-def test_a_bad_file_among_machines_files_is_named_and_the_others_are_read(stage, tmp_path):
+def test_tidy_files_stand_beside_machines_files_and_a_bad_one_is_named(stage, tmp_path):
     bad = tmp_path / "bad.csv"
     bad.write_text("Time,Extension,Load\n(s),(mm),(N)\n0,0,0\n1,x,1\n")
-    found = list(Source.from_files([*sorted(stage.iterdir()), bad]))
+    tidy = with_tests(tmp_path / "B.csv", "B-20")
+    found = list(Source.from_files([tidy, *sorted(stage.iterdir()), bad]))
+    assert names(found) == ["pad", "B"]
     assert [one.of for one in found if isinstance(one, Fault)] == ["bad.csv"]
-    assert [len(one.pads[0].tests) for one in found if isinstance(one, Measurements)] == [3]
+    assert [len(one.pads[0].tests) for one in found if isinstance(one, Measurements)] == [3, 1]
 
 
 def test_tidy_files_keep_the_pads_that_they_name(tmp_path):
@@ -64,11 +66,6 @@ def test_tidy_files_keep_the_pads_that_they_name(tmp_path):
     for refused in (lambda: pad_of(study, "run2-B"), lambda: Source.from_files(PADS, only=("X",))):
         with pytest.raises(InputError, match="no pad"):
             refused()
-
-
-def test_tidy_and_machines_files_stand_side_by_side(stage, tmp_path):
-    single = with_tests(tmp_path / "B.csv", "B-20")
-    assert names(Source.from_files([single, *stage.iterdir()])) == ["pad", "B"]
 
 
 def test_what_would_go_to_one_folder_is_refused(tmp_path):

@@ -14,7 +14,7 @@ from learn_guess import logistic
 from pairs import pooled_coverage
 from ranks import _LOGNORMAL, BROKEN, DRAWS, Kind, band, drawn, inside, p_of_uniform, passes
 from registration import FOLDER, Registration
-from simulated_pairs import KINDS, NEAR, draw_pair
+from simulated_pairs import KINDS
 from support.posteriors import build_posterior
 
 import qlvbayes.guess.guess as package
@@ -180,20 +180,6 @@ def test_right_intervals_hold_nine_in_ten_and_narrow_ones_fewer():
     assert error == pytest.approx(np.sqrt(0.09 / 1000), rel=0.15)
     share, error = pooled_coverage([pair(k, rng, width=0.5) for k in range(500)])
     assert abs(share - 0.589) < 4.0 * error  # erf(0.5 * 1.6449 / sqrt(2))
-
-
-def test_pairs_are_equal_near_or_far():
-    rng = np.random.default_rng(2)
-    first, second = draw_pair("equal", rng)
-    assert first == second
-    shifts = []
-    for _ in range(200):
-        first, second = draw_pair("near", rng)
-        assert sum(second.c) == pytest.approx(1.0)
-        shifts += [np.log(second.m / first.m), np.log(second.v[1] / first.v[1])]
-    assert np.std(shifts) == pytest.approx(NEAR, rel=0.15)
-    first, second = draw_pair("far", rng)
-    assert first.m != second.m
 
 
 def test_errors_that_rise_and_falls_over_the_tests():
