@@ -75,13 +75,7 @@ def environment():
 
 
 def call(*words, drawn=False):
-    """Run the command in this process: its exit status, stdout and stderr.
-
-    The line that says how long it took, which no other run repeats, is left out.
-
-    drawn: whether its figures are, or the names of those that are; to draw them takes four fifths
-    of a short fit. Without, files of their names hold nothing to look at.
-    """
+    """Run the command here: status, stdout, stderr but for its time; drawn: its figures or some."""
     out, err = io.StringIO(), io.StringIO()
     line = ["qlvbayes", *map(str, words)]
     status = 0

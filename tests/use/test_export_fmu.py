@@ -125,10 +125,7 @@ LOADED = np.array([[0.0, 1.6, 1.6]])
 
 
 def test_at_a_kink_an_importers_slope_of_the_line_before_overshoots_for_one_step(unit, slave):
-    """FMPy's own interpolation of inputs: at a knot it has the slope of the line that ends there.
-
-    The next value that is set puts the displacement right, by a jump back.
-    """
+    """FMPy interpolates so; the next value that is set puts the displacement right, by a jump."""
     depth, force, path = [0.0], slave.getReal([3]), [(0.0, 0.0)]
     for i in range(256):
         value, slope = fmpy.simulation.Input.interpolate(i * H, KNOTS, LOADED)
