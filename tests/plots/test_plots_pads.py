@@ -88,12 +88,14 @@ def posterior(modes=2, law="exponential", effect=""):
     shares = rng.dirichlet(400.0 * np.arange(1.0, modes + 2.0), 4000)
     names |= {f"c[{k}]": shares[:, k] for k in range(modes + 1)}
     names |= {f"v[{k}]": 6.0 / k + 0.1 * rng.standard_normal(4000) for k in range(1, modes + 1)}
+    added = ()
     if effect:
+        added = effect.split(".")[0]
         names[effect] = 0.00171 + 1e-4 * rng.standard_normal(4000)
     names |= {"noise.white": np.full(4000, 0.01)}
     return Saved(
         "B", tuple(names), np.stack(list(names.values()), axis=-1)[None],
-        Choices(modes=modes, elastic=law, noise="white", effects=effect.partition(".")[0]),
+        Choices(modes=modes, elastic=law, noise="white", effects=added),
         "emcee", "", "", False, (),
     )  # fmt: skip
 
