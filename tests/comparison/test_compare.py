@@ -14,7 +14,7 @@ from qlvbayes.comparison.statistics import FALSE_ALARMS, joint_test
 from qlvbayes.comparison.words import paragraphs
 from qlvbayes.io.checks import InputError
 
-FEW = 60  # draws, where what is compared is looked at and not how it comes out
+FEW = 100  # draws, where what is compared is looked at and not how it comes out
 UNIT = Reading("m", "N/mm", "constants", False)
 
 
@@ -153,14 +153,13 @@ def test_what_both_do_not_share_is_left_out_and_told():
 def test_shares_of_models_with_different_effects_on_relaxation_are_those_of_the_whole_model():
     """A mode of share c leaves the others (1 - c) of the force; their c[0] is of another law."""
     rng = np.random.default_rng(11)
-    first, second = posterior(table_1("B"), rng), posterior(table_1("B"), rng)
-    mode = {"c": np.full(300, 0.25), "v": np.full(300, 0.02)}
+    first, second = (posterior(table_1("B"), rng, size=FEW) for _ in range(2))
+    mode = {"c": np.full(FEW, 0.25), "v": np.full(FEW, 0.02)}
     second |= {f"extra_relaxation_mode.{name}": values for name, values in mode.items()}
     found = compare(first, second, names=("B", "C"), **PLACES)
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert "different effects on the relaxation: c and v are not compared" in found.notices
     share = found["share that never relaxes"]
-    # of 300 draws some are paired once more than others
     assert share.first.median == pytest.approx(np.median(first["c[0]"]), rel=1e-3)
     assert share.second.median == pytest.approx(0.75 * np.median(second["c[0]"]), rel=1e-3)
     alike = compare(second, second, names=("B", "C"), **PLACES)

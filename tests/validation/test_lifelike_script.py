@@ -110,7 +110,7 @@ def test_all_tests_are_touched_at_the_one_contact(study):
         assert np.all(force[way > max(rig.contact + 8.0 * rig.width, 0.01)] > 0.0)
 
 
-def test_strengths_are_those_of_the_tests_and_a_seed_repeats():
+def test_strengths_are_those_of_the_tests():
     study = made(INDICES["single"])
     (effect,), (factors,) = study.effects, study.strengths
     assert len(factors) == len(study.pad.tests)
@@ -125,18 +125,16 @@ def test_strengths_are_those_of_the_tests_and_a_seed_repeats():
         pressed = (a > 0.05 * study.peak) & (b > 0.05 * study.peak)
         wanted = factor * effect.parameters[key] * motion.velocity(t)
         assert (a - b)[pressed] == pytest.approx(wanted[pressed], abs=1e-3 * study.peak)
-    again = make_study(SEED, INDICES["single"])
-    for a, b in zip(study.pad.tests, again.pad.tests, strict=True):
-        assert np.array_equal(a.force, b.force)
-        assert np.array_equal(a.displacement, b.displacement)
 
 
 def test_a_written_study_reads_back_with_its_truth(tmp_path):
-    lifelike.write(SEED, INDICES["none"], tmp_path / "study.csv")
+    lifelike.write(SEED, INDICES["single"], tmp_path / "study.csv")
     truth = json.loads((tmp_path / "study.truth.json").read_text())
     (pad,) = read_measurements(tmp_path / "study.csv").pads
     assert [test.force.size for test in pad.tests] == truth["rows"]
-    assert truth["kind"] == "none"
+    for read, test in zip(pad.tests, made(INDICES["single"]).pad.tests, strict=True):
+        assert read.force == pytest.approx(test.force, abs=1e-5)  # a seed repeats
+    assert truth["kind"] == "single"
     assert truth["unlisted"]["kind"]
 
 
